@@ -1,0 +1,1 @@
+"""The command `dualdrive`: one file per verb, each holding its click command as `command`."""

@@ -1,0 +1,31 @@
+"""Machines turned by two motors pulling against each other on one ring gear.
+
+The public names load on first use, so that ``import dualdrive`` and the command start at once.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from dualdrive._core import __version__
+
+if TYPE_CHECKING:
+    pass
+
+#: public name -> the module that holds it; one line per name
+_HOMES: dict[str, str] = {}
+
+__all__ = ["__version__"]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        value = getattr(import_module(_HOMES[name]), name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module 'dualdrive' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOMES})
