@@ -1,0 +1,5 @@
+"""The C++ core of dualdrive."""
+
+
+
+__sundials_version__: str = '6.4.1'

@@ -1,0 +1,167 @@
+"""The house as read from the imports: who may know of whom."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / "python" / "dualdrive"
+CLI = ROOT / "cli"
+
+#: what a bare `import dualdrive` must not load; NumPy comes with the core
+HEAVY = {"h5py", "matplotlib", "pandas", "pint", "rich", "scipy", "xarray"}
+PLOTTING = {"matplotlib"}
+
+
+def imported(path: Path) -> Iterator[tuple[str, int, bool]]:
+    """Name every imported module in full, its line, and whether it loads with the file itself."""
+    tree = ast.parse(path.read_text())
+    deferred = {
+        id(inner) for outer in ast.walk(tree) if _defers(outer) for inner in ast.walk(outer)
+    }
+    for node in ast.walk(tree):
+        at_once = id(node) not in deferred
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield alias.name, node.lineno, at_once
+        elif isinstance(node, ast.ImportFrom):
+            module = node.module or ""
+            assert node.level == 0, (
+                f"{path}:{node.lineno}: a relative import; name the module in full"
+            )
+            for alias in node.names:
+                yield f"{module}.{alias.name}", node.lineno, at_once
+
+
+def _defers(node: ast.AST) -> bool:
+    """A function's body, or `if TYPE_CHECKING:`, runs after the import or never."""
+    if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+        return True
+    return isinstance(node, ast.If) and ast.unparse(node.test) in {
+        "TYPE_CHECKING",
+        "typing.TYPE_CHECKING",
+    }
+
+
+def files(folder: Path) -> list[Path]:
+    found = sorted(folder.rglob("*.py"))
+    assert found, f"{folder} holds no Python file: this test looks in the wrong place"
+    return found
+
+
+def breaches(
+    folder: Path, *, forbidden: set[str], allowed: tuple[str, ...] = (), at_once_only: bool = False
+) -> list[str]:
+    """Imports of forbidden top-level packages in files that are not below an allowed path."""
+    return [
+        f"{path.relative_to(ROOT)}:{line} imports {module}"
+        for path in files(folder)
+        if not path.relative_to(folder).as_posix().startswith(allowed or ("\0",))
+        for module, line, at_once in imported(path)
+        if module.split(".")[0] in forbidden and (at_once or not at_once_only)
+    ]
+
+
+def test_only_the_store_writes_and_only_traces_read_hdf5() -> None:
+    assert not breaches(PACKAGE, forbidden={"h5py", "h5netcdf"}, allowed=("store.py", "traces/"))
+
+
+def test_traces_open_hdf5_for_reading_only() -> None:
+    opened = [
+        f"{path.relative_to(ROOT)}:{node.lineno}"
+        for path in files(PACKAGE)
+        if path.name != "store.py"
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "h5py.File"
+        if [ast.unparse(mode) for mode in node.args[1:2]] != ["'r'"]
+        and [ast.unparse(word.value) for word in node.keywords if word.arg == "mode"] != ["'r'"]
+    ]
+    assert not opened, "give h5py.File the mode 'r'; results are written by store.py alone"
+
+
+def test_the_command_knows_dualdrive_only() -> None:
+    own = {"__future__", "click", "rich", "dualdrive", "dualdrive_cli"}
+    foreign = [
+        f"{path.relative_to(ROOT)}:{line} imports {module}"
+        for path in files(CLI)
+        for module, line, _ in imported(path)
+        if module.split(".")[0] not in own | sys.stdlib_module_names
+    ]
+    assert not foreign
+
+
+def test_the_command_does_not_reach_behind_the_package() -> None:
+    behind = [
+        f"{path.relative_to(ROOT)}:{line} imports {module}"
+        for path in files(CLI)
+        for module, line, _ in imported(path)
+        if module.startswith("dualdrive._") and not module.startswith("dualdrive.__")
+    ]
+    assert not behind, "only the package meets the C++ core; the command asks the package"
+
+
+def test_the_package_does_not_know_the_command() -> None:
+    assert not breaches(PACKAGE, forbidden={"dualdrive_cli", "click"})
+
+
+def test_python_meets_cpp_in_one_module() -> None:
+    extensions = {path.name.split(".")[0] for path in PACKAGE.rglob("*.so")}
+    assert extensions <= {"_core"}
+    assert not breaches(PACKAGE, forbidden={"ctypes", "cffi"})
+
+
+def test_plotting_is_imported_where_it_is_used() -> None:
+    assert not breaches(PACKAGE, forbidden=PLOTTING, at_once_only=True)
+
+
+def test_python_modules_form_no_circle() -> None:
+    """Counted per file or folder of the package, imports inside functions included."""
+    graph: dict[str, set[str]] = {}
+    for path in files(PACKAGE):
+        own = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+        parts = (module.split(".") for module, _, _ in imported(path))
+        graph.setdefault(own, set()).update(
+            p[1] for p in parts if p[0] == "dualdrive" and p[1] != own
+        )
+    graph.pop("__init__", None)
+    TopologicalSorter(graph).prepare()  # raises CycleError, naming the circle
+
+
+def test_headers_form_no_circle() -> None:
+    include = ROOT / "cpp" / "include"
+    headers = sorted(include.rglob("*.hpp"))
+    assert headers
+    TopologicalSorter(
+        {
+            header.relative_to(include).as_posix(): set(
+                re.findall(r'^#include "(.+)"', header.read_text(), re.M)
+            )
+            for header in headers
+        }
+    ).prepare()
+
+
+@pytest.mark.parametrize("module", ["dualdrive", "dualdrive_cli.main"])
+def test_import_is_light(module: str) -> None:
+    """Read from the interpreter, so that what a dependency drags in counts too."""
+    run = subprocess.run(
+        [sys.executable, "-X", "importtime", "-c", f"import {module}"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    loaded = {
+        line.rsplit("|", 1)[-1].strip().split(".")[0]
+        for line in run.stderr.splitlines()
+        if "|" in line
+    }
+    assert "dualdrive" in loaded, "importtime printed no dualdrive: this test reads it wrongly"
+    assert not loaded & HEAVY
