@@ -3,3 +3,5 @@
 
 
 __sundials_version__: str = '6.4.1'
+
+__version__: str
