@@ -31,3 +31,7 @@ class Verbs(click.Group):
 @click.version_option(dualdrive.__version__, prog_name="dualdrive")
 def main() -> None:
     """Simulate dual-drive machines, compare them with measurements, find what is missing."""
+
+
+if __name__ == "__main__":
+    main()

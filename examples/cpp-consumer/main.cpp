@@ -1,0 +1,5 @@
+#include <dualdrive/version.hpp>
+
+#include <iostream>
+
+int main() { std::cout << "dualdrive " << dualdrive::version() << '\n'; }
