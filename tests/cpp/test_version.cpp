@@ -4,6 +4,4 @@
 
 #include "dualdrive/version.hpp"
 
-TEST_CASE("the version is a dotted number") {
-    CHECK(std::strchr(dualdrive::version(), '.') != nullptr);
-}
+TEST_CASE("the version is a dotted number") { CHECK(std::strchr(dualdrive::version(), '.') != nullptr); }
