@@ -1,0 +1,148 @@
+// What a physical effect may do to the machine: the ports it sees and the hooks it may offer.
+//
+// An effect reads named quantities of its port, never state indices, and adds: a torque on a body, a dry-friction
+// limit, a change of a mesh (deflection, gap, stiffness, damping), a torque inside the motor, or a changed reading of
+// a sensor. It never overwrites. The hooks are found by concepts; `effects/<name>.hpp` holds one effect each.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "dualdrive/parameter.hpp"
+#include "dualdrive/scalar.hpp"
+#include "dualdrive/switching.hpp"
+
+namespace dualdrive {
+
+// What an effect on a body sees. Angle and speed in the body's own frame (motor, pinion or table).
+template <class S>
+struct BodyPort {
+    S t, angle, speed;
+    S mesh_torque;                   // magnitude source of load-dependent losses: torque through the body's meshes
+    const S* signals = nullptr;      // all named signals known before body torques; for user expressions
+    const Mode* branches = nullptr;  // frozen signs of the effect's own switches
+};
+
+// What an effect on a mesh sees; A is a dual number over the two angles, so that forces follow from the energy.
+template <class A>
+struct MeshPort {
+    A twist, pinion_angle, ring_angle;
+    A angle;     // the angle of the place: the pinion's, or the ring's
+    int number;  // 1 for mesh_1, 2 for mesh_2, ...
+};
+
+// The mesh as effects leave it: T = K (d + offset − sΔ) + c ẋ, V = ½ K (d + offset − sΔ)²
+template <class A>
+struct MeshLaw {
+    A offset, gap, stiffness, damping;
+};
+
+template <class S>
+struct MotorPort {
+    S t, angle, speed, current, torque;  // angle and speed of the motor; torque = K_d I
+};
+
+template <class S>
+struct SensorPort {
+    S t;
+};
+
+// One attached effect behind a small virtual face, for one scalar.
+template <class S>
+class Effect {
+  public:
+    using A = Dual<S, 2>;
+    virtual ~Effect() = default;
+    virtual S torque_on_body(const BodyPort<S>&) const { return S(0.0); }
+    virtual S friction_limit(const BodyPort<S>&, int /*direction*/) const { return S(0.0); }
+    virtual void shape_mesh(MeshLaw<A>&, const MeshPort<A>&) const {}
+    virtual S torque_of_motor(const MotorPort<S>&) const { return S(0.0); }
+    virtual S reading(const S& value, const SensorPort<S>&) const { return value; }
+    virtual S delay() const { return S(0.0); }
+    virtual void switch_values(const BodyPort<S>&, S*) const {}
+};
+
+namespace hook {
+inline constexpr unsigned body = 1, friction = 2, mesh = 4, motor = 8, reading = 16, delay = 32;
+}
+
+// What a reader and the tools are told of an effect.
+struct EffectText {
+    const char* name;
+    const char* equation;
+    const char* source;
+    const char* validity;
+    const char* confused_with;  // effects that data may not tell apart from this one
+    const char* places;         // where it usually sits, best first, comma-separated
+    bool affine = false;        // affine in the state once its modes are frozen
+};
+
+// One row of the registry: an effect type without its scalar.
+struct EffectType {
+    EffectText text;
+    unsigned hooks;
+    std::vector<Declaration> parameters;
+};
+
+namespace detail {
+template <class E>
+concept ActsOnBody = requires(const E e, const BodyPort<double> p) { e.torque_on_body(p); };
+template <class E>
+concept RubsOnBody = requires(const E e, const BodyPort<double> p) { e.friction_limit(p, 1); };
+template <class E>
+concept ShapesMesh =
+    requires(const E e, MeshLaw<Dual<double, 2>> law, const MeshPort<Dual<double, 2>> p) { e.shape_mesh(law, p); };
+template <class E>
+concept ActsInMotor = requires(const E e, const MotorPort<double> p) { e.torque_of_motor(p); };
+template <class E>
+concept ChangesReading = requires(const E e, const SensorPort<double> p) { e.reading(1.0, p); };
+template <class E>
+concept DelaysReading = requires(const E e) { e.delay(); };
+}  // namespace detail
+
+template <template <class> class E>
+unsigned hooks_of() {
+    using T = E<double>;
+    return (detail::ActsOnBody<T> ? hook::body : 0u) | (detail::RubsOnBody<T> ? hook::friction : 0u) |
+           (detail::ShapesMesh<T> ? hook::mesh : 0u) | (detail::ActsInMotor<T> ? hook::motor : 0u) |
+           (detail::ChangesReading<T> ? hook::reading : 0u) | (detail::DelaysReading<T> ? hook::delay : 0u);
+}
+
+// Forwards the virtual face to whichever hooks the plain struct offers.
+template <template <class> class E, class S>
+class EffectOf final : public Effect<S> {
+  public:
+    explicit EffectOf(const S* values) : effect_(read_component<E<S>>(values)) {}
+    using A = typename Effect<S>::A;
+
+    S torque_on_body(const BodyPort<S>& at) const override {
+        if constexpr (detail::ActsOnBody<E<double>>) return effect_.torque_on_body(at);
+        return Effect<S>::torque_on_body(at);
+    }
+    S friction_limit(const BodyPort<S>& at, int direction) const override {
+        if constexpr (detail::RubsOnBody<E<double>>) return effect_.friction_limit(at, direction);
+        return Effect<S>::friction_limit(at, direction);
+    }
+    void shape_mesh(MeshLaw<A>& law, const MeshPort<A>& at) const override {
+        if constexpr (detail::ShapesMesh<E<double>>) effect_.shape_mesh(law, at);
+    }
+    S torque_of_motor(const MotorPort<S>& at) const override {
+        if constexpr (detail::ActsInMotor<E<double>>) return effect_.torque_of_motor(at);
+        return Effect<S>::torque_of_motor(at);
+    }
+    S reading(const S& value, const SensorPort<S>& at) const override {
+        if constexpr (detail::ChangesReading<E<double>>) return effect_.reading(value, at);
+        return Effect<S>::reading(value, at);
+    }
+    S delay() const override {
+        if constexpr (detail::DelaysReading<E<double>>) return effect_.delay();
+        return Effect<S>::delay();
+    }
+
+  private:
+    E<S> effect_;
+};
+
+}  // namespace dualdrive

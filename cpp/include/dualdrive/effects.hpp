@@ -1,0 +1,45 @@
+// The registry of physical effects: one line each. What stands here exists everywhere, from machine files to fits.
+#pragma once
+
+#include <memory>
+#include <string_view>
+#include <vector>
+
+#include "dualdrive/effect.hpp"
+#include "dualdrive/effects/cogging.hpp"
+#include "dualdrive/effects/coulomb.hpp"
+#include "dualdrive/effects/eccentricity.hpp"
+#include "dualdrive/effects/mesh_damping.hpp"
+#include "dualdrive/effects/sensor_delay.hpp"
+#include "dualdrive/effects/sensor_offset.hpp"
+#include "dualdrive/effects/stribeck.hpp"
+#include "dualdrive/effects/torque_ripple.hpp"
+#include "dualdrive/effects/viscous.hpp"
+
+namespace dualdrive {
+
+template <template <class> class... E>
+struct EffectList {};
+
+using Registry = EffectList<Viscous,       //
+                            Coulomb,       //
+                            Stribeck,      //
+                            MeshDamping,   //
+                            Eccentricity,  //
+                            Cogging,       //
+                            TorqueRipple,  //
+                            SensorDelay,   //
+                            SensorOffset>;
+
+// Every registered effect, in the order of the registry.
+const std::vector<EffectType>& effect_types();
+
+// The effect of that name; std::invalid_argument names the nearest known ones if there is none.
+const EffectType& effect_type(std::string_view name);
+
+// A new effect whose parameters are read from consecutive `values`, in the order of effect_type(name).parameters.
+// S is double, Gradient or long double. Throws as effect_type does.
+template <class S>
+std::unique_ptr<Effect<S>> make_effect(std::string_view name, const S* values);
+
+}  // namespace dualdrive

@@ -1,0 +1,68 @@
+#include "dualdrive/effects.hpp"
+
+#include <array>
+#include <stdexcept>
+#include <string>
+
+#include "dualdrive/nearest.hpp"
+
+namespace dualdrive {
+namespace {
+
+template <template <class> class E>
+EffectType describe() {
+    EffectType type{E<double>::text, hooks_of<E>(), {}};
+    for (const auto& field : E<double>::parameters()) type.parameters.push_back(field.declaration);
+    return type;
+}
+
+template <template <class> class... E>
+std::vector<EffectType> describe_all(EffectList<E...>) {
+    return {describe<E>()...};
+}
+
+template <class S>
+using Maker = std::unique_ptr<Effect<S>> (*)(const S* values);
+
+template <template <class> class E, class S>
+std::unique_ptr<Effect<S>> make(const S* values) {
+    return std::make_unique<EffectOf<E, S>>(values);
+}
+
+template <class S, template <class> class... E>
+Maker<S> maker(EffectList<E...>, std::size_t index) {
+    static constexpr std::array<Maker<S>, sizeof...(E)> makers{&make<E, S>...};
+    return makers[index];
+}
+
+std::size_t index_of(std::string_view name) {
+    const auto& types = effect_types();
+    for (std::size_t k = 0; k < types.size(); ++k)
+        if (name == types[k].text.name) return k;
+
+    std::vector<std::string> known;
+    for (const auto& type : types) known.emplace_back(type.text.name);
+    std::string suggestions;
+    for (const auto& near : nearest(name, known)) suggestions += (suggestions.empty() ? "" : ", ") + near;
+    throw std::invalid_argument("no effect is called '" + std::string(name) + "'; nearest known: " + suggestions);
+}
+
+}  // namespace
+
+const std::vector<EffectType>& effect_types() {
+    static const std::vector<EffectType> types = describe_all(Registry{});
+    return types;
+}
+
+const EffectType& effect_type(std::string_view name) { return effect_types()[index_of(name)]; }
+
+template <class S>
+std::unique_ptr<Effect<S>> make_effect(std::string_view name, const S* values) {
+    return maker<S>(Registry{}, index_of(name))(values);
+}
+
+template std::unique_ptr<Effect<double>> make_effect(std::string_view, const double*);
+template std::unique_ptr<Effect<Gradient>> make_effect(std::string_view, const Gradient*);
+template std::unique_ptr<Effect<long double>> make_effect(std::string_view, const long double*);
+
+}  // namespace dualdrive
