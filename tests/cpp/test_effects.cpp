@@ -1,0 +1,359 @@
+// Every registered effect: declarations, hooks, passivity, slopes, energy; then the closed form of each.
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <random>
+#include <set>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "dualdrive/effects.hpp"
+#include "dualdrive/nearest.hpp"
+
+using namespace dualdrive;
+using std::numbers::pi;
+
+namespace {
+
+// What an effect may depend on besides its parameters, in this order.
+const std::vector<std::string> quantities{"angle",        "speed",      "current torque", "twist",
+                                          "pinion angle", "ring angle", "signal"};
+
+// Everything an effect answers at one state, as plain scalars. Mesh forces are the slopes of the mesh energy.
+template <class S>
+std::vector<S> answers(const std::string& name, const std::vector<S>& values, const std::vector<S>& q) {
+    using A = Dual<S, 2>;
+    const auto effect = make_effect<S>(name, values.data());
+    const BodyPort<S> body{.t = S(0.0), .angle = q[0], .speed = q[1], .mesh_torque = S(0.0)};
+    const MotorPort<S> motor{.t = S(0.0), .angle = q[0], .speed = q[1], .current = q[2], .torque = q[2]};
+
+    const double ratio = 20.0;
+    const A pinion = A::variable(q[4], 0), ring = A::variable(q[5], 1);
+    const A twist = A(q[3]) + (pinion - A(q[4])) - ratio * (ring - A(q[5]));
+    MeshLaw<A> law{A(0.0), A(1e-3), A(2.0), A(0.0)};
+    effect->shape_mesh(law, {.twist = twist, .pinion_angle = pinion, .ring_angle = ring, .angle = ring, .number = 2});
+    const A deflection = twist + law.offset - law.gap;
+    const A energy = 0.5 * law.stiffness * deflection * deflection;
+
+    return {effect->torque_on_body(body),
+            effect->friction_limit(body, 1),
+            effect->friction_limit(body, -1),
+            effect->torque_of_motor(motor),
+            effect->reading(q[6], {S(0.0)}),
+            effect->delay(),
+            law.offset.value,
+            law.gap.value,
+            law.stiffness.value,
+            law.damping.value,
+            energy.value,
+            energy.slope[0],
+            energy.slope[1]};
+}
+
+std::vector<std::string> split(const char* list) {
+    std::vector<std::string> words;
+    std::istringstream in{list};
+    for (std::string word; std::getline(in, word, ',');) words.push_back(word);
+    return words;
+}
+
+bool inside(double x, const Bounds& b) { return x <= b.high && (b.low_excluded ? x > b.low : x >= b.low); }
+
+// Parameters within their bounds and of usual size, and a state of the same order.
+struct Draw {
+    std::mt19937 random{20240229};
+    double uniform(double low, double high) { return std::uniform_real_distribution<double>{low, high}(random); }
+
+    std::vector<double> parameters(const EffectType& type) {
+        std::vector<double> values;
+        for (const auto& p : type.parameters) {
+            const double low = std::max(p.bounds.low, p.standard - 2.0 * p.typical);
+            const double high = std::min(p.bounds.high, p.standard + 2.0 * p.typical);
+            values.push_back(low + (high - low) * uniform(0.05, 0.95));
+        }
+        return values;
+    }
+    std::vector<double> state(double speed) {
+        std::vector<double> q(quantities.size());
+        for (auto& x : q) x = uniform(-2.0, 2.0);
+        q[1] = uniform(-2.0, 2.0) * speed;
+        return q;
+    }
+};
+
+template <class S>
+std::vector<S> as(const std::vector<double>& x) {
+    return {x.begin(), x.end()};
+}
+
+std::vector<double> standard(const EffectType& type) {
+    std::vector<double> values;
+    for (const auto& p : type.parameters) values.push_back(p.standard);
+    return values;
+}
+
+}  // namespace
+
+TEST_CASE("declarations are complete and consistent") {
+    const std::set<std::string> units{"", "N*m", "N*m*s/rad", "rad", "rad/s", "s"};
+    const std::set<std::string> places{"table", "pinions", "motors", "meshes", "channels"};
+    std::set<std::string> names;
+    for (const auto& type : effect_types()) {
+        CAPTURE(type.text.name);
+        CHECK(names.insert(type.text.name).second);
+        CHECK(type.hooks != 0);
+        CHECK_FALSE(type.parameters.empty());
+        for (const char* text : {type.text.equation, type.text.source, type.text.validity, type.text.places})
+            CHECK_FALSE(std::string(text).empty());
+        for (const auto& place : split(type.text.places)) CHECK(places.contains(place));
+        std::set<std::string> own;
+        for (const auto& p : type.parameters) {
+            CAPTURE(p.name);
+            CHECK(own.insert(p.name).second);
+            CHECK(units.contains(p.unit));
+            CHECK_FALSE(std::string(p.doc).empty());
+            CHECK(p.bounds.low < p.bounds.high);
+            CHECK(inside(p.standard, p.bounds));
+            CHECK(std::isfinite(p.typical));
+            CHECK(p.typical > 0.0);
+        }
+    }
+    for (const auto& type : effect_types())
+        for (const auto& rival : split(type.text.confused_with)) CHECK_MESSAGE(names.contains(rival), rival);
+}
+
+TEST_CASE("an effect that has not been given a size changes nothing") {
+    Draw draw;
+    for (const auto& type : effect_types()) {
+        CAPTURE(type.text.name);
+        const auto q = draw.state(1.0);
+        const auto with = answers<double>(type.text.name, standard(type), q);
+        const auto without = answers<double>("viscous", {0.0}, q);
+        for (std::size_t k = 0; k < with.size(); ++k) CHECK(with[k] == without[k]);
+    }
+}
+
+TEST_CASE("hooks are found where an effect offers them, and only there") {
+    const auto hooks = [](const char* name) { return effect_type(name).hooks; };
+    CHECK(hooks("viscous") == hook::body);
+    CHECK(hooks("coulomb") == hook::friction);
+    CHECK(hooks("stribeck") == hook::friction);
+    CHECK(hooks("mesh_damping") == hook::mesh);
+    CHECK(hooks("eccentricity") == hook::mesh);
+    CHECK(hooks("cogging") == hook::body);
+    CHECK(hooks("torque_ripple") == hook::motor);
+    CHECK(hooks("sensor_delay") == hook::delay);
+    CHECK(hooks("sensor_offset") == hook::reading);
+}
+
+TEST_CASE("dissipative effects never deliver power") {
+    Draw draw;
+    for (const char* name : {"viscous", "coulomb", "stribeck", "mesh_damping"}) {
+        CAPTURE(name);
+        const auto& type = effect_type(name);
+        for (int repeat = 0; repeat < 1000; ++repeat) {
+            const auto values = draw.parameters(type);
+            const auto q = draw.state(type.parameters.back().typical);
+            const auto effect = make_effect<double>(name, values.data());
+            const double speed = q[1];
+            const int direction = speed > 0 ? 1 : -1;
+            const BodyPort<double> at{.t = 0, .angle = q[0], .speed = speed, .mesh_torque = 0};
+            const double torque = effect->torque_on_body(at) - direction * effect->friction_limit(at, direction);
+            CHECK(torque * speed <= 0.0);
+            CHECK(effect->friction_limit(at, -direction) >= 0.0);
+            MeshLaw<Dual<double, 2>> law{0.0, 0.0, 1.0, 0.0};
+            effect->shape_mesh(law, {0.0, 0.0, 0.0, 0.0, 1});
+            CHECK(law.damping.value >= 0.0);
+        }
+    }
+}
+
+TEST_CASE("slopes by every parameter and every quantity agree with central differences") {
+    Draw draw;
+    for (const auto& type : effect_types())
+        for (int repeat = 0; repeat < 20; ++repeat) {
+            auto x = draw.parameters(type);
+            const std::size_t parameters = x.size();
+            const auto q = draw.state(type.parameters.back().typical);
+            x.insert(x.end(), q.begin(), q.end());
+            const auto value = [&](const auto& all) {
+                using S = typename std::decay_t<decltype(all)>::value_type;
+                const auto middle = all.begin() + static_cast<std::ptrdiff_t>(parameters);
+                return answers<S>(type.text.name, std::vector<S>(all.begin(), middle),
+                                  std::vector<S>(middle, all.end()));
+            };
+            for (std::size_t k = 0; k < x.size(); ++k) {
+                CAPTURE(type.text.name);
+                CAPTURE(k);
+                auto dual = as<Gradient>(x);
+                dual[k] = Gradient::variable(x[k], 3);
+                const auto by_dual = value(dual);
+
+                const long double scale = std::max(1e-6L, std::abs(static_cast<long double>(x[k])));
+                const long double h = 1e-4L * scale;
+                const auto shifted = [&](long double by) {
+                    auto moved = as<long double>(x);
+                    moved[k] += by;
+                    return value(moved);
+                };
+                const auto up = shifted(h), down = shifted(-h), up2 = shifted(2 * h), down2 = shifted(-2 * h);
+                for (std::size_t j = 0; j < up.size(); ++j) {
+                    CAPTURE(j);
+                    const long double difference = (8.0L * (up[j] - down[j]) - (up2[j] - down2[j])) / (12.0L * h);
+                    CHECK(by_dual[j].slope[3] == doctest::Approx(static_cast<double>(difference)).epsilon(1e-7));
+                }
+            }
+        }
+}
+
+TEST_CASE("affine is said where, and only where, second differences vanish") {
+    Draw draw;
+    for (const auto& type : effect_types()) {
+        CAPTURE(type.text.name);
+        double bend = 0.0;
+        for (int repeat = 0; repeat < 20; ++repeat) {
+            const auto values = as<long double>(draw.parameters(type));
+            const auto q = draw.state(type.parameters.back().typical),
+                       step = draw.state(type.parameters.back().typical);
+            const auto along = [&](double s) {
+                auto moved = as<long double>(q);
+                for (std::size_t k = 0; k < q.size(); ++k) moved[k] += s * step[k];
+                auto all = answers<long double>(type.text.name, values, moved);
+                all.resize(10);  // energy is quadratic by nature
+                return all;
+            };
+            const auto left = along(-0.1), middle = along(0.0), right = along(0.1);
+            for (std::size_t j = 0; j < left.size(); ++j) {
+                const long double size = std::abs(left[j]) + std::abs(middle[j]) + std::abs(right[j]) + 1e-30L;
+                bend = std::max(bend, static_cast<double>(std::abs(left[j] - 2.0L * middle[j] + right[j]) / size));
+            }
+        }
+        CHECK(type.text.affine == (bend < 1e-15));
+    }
+}
+
+TEST_CASE("viscous: torque against speed") {
+    const double b[]{650.0};
+    const auto effect = make_effect<double>("viscous", b);
+    CHECK(effect->torque_on_body({.t = 0, .angle = 1, .speed = 0.2, .mesh_torque = 0}) == doctest::Approx(-130.0));
+}
+
+TEST_CASE("coulomb: the limit of each direction") {
+    const double values[]{300.0, 0.2};
+    const auto effect = make_effect<double>("coulomb", values);
+    CHECK(effect->friction_limit({}, 1) == doctest::Approx(360.0));
+    CHECK(effect->friction_limit({}, -1) == doctest::Approx(240.0));
+}
+
+TEST_CASE("stribeck: breakaway, one Stribeck speed, far above it") {
+    const double values[]{300.0, 1.5, 2e-3};
+    const auto effect = make_effect<double>("stribeck", values);
+    const auto limit = [&](double speed) {
+        const BodyPort<double> at{.t = 0, .angle = 0, .speed = speed, .mesh_torque = 0};
+        return effect->friction_limit(at, speed < 0 ? -1 : 1);
+    };
+    CHECK(limit(0.0) == doctest::Approx(450.0));
+    CHECK(limit(2e-3) == doctest::Approx(300.0 + 150.0 / std::numbers::e));
+    CHECK(limit(-2e-3) == limit(2e-3));
+    CHECK(limit(0.1) == doctest::Approx(300.0));
+}
+
+TEST_CASE("cogging: order periods per turn, no mean torque, no work over a turn") {
+    const double values[]{1.5, 24.0, 0.3};
+    const auto effect = make_effect<double>("cogging", values);
+    const auto torque = [&](double angle) {
+        return effect->torque_on_body({.t = 0, .angle = angle, .speed = 0, .mesh_torque = 0});
+    };
+    double work = 0.0, square = 0.0;
+    const int points = 1000;
+    for (int k = 0; k < points; ++k) {
+        work += torque(2 * pi * k / points) / points;
+        square += torque(2 * pi * k / points) * torque(2 * pi * k / points) / points;
+    }
+    CHECK(std::abs(work) < 1e-12);
+    CHECK(square == doctest::Approx(1.5 * 1.5 / 2));
+    CHECK(torque(0.2 + 2 * pi / 24) == doctest::Approx(torque(0.2)));
+    CHECK(torque((pi / 2 - 0.3) / 24) == doctest::Approx(1.5));
+}
+
+TEST_CASE("torque_ripple: proportional to the torque of the current") {
+    const double values[]{0.02, 6.0, 0.0};
+    const auto effect = make_effect<double>("torque_ripple", values);
+    const auto ripple = [&](double angle, double torque) {
+        return effect->torque_of_motor({.t = 0, .angle = angle, .speed = 0, .current = torque, .torque = torque});
+    };
+    CHECK(ripple(pi / 12, 50.0) == doctest::Approx(1.0));
+    CHECK(ripple(pi / 12, -50.0) == doctest::Approx(-1.0));
+    CHECK(ripple(pi / 12, 0.0) == 0.0);
+    CHECK(std::abs(ripple(pi / 6, 50.0)) < 1e-14);
+}
+
+TEST_CASE("eccentricity: mesh forces are the derivatives of the mesh energy") {
+    using A = Dual<double, 2>;
+    const double a = 1e-2, phase = 0.4, spacing = 2.1, stiffness = 2e7, gap = 1e-3, ratio = 20.0;
+    const double values[]{a, phase, spacing};
+    const auto effect = make_effect<double>("eccentricity", values);
+    const double pinion = 0.7, ring = 0.03;
+    const double twist = pinion - ratio * ring;
+
+    const auto energy = [&](bool at_ring, int number) {
+        const A p = A::variable(pinion, 0), r = A::variable(ring, 1);
+        MeshLaw<A> law{A(0.0), A(gap), A(stiffness), A(0.0)};
+        effect->shape_mesh(law, {p - ratio * r, p, r, at_ring ? r : p, number});
+        const A x = p - ratio * r + law.offset - law.gap;
+        return 0.5 * law.stiffness * x * x;
+    };
+    SUBCASE("of the pinion: its torque gains the lever of the eccentricity") {
+        const double x = twist + a * std::cos(pinion + phase) - gap;
+        const A v = energy(false, 1);
+        CHECK(v.slope[0] == doctest::Approx(stiffness * x * (1.0 - a * std::sin(pinion + phase))));
+        CHECK(v.slope[1] == doctest::Approx(-stiffness * x * ratio));
+    }
+    SUBCASE("of the ring: mesh 2 sees it `spacing` away from mesh 1") {
+        for (const int number : {1, 2, 3}) {
+            const double angle = ring + (number - 1) * spacing + phase;
+            const double x = twist + a * std::cos(angle) - gap;
+            const A v = energy(true, number);
+            CHECK(v.slope[0] == doctest::Approx(stiffness * x));
+            CHECK(v.slope[1] == doctest::Approx(-stiffness * x * (ratio + a * std::sin(angle))));
+        }
+    }
+}
+
+TEST_CASE("effects add to a mesh, they do not overwrite it") {
+    using A = Dual<double, 2>;
+    MeshLaw<A> law{A(1e-4), A(1e-3), A(2e7), A(100.0)};
+    const double damping[]{2e4}, eccentric[]{1e-4, 0.0, 0.0};
+    make_effect<double>("mesh_damping", damping)->shape_mesh(law, {0.0, 0.0, 0.0, 0.0, 1});
+    make_effect<double>("eccentricity", eccentric)->shape_mesh(law, {0.0, 0.0, 0.0, 0.0, 1});
+    CHECK(law.damping.value == doctest::Approx(20100.0));
+    CHECK(law.offset.value == doctest::Approx(2e-4));
+    CHECK(law.stiffness.value == 2e7);
+    CHECK(law.gap.value == 1e-3);
+}
+
+TEST_CASE("sensors: late by so much, wrong by so much") {
+    const double value[]{2e-3};
+    CHECK(make_effect<double>("sensor_delay", value)->delay() == 2e-3);
+    CHECK(make_effect<double>("sensor_delay", value)->reading(0.5, {0.0}) == 0.5);
+    CHECK(make_effect<double>("sensor_offset", value)->reading(0.5, {0.0}) == doctest::Approx(0.502));
+}
+
+TEST_CASE("an unknown effect is refused with the names it may have meant") {
+    const double value[]{1.0};
+    CHECK_THROWS_WITH_AS(effect_type("colomb"), doctest::Contains("'colomb'; nearest known: coulomb"),
+                         std::invalid_argument);
+    CHECK_THROWS_WITH_AS(make_effect<double>("sensor_ofset", value), doctest::Contains("sensor_offset"),
+                         std::invalid_argument);
+    CHECK(std::string(effect_type("coulomb").text.name) == "coulomb");
+}
+
+TEST_CASE("nearest names: edit distance, ties in given order, no more than asked") {
+    CHECK(nearest("gap", {"ratio", "gpa", "gap_", "cap"}, 2) == std::vector<std::string>{"gap_", "cap"});
+    CHECK(nearest("kitten", {"sitting", "kitchen"}, 5) == std::vector<std::string>{"kitchen", "sitting"});
+    CHECK(nearest("x", {}).empty());
+}
