@@ -100,7 +100,7 @@ std::vector<double> standard(const EffectType& type) {
 
 TEST_CASE("declarations are complete and consistent") {
     const std::set<std::string> units{"", "N*m", "N*m*s/rad", "rad", "rad/s", "s"};
-    const std::set<std::string> places{"table", "pinions", "motors", "meshes", "channels"};
+    const std::set<std::string> places{"table", "pinions", "motors", "meshes"};
     std::set<std::string> names;
     for (const auto& type : effect_types()) {
         CAPTURE(type.text.name);

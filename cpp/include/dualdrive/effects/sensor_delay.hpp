@@ -21,7 +21,7 @@ struct SensorDelay {
         .source = "Franklin, Powell, Workman, Digital Control of Dynamic Systems",
         .validity = "pure delay, no low-pass",
         .confused_with = "stribeck",
-        .places = "channels",
+        .places = "table,motors",
         .affine = true,
     };
 

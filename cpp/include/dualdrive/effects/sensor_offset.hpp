@@ -21,7 +21,7 @@ struct SensorOffset {
         .source = "JCGM 200:2012 (VIM), systematic measurement error",
         .validity = "no drift within the record",
         .confused_with = "coulomb",
-        .places = "channels",
+        .places = "table,motors",
         .affine = true,
     };
 
