@@ -5,7 +5,7 @@ execute_process(
   OUTPUT_STRIP_TRAILING_WHITESPACE OUTPUT_VARIABLE nanobind_ROOT)
 find_package(nanobind CONFIG REQUIRED)
 
-file(GLOB binding_sources CONFIGURE_DEPENDS cpp/bindings/*.cpp)
+file(GLOB_RECURSE binding_sources CONFIGURE_DEPENDS cpp/bindings/*.cpp)
 nanobind_add_module(_core NB_STATIC ${binding_sources})
 target_link_libraries(_core PRIVATE dualdrive::core)
 target_include_directories(_core PRIVATE cpp/bindings)
