@@ -1,0 +1,45 @@
+// Refusals of bad input, all of one shape: one line that names the place, the value and the rule.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <sstream>
+#include <stdexcept>
+
+namespace dualdrive {
+
+// Throws std::invalid_argument with the parts written one after the other; numbers in full precision.
+template <class... Parts>
+[[noreturn]] void refuse(const Parts&... parts) {
+    std::ostringstream line;
+    line.precision(std::numeric_limits<double>::max_digits10 - 2);
+    (line << ... << parts);
+    throw std::invalid_argument(line.str());
+}
+
+// One argument of a builder.
+inline void require_finite(const char* builder, const char* name, double value) {
+    if (!std::isfinite(value)) refuse(builder, ": ", name, " = ", value, " is not a finite number");
+}
+inline void require_positive(const char* builder, const char* name, double value) {
+    if (!std::isfinite(value) || value <= 0.0) refuse(builder, ": ", name, " = ", value, " must be a positive number");
+}
+
+// A list of numbers; `increasing` ones each above the one before.
+template <class List>
+void require_finite_list(const char* builder, const char* name, const List& values) {
+    for (std::size_t k = 0; k < values.size(); ++k)
+        if (!std::isfinite(values[k]))
+            refuse(builder, ": ", name, "[", k, "] = ", values[k], " is not a finite number");
+}
+template <class List>
+void require_increasing(const char* builder, const char* name, const List& values) {
+    require_finite_list(builder, name, values);
+    for (std::size_t k = 1; k < values.size(); ++k)
+        if (!(values[k] > values[k - 1]))
+            refuse(builder, ": ", name, "[", k, "] = ", values[k], " does not lie above ", name, "[", k - 1,
+                   "] = ", values[k - 1], ": ", name, " must increase");
+}
+
+}  // namespace dualdrive
