@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 from pathlib import Path
 
@@ -10,8 +11,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
-
-import make_demo_trace as maker  # noqa: E402
+maker = importlib.import_module("make_demo_trace")
 
 Channels = dict[str, np.ndarray[tuple[int, ...], np.dtype[np.float64]]]
 
