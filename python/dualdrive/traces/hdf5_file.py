@@ -1,0 +1,88 @@
+"""HDF5: one group with ``t`` and the channels beside it, each with its unit.
+
+That is how dualdrive writes its own runs and traces, so a simulated run can be read as a trace.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .arrays import table_of
+from .log import Recorder
+from .mapping import FileLayout
+from .names import TIME
+from .table import Table
+
+__all__ = ["read_hdf5"]
+
+
+def read_hdf5(path: Path, wanted: FileLayout, recorder: Recorder, time: str = "") -> Table:
+    """Read the group that holds the clock; a group is named in the mapping where there are several.
+
+    time: dataset that is the clock, ``t`` unless the mapping says otherwise
+    """
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            group = _group(file, wanted.group, time or TIME, recorder)
+            return _table(group, recorder)
+    except OSError as error:
+        raise recorder.error("file", f"not a readable HDF5 file: {error}", "export again") from None
+
+
+def _group(file: Any, wanted: str, time: str, recorder: Recorder) -> Any:
+    import h5py
+
+    if wanted:
+        if isinstance(file.get(wanted), h5py.Group):
+            return file[wanted]
+        way_out = f"the file has: {', '.join(_names(file, h5py.Group)) or 'no group'}"
+        raise recorder.error("file", f"no group {wanted!r}", way_out)
+    groups = [name for name in ["/", *_names(file, h5py.Group)] if time in file[name]]
+    if len(groups) == 1:
+        return file[groups[0]]
+    if groups:
+        way_out = f"name one of: {', '.join(groups)}"
+        raise recorder.error("file", f"{len(groups)} groups hold a recording", way_out)
+    if any(isinstance(item, h5py.Dataset) for item in file.values()):
+        return file
+    way_out = "state [file] group and [time] column in the mapping"
+    raise recorder.error("file", f"no group with a dataset {time!r}", way_out)
+
+
+def _names(file: Any, kind: type) -> list[str]:
+    found: list[str] = []
+    file.visititems(lambda name, item: found.append(name) if isinstance(item, kind) else None)
+    return found
+
+
+def _table(group: Any, recorder: Recorder) -> Table:
+    import h5py
+
+    datasets = {name: group[name] for name in _names(group, h5py.Dataset)}
+    leaves = [name.rsplit("/", 1)[-1] for name in datasets]
+    short = {
+        name: leaf if leaves.count(leaf) == 1 else name.replace("/", ".")
+        for name, leaf in zip(datasets, leaves, strict=True)
+    }
+    return table_of(
+        {short[name]: item[()] for name, item in datasets.items() if item.dtype.kind in "fiubSO"},
+        recorder,
+        units={short[name]: _text(item.attrs, "unit", "units") for name, item in datasets.items()},
+        long_names={short[name]: _text(item.attrs, "long_name") for name, item in datasets.items()},
+        layout={"format": "hdf5", "group": group.name},
+    )
+
+
+def _text(attributes: Any, *keys: str) -> str:
+    for key in keys:
+        value = attributes.get(key, "")
+        if isinstance(value, bytes | np.bytes_):
+            value = value.decode("utf-8", errors="replace")
+        if isinstance(value, str) and value:
+            return value
+    return ""

@@ -1,0 +1,96 @@
+"""dualdrive's own trace files: HDF5 with everything a trace knows about itself.
+
+Root datasets ``t`` and the channels (dimension scale t, attributes unit and long_name), so that
+any HDF5 tool shows them; ``trace_rows``, ``trace_breaks``; the rest as JSON in attribute ``trace``.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from .log import Issue, Log, Recorder
+from .names import TIME
+
+if TYPE_CHECKING:
+    from .trace import Trace
+
+__all__ = ["is_trace_file", "read_trace", "write_trace"]
+
+SCHEMA: Final = "dualdrive trace 1"
+_OWN: Final = ("trace_rows", "trace_breaks")
+_SLASH: Final = "\N{DIVISION SLASH}"  # HDF5 would take a plain one for a group
+
+
+def write_trace(trace: Trace, file: Any) -> None:
+    """Write a trace into an open, empty HDF5 file."""
+    columns = [(TIME, trace.t, "s", "time")]
+    columns += [(n, v, trace.units[n], trace.long_names[n]) for n, v in trace.channels.items()]
+    for name, values, unit, long_name in columns:
+        item = file.create_dataset(name.replace("/", _SLASH), data=values)
+        item.attrs["unit"] = unit
+        item.attrs["long_name"] = long_name
+    file[TIME].make_scale(TIME)
+    for name in trace.channels:
+        file[name.replace("/", _SLASH)].dims[0].attach_scale(file[TIME])
+    file.create_dataset(_OWN[0], data=trace.rows)
+    file.create_dataset(_OWN[1], data=np.array(trace.breaks, dtype=np.int64))
+    file.attrs["schema"] = SCHEMA
+    file.attrs["trace"] = json.dumps(_story(trace))
+
+
+def _story(trace: Trace) -> dict[str, Any]:
+    source = trace.source
+    return {
+        "name": trace.name,
+        "labels": dict(trace.labels),
+        "constants": dict(trace.constants),
+        "source": {
+            "file": source.file,
+            "layout": dict(source.layout),
+            "mapping": dict(source.mapping),
+            "mapping_file": source.mapping_file,
+            "start": source.start,
+        },
+        "log": [[issue.kind, issue.message, list(issue.rows)] for issue in trace.log],
+    }
+
+
+def is_trace_file(path: Path) -> bool:
+    """Tell whether `path` was written by `Trace.to_hdf5`."""
+    import h5py
+
+    if not path.is_file() or not h5py.is_hdf5(path):
+        return False
+    with h5py.File(path, "r") as file:
+        return bool(file.attrs.get("schema") == SCHEMA)
+
+
+def read_trace(path: Path, recorder: Recorder) -> Trace:
+    """Read what `write_trace` wrote. In strict mode a trace that was repaired is refused."""
+    import h5py
+
+    from .trace import Source, Trace
+
+    with h5py.File(path, "r") as file:
+        story = json.loads(file.attrs["trace"])
+        items = {n.replace(_SLASH, "/"): file[n] for n in file if n not in (TIME, *_OWN)}
+        log = Log(tuple(Issue(kind, text, tuple(rows)) for kind, text, rows in story["log"]))
+        for issue in log:
+            recorder.add(issue.kind, issue.message, issue.rows)
+        return Trace(
+            t=file[TIME][()],
+            channels={name: item[()] for name, item in items.items()},
+            units={name: item.attrs["unit"] for name, item in items.items()},
+            long_names={name: item.attrs["long_name"] for name, item in items.items()},
+            name=story["name"],
+            labels=story["labels"],
+            constants=story["constants"],
+            rows=file[_OWN[0]][()],
+            breaks=tuple(file[_OWN[1]][()].tolist()),
+            log=log,
+            source=Source(**story["source"]),
+        )
