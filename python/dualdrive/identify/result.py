@@ -1,0 +1,177 @@
+"""What a torque balance found, for people (:meth:`BalanceFit.table`) and for programs."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive.identify.model import BalanceModel
+from dualdrive.identify.trail import Offset
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One fitted number with its interval; ``share`` is its part of the RMS measured torque.
+
+    ``verdict`` is ``identified``, ``prior`` (the data adds next to nothing to the tolerance given)
+    or ``not identified``; ``reason`` says why, in words, for the last two.
+    """
+
+    path: str
+    value: float
+    low: float
+    high: float
+    unit: str
+    nominal: float
+    share: float
+    verdict: str
+    reason: str
+
+    def line(self) -> str:
+        """For a table; a second line says why where the number is not identified."""
+        interval = f"[{self.low:.6g} .. {self.high:.6g}]"
+        text = (
+            f"{self.path:<28} {self.value:>12.6g} {interval:<28} {self.unit:<14} "
+            f"nominal {self.nominal:<10.6g} {self.share:>6.1%} of torque"
+        )
+        return text if self.verdict == "identified" else f"{text}\n    {self.reason}"
+
+
+@dataclass(frozen=True)
+class Error:
+    """What is left of one equation, over the fitted samples.
+
+    ``relative`` is RMS residual over RMS of the mean-free measured torque, the product's measure of
+    error; ``force`` is RMS residual over RMS measured torque, mean included, as published for
+    the EMPS benchmark. Both ``nan`` for an equation without a measured torque.
+    """
+
+    relative: float
+    force: float
+    rms: float
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Rows of one equation: decimated, near standstill, fitted."""
+
+    total: int
+    standstill: int
+    fitted: int
+
+
+@dataclass(frozen=True)
+class Residual:
+    """One equation of one record on the decimated grid; ``fitted`` flags the samples that count."""
+
+    t: Array
+    residual: Array
+    measured: Array
+    fitted: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class BalanceFit:
+    """A machine fitted through its torque balance.
+
+    ``parameters`` by path and ``offsets`` by (record, equation), as :class:`Estimate`; ``errors``
+    and ``nominal_errors`` by equation; ``residuals`` by (record, equation); ``effective`` number of
+    samples after coloured residuals are accounted for; ``condition`` of the information matrix'
+    root with columns scaled alike; ``model`` holds the fitted values.
+    """
+
+    parameters: dict[str, Estimate]
+    offsets: dict[Offset, Estimate]
+    errors: dict[str, Error]
+    nominal_errors: dict[str, Error]
+    samples: dict[str, Samples]
+    residuals: dict[Offset, Residual]
+    effective: float
+    condition: float
+    processing: str
+    treatment: str
+    confidence: float
+    model: BalanceModel
+
+    @property
+    def error(self) -> float:
+        """Relative error, averaged over the equations with a measured torque."""
+        return _average(self.errors, "relative")
+
+    @property
+    def force_error(self) -> float:
+        """Force error (see :class:`Error`), averaged over the equations."""
+        return _average(self.errors, "force")
+
+    @property
+    def unidentified(self) -> list[Estimate]:
+        """Parameters that these records do not determine."""
+        return [e for e in self.parameters.values() if e.verdict != "identified"]
+
+    def table(self) -> str:
+        """Everything above as lines of text."""
+        lines = [f"torque balance: {self.processing}"]
+        for name, error in self.errors.items():
+            count = self.samples[name]
+            done = {"mask": "masked", "bound": "bounded by friction limits", "keep": "kept"}
+            lines.append(
+                f"{name}: {count.fitted} of {count.total} samples fitted, {count.standstill} near "
+                f"standstill {done[self.treatment]}"
+            )
+            before = self.nominal_errors[name]
+            lines.append(
+                f"{name}: error {error.relative:.2%} of mean-free RMS (nominal "
+                f"{before.relative:.2%}), {error.force:.2%} of RMS force (nominal "
+                f"{before.force:.2%})"
+            )
+        lines.append(f"{self.confidence:.0%} intervals from {self.effective:.0f} effective samples")
+        lines += [estimate.line() for estimate in self.parameters.values()]
+        lines += [estimate.line() for estimate in self.offsets.values()]
+        lines.append(f"condition number {self.condition:.3g}")
+        return "\n".join(lines)
+
+    def figures(self) -> dict[str, Any]:
+        """The same as plain JSON values; ``None`` where a number is not finite."""
+        return {
+            "parameters": {path: _plain(vars(e)) for path, e in self.parameters.items()},
+            "offsets": {f"{e.path}": _plain(vars(e)) for e in self.offsets.values()},
+            "error": {
+                "nominal": _finite(_average(self.nominal_errors, "relative")),
+                "refitted": _finite(self.error),
+            },
+            "force_error": {
+                "nominal": _finite(_average(self.nominal_errors, "force")),
+                "refitted": _finite(self.force_error),
+            },
+            "errors": {name: _plain(vars(e)) for name, e in self.errors.items()},
+            "samples": {name: vars(s) for name, s in self.samples.items()},
+            "standstill": self.treatment,
+            "effective_samples": self.effective,
+            "condition": _finite(self.condition),
+            "processing": self.processing,
+            "confidence": self.confidence,
+        }
+
+    def to_json(self) -> str:
+        """:meth:`figures` as JSON text."""
+        return json.dumps(self.figures(), indent=2)
+
+
+def _average(errors: dict[str, Error], which: str) -> float:
+    found = [getattr(e, which) for e in errors.values() if math.isfinite(getattr(e, which))]
+    return float(np.mean(found)) if found else math.nan
+
+
+def _finite(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _plain(values: dict[str, Any]) -> dict[str, Any]:
+    return {key: _finite(value) for key, value in values.items()}
