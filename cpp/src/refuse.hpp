@@ -1,11 +1,14 @@
 // Refusals of bad input, all of one shape: one line that names the place, the value and the rule.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <limits>
 #include <sstream>
 #include <stdexcept>
+#include <string>
+#include <string_view>
 
 namespace dualdrive {
 
@@ -16,6 +19,17 @@ template <class... Parts>
     line.precision(std::numeric_limits<double>::max_digits10 - 2);
     (line << ... << parts);
     throw std::invalid_argument(line.str());
+}
+
+// A user's text as a message may show it: on one line, cut short between two UTF-8 characters.
+inline std::string shown(std::string_view text) {
+    constexpr std::size_t longest = 80;
+    std::size_t size = std::min(text.size(), longest);
+    while (size < text.size() && size > 0 && (static_cast<unsigned char>(text[size]) & 0xC0u) == 0x80u) --size;
+    std::string line(text.substr(0, size));
+    for (char& c : line)
+        if (static_cast<unsigned char>(c) < 0x20) c = ' ';
+    return size < text.size() ? line + "..." : line;
 }
 
 // One argument of a builder.
