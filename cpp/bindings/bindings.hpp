@@ -1,0 +1,17 @@
+// Each part of the core binds itself; module.cpp is the table of contents.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+namespace dualdrive {
+void bind_waveform(nanobind::module_& m);
+}
+
+namespace dualdrive::python {
+
+namespace nb = nanobind;
+
+void bind_machine(nb::module_& m);
+void bind_simulate(nb::module_& m);
+
+}  // namespace dualdrive::python

@@ -1,0 +1,304 @@
+#include "dualdrive/machine.hpp"
+
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/string_view.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include <stdexcept>
+
+#include "bindings.hpp"
+#include "dualdrive/effects.hpp"
+#include "dualdrive/layout.hpp"
+
+namespace dualdrive::python {
+
+namespace {
+
+template <class E>
+struct Choice {
+    const char* name;
+    E value;
+};
+
+template <class E, std::size_t N>
+E chosen(const Choice<E> (&choices)[N], const std::string& what, const std::string& name) {
+    std::string known;
+    for (const auto& c : choices) {
+        if (name == c.name) return c.value;
+        known += (known.empty() ? "" : ", ") + std::string(c.name);
+    }
+    throw std::invalid_argument(what + " = '" + name + "' is unknown; choose one of " + known);
+}
+
+template <class E, std::size_t N>
+std::string name_of(const Choice<E> (&choices)[N], E value) {
+    for (const auto& c : choices)
+        if (c.value == value) return c.name;
+    return "?";
+}
+
+constexpr Choice<ConnectionKind> connection_kinds[] = {
+    {"rigid", ConnectionKind::rigid}, {"compliant", ConnectionKind::compliant}, {"gap", ConnectionKind::gap}};
+constexpr Choice<TwistFrame> frames[] = {{"driver", TwistFrame::driver}, {"driven", TwistFrame::driven}};
+constexpr Choice<MotorKind> motor_kinds[] = {{"armature", MotorKind::armature}, {"direct", MotorKind::direct}};
+using Options = ControllerOptions;
+constexpr Choice<Options::Kind> controller_kinds[] = {{"none", Options::Kind::none},
+                                                      {"master_slave", Options::Kind::master_slave}};
+constexpr Choice<Options::Target> targets[] = {
+    {"both", Options::Target::both}, {"slave", Options::Target::slave}, {"master", Options::Target::master}};
+constexpr Choice<Options::Schedule> schedules[] = {{"constant", Options::Schedule::constant},
+                                                   {"falling", Options::Schedule::falling},
+                                                   {"off", Options::Schedule::off}};
+constexpr Choice<Options::CurrentLoop> current_loops[] = {{"cascade", Options::CurrentLoop::cascade},
+                                                          {"voltage", Options::CurrentLoop::voltage}};
+
+template <class E, std::size_t N>
+nb::list names(const Choice<E> (&choices)[N]) {
+    nb::list l;
+    for (const auto& c : choices) l.append(c.name);
+    return l;
+}
+
+struct Parameter {
+    std::string path, unit, doc;
+    double low, high;
+    bool low_excluded;
+    double standard, typical, value;
+};
+
+Parameter describe(const Machine& m, std::size_t k) {
+    const ParameterSlot& s = m.slots()[k];
+    return {s.path,     s.unit,    s.doc,        s.bounds.low, s.bounds.high, s.bounds.low_excluded,
+            s.standard, s.typical, m.values()[k]};
+}
+
+std::string hook_names(unsigned hooks) {
+    std::string text;
+    const auto add = [&](unsigned h, const char* name) {
+        if (hooks & h) text += (text.empty() ? "" : ", ") + std::string(name);
+    };
+    add(hook::body, "body torque");
+    add(hook::friction, "dry friction");
+    add(hook::mesh, "mesh");
+    add(hook::motor, "motor torque");
+    add(hook::reading, "sensor reading");
+    add(hook::delay, "sensor delay");
+    return text;
+}
+
+}  // namespace
+
+void bind_machine(nb::module_& m) {
+    nb::class_<Parameter>(m, "Parameter",
+                          "One declared number of a machine: path, unit (SI), bounds, default, doc, value.")
+        .def_ro("path", &Parameter::path)
+        .def_ro("unit", &Parameter::unit)
+        .def_ro("doc", &Parameter::doc)
+        .def_ro("low", &Parameter::low)
+        .def_ro("high", &Parameter::high)
+        .def_ro("low_excluded", &Parameter::low_excluded, "True where the lower bound itself is not allowed.")
+        .def_ro("standard", &Parameter::standard, "The default.")
+        .def_ro("typical", &Parameter::typical, "A usual size: prior width, step scale.")
+        .def_ro("value", &Parameter::value);
+
+    nb::class_<EffectType>(m, "EffectType", "A physical effect of the registry: what can be added to a machine.")
+        .def_prop_ro("name", [](const EffectType& e) { return std::string(e.text.name); })
+        .def_prop_ro("equation", [](const EffectType& e) { return std::string(e.text.equation); })
+        .def_prop_ro("source", [](const EffectType& e) { return std::string(e.text.source); })
+        .def_prop_ro("validity", [](const EffectType& e) { return std::string(e.text.validity); })
+        .def_prop_ro("confused_with", [](const EffectType& e) { return std::string(e.text.confused_with); })
+        .def_prop_ro("places", [](const EffectType& e) { return std::string(e.text.places); })
+        .def_prop_ro("affine", [](const EffectType& e) { return e.text.affine; })
+        .def_prop_ro("acts_on", [](const EffectType& e) { return hook_names(e.hooks); })
+        .def_prop_ro("parameters", [](const EffectType& e) {
+            std::vector<Parameter> list;
+            for (const auto& d : e.parameters)
+                list.push_back({d.name, d.unit, d.doc, d.bounds.low, d.bounds.high, d.bounds.low_excluded, d.standard,
+                                d.typical, d.standard});
+            return list;
+        });
+    m.def(
+        "effect_types", [] { return std::vector<EffectType>(effect_types()); },
+        "Every registered effect, in registry order.");
+    m.def(
+        "effect_type", [](const std::string& name) { return EffectType(effect_type(name)); }, nb::arg("name"),
+        "The effect of that name.\n\nRaises ValueError naming the nearest known effects.");
+
+    nb::class_<Machine>(
+        m, "Machine",
+        "A machine as an assembly: bodies, connections, motors, a controller, effects.\n\n"
+        "Every number has a stable path (mesh_1.gap, table.J, controller.K_v) in SI units; tie groups (meshes.gap)\n"
+        "reach all members. Eq. 22/23 of the source paper is one instance. Raises ValueError naming part, value, rule.")
+        .def(nb::init<>())
+        .def_rw("name", &Machine::name)
+        .def(
+            "copy", [](const Machine& self) { return Machine(self); }, "An independent copy.")
+        .def("__copy__", [](const Machine& self) { return Machine(self); })
+        .def(
+            "__deepcopy__", [](const Machine& self, const nb::handle&) { return Machine(self); }, nb::arg("memo"))
+        .def("add_body", &Machine::add_body, nb::arg("name"), nb::arg("locked") = false,
+             "Add a body with parameters J and b.")
+        .def(
+            "connect",
+            [](Machine& self, const std::string& name, const std::string& driver, const std::string& driven,
+               const std::string& kind, const std::string& frame) {
+                self.connect(name, driver, driven, chosen(connection_kinds, name + ".kind", kind),
+                             chosen(frames, name + ".frame", frame));
+            },
+            nb::arg("name"), nb::arg("driver"), nb::arg("driven"), nb::arg("kind") = "gap", nb::arg("frame") = "driver",
+            "Join two bodies: rigid, compliant or gap. frame says in whose angle twist, stiffness and gap are given.")
+        .def(
+            "add_motor",
+            [](Machine& self, const std::string& name, const std::string& body, const std::string& kind) {
+                self.add_motor(name, body.empty() ? name : body, chosen(motor_kinds, name + ".kind", kind));
+            },
+            nb::arg("name"), nb::arg("body") = "", nb::arg("kind") = "armature",
+            "Put a motor on a body (default: the body of the same name).")
+        .def(
+            "set_controller",
+            [](Machine& self, const std::string& kind, const std::string& equaliser, const std::string& tension,
+               const std::string& current, int speed_samples) {
+                self.set_controller({chosen(controller_kinds, "controller.kind", kind),
+                                     chosen(targets, "controller.equaliser", equaliser),
+                                     chosen(schedules, "controller.tension", tension),
+                                     chosen(current_loops, "controller.current", current), speed_samples});
+            },
+            nb::arg("kind") = "master_slave", nb::arg("equaliser") = "both", nb::arg("tension") = "constant",
+            nb::arg("current") = "cascade", nb::arg("speed_samples") = 0,
+            "Choose the controller's structure; its numbers are parameters controller.*.\n\n"
+            "equaliser: both, slave or master gets the correction. tension: constant, falling with the load, off. "
+            "current: cascade, or\n"
+            "voltage for a drive without current loop. speed_samples n: speed from the mean of the last n encoder "
+            "samples, differenced.")
+        .def_prop_ro("controller_options",
+                     [](const Machine& self) {
+                         const auto& o = self.controller();
+                         nb::dict d;
+                         d["kind"] = name_of(controller_kinds, o.kind);
+                         d["equaliser"] = name_of(targets, o.equaliser);
+                         d["tension"] = name_of(schedules, o.tension);
+                         d["current"] = name_of(current_loops, o.current);
+                         d["speed_samples"] = o.speed_samples;
+                         return d;
+                     })
+        .def_static(
+            "choices",
+            [] {
+                nb::dict d;
+                d["connection.kind"] = names(connection_kinds);
+                d["motor.kind"] = names(motor_kinds);
+                d["controller.kind"] = names(controller_kinds);
+                d["controller.equaliser"] = names(targets);
+                d["controller.tension"] = names(schedules);
+                d["controller.current"] = names(current_loops);
+                return d;
+            },
+            "What each choice may be set to.")
+        .def(
+            "add_effect",
+            [](Machine& self, const std::string& name, const std::string& place) {
+                return std::string(self.add_effect(name, place));
+            },
+            nb::arg("name"), nb::arg("place"),
+            "Add an effect at a place or group of places; returns its label, the prefix of its parameters.")
+        .def(
+            "add_expression",
+            [](Machine& self, const std::string& place, const std::string& formula,
+               const std::vector<std::tuple<std::string, std::string, double>>& parameters) {
+                std::vector<FormulaParameter> list;
+                for (const auto& [name, unit, value] : parameters) list.push_back({name, unit, value});
+                return std::string(self.add_expression(place, formula, list));
+            },
+            nb::arg("place"), nb::arg("formula"), nb::arg("parameters") = nb::list(),
+            "Add a user's formula as a torque on a body. parameters: (name, unit, value).")
+        .def("remove_effect", &Machine::remove_effect, nb::arg("label"))
+        .def_prop_ro("effects",
+                     [](const Machine& self) {
+                         nb::list l;
+                         for (const auto& e : self.effects()) {
+                             nb::dict d;
+                             d["label"] = e.label;
+                             d["effect"] = e.name;
+                             d["place"] = e.place;
+                             d["formula"] = e.formula;
+                             d["members"] = e.members;
+                             l.append(d);
+                         }
+                         return l;
+                     })
+        .def("get", &Machine::get, nb::arg("path"), "The value at a path, or that all members of a group agree on.")
+        .def("set", &Machine::set, nb::arg("path"), nb::arg("value"),
+             "Set a value (SI) by path or group; checks bounds.")
+        .def(
+            "parameter",
+            [](const Machine& self, const std::string& path) { return describe(self, self.resolve(path).front()); },
+            nb::arg("path"))
+        .def(
+            "members",
+            [](const Machine& self, const std::string& path) {
+                std::vector<std::string> l;
+                for (const auto k : self.resolve(path)) l.push_back(self.slots()[k].path);
+                return l;
+            },
+            nb::arg("path"), "The paths that a path or tie group stands for.")
+        .def(
+            "parameters",
+            [](const Machine& self) {
+                std::vector<Parameter> list;
+                for (std::size_t k = 0; k < self.slots().size(); ++k) list.push_back(describe(self, k));
+                return list;
+            },
+            "Every parameter with its declaration and value.")
+        .def_prop_ro("bodies",
+                     [](const Machine& self) {
+                         std::vector<std::string> l;
+                         for (const auto& b : self.bodies()) l.push_back(b.name);
+                         return l;
+                     })
+        .def_prop_ro("connections",
+                     [](const Machine& self) {
+                         std::vector<std::string> l;
+                         for (const auto& c : self.connections()) l.push_back(c.name);
+                         return l;
+                     })
+        .def_prop_ro("motors",
+                     [](const Machine& self) {
+                         std::vector<std::string> l;
+                         for (const auto& c : self.motors()) l.push_back(c.name);
+                         return l;
+                     })
+        .def(
+            "kind",
+            [](const Machine& self, const std::string& name) {
+                if (const int c = self.connection(name); c >= 0)
+                    return name_of(connection_kinds, self.connections()[static_cast<std::size_t>(c)].kind);
+                if (const int k = self.motor(name); k >= 0)
+                    return name_of(motor_kinds, self.motors()[static_cast<std::size_t>(k)].kind);
+                throw std::invalid_argument("no connection or motor named " + name);
+            },
+            nb::arg("name"))
+        .def("validate", &Machine::validate, "Check what no single parameter shows. Raises ValueError.")
+        .def(
+            "states",
+            [](const Machine& self) {
+                const Layout l(self, {});
+                std::vector<std::pair<std::string, std::string>> list;
+                for (std::size_t k = 0; k < l.state_names.size(); ++k)
+                    list.emplace_back(l.state_names[k], l.state_units[k]);
+                return list;
+            },
+            "Names and units of the state vector.")
+        .def(
+            "signals",
+            [](const Machine& self) {
+                const Layout l(self, {});
+                std::vector<std::tuple<std::string, std::string, std::string>> list;
+                for (const auto& s : l.signals) list.emplace_back(s.name, s.unit, s.long_name);
+                return list;
+            },
+            "(name, unit, long name) of every signal a run can record.");
+}
+
+}  // namespace dualdrive::python

@@ -1,0 +1,198 @@
+#include "dualdrive/simulate.hpp"
+
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <chrono>
+#include <stdexcept>
+
+#include "arrays.hpp"
+#include "bindings.hpp"
+#include "dualdrive/balance.hpp"
+
+namespace dualdrive::python {
+
+namespace {
+
+using Doubles = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+std::vector<double> vector_of(const Doubles& a) { return {a.data(), a.data() + a.shape(0)}; }
+
+// Asks Python for a pending Ctrl-C, at most every 50 ms, while the simulation runs without the GIL.
+std::function<bool()> signal_check() {
+    using Clock = std::chrono::steady_clock;
+    return [last = Clock::now()]() mutable {
+        if (Clock::now() - last < std::chrono::milliseconds(50)) return false;
+        last = Clock::now();
+        const nb::gil_scoped_acquire gil;
+        return PyErr_CheckSignals() != 0;
+    };
+}
+
+Method method_of(const std::string& name) {
+    if (name == "auto") return Method::automatic;
+    if (name == "adams") return Method::adams;
+    if (name == "bdf") return Method::bdf;
+    throw std::invalid_argument("method = '" + name + "' is unknown; choose one of auto, adams, bdf");
+}
+
+Trajectory run(const Machine& machine, const Inputs& inputs, double end, double start, double output_step,
+               const std::vector<double>& times, double rtol, const std::string& method, double longest_step,
+               long max_steps, const std::vector<std::string>& signals, const std::vector<std::string>& sensitivities,
+               const std::map<std::string, double>& initial, bool energy) {
+    SimulateOptions o;
+    o.start = start;
+    o.end = end;
+    o.output_step = output_step;
+    o.times = times;
+    o.rtol = rtol;
+    o.method = method_of(method);
+    o.longest_step = longest_step;
+    o.max_steps = max_steps;
+    o.signals = signals;
+    o.sensitivities = sensitivities;
+    o.initial = initial;
+    o.energy = energy;
+    o.interrupted = signal_check();
+    Trajectory t;
+    {
+        const nb::gil_scoped_release unlocked;
+        t = simulate(machine, inputs, o);
+    }
+    if (PyErr_Occurred()) throw nb::python_error();  // Ctrl-C
+    return t;
+}
+
+nb::dict statistics(const Trajectory& t) {
+    const auto& s = t.statistics;
+    nb::dict d;
+    d["steps"] = s.steps;
+    d["rhs"] = s.rhs;
+    d["jacobians"] = s.jacobians;
+    d["guards"] = s.guards;
+    d["restarts"] = s.restarts;
+    d["error_test_failures"] = s.error_test_failures;
+    d["grazing"] = s.grazing;
+    d["method"] = s.method;
+    d["energy_error"] = s.energy_error;
+    return d;
+}
+
+nb::list events(const Trajectory& t) {
+    nb::list l;
+    for (const auto& e : t.events) {
+        const Switch& s = t.elements[static_cast<std::size_t>(e.element)];
+        l.append(nb::make_tuple(e.t, s.name, mode_name(s.kind, e.from), mode_name(s.kind, e.to)));
+    }
+    return l;
+}
+
+}  // namespace
+
+void bind_simulate(nb::module_& m) {
+    nb::class_<Trajectory>(m, "Trajectory",
+                           "What a simulation leaves. Arrays have one row per output time; units are SI.")
+        .def_prop_ro(
+            "t", [](const Trajectory& t) { return view(t.t, {t.t.size()}); }, "Output times in s, shape (n,).")
+        .def_prop_ro("names",
+                     [](const Trajectory& t) {
+                         std::vector<std::string> l;
+                         for (const auto& s : t.signals) l.push_back(s.name);
+                         return l;
+                     })
+        .def_prop_ro("units",
+                     [](const Trajectory& t) {
+                         std::vector<std::string> l;
+                         for (const auto& s : t.signals) l.push_back(s.unit);
+                         return l;
+                     })
+        .def_prop_ro("long_names",
+                     [](const Trajectory& t) {
+                         std::vector<std::string> l;
+                         for (const auto& s : t.signals) l.push_back(s.long_name);
+                         return l;
+                     })
+        .def_prop_ro(
+            "values", [](const Trajectory& t) { return view(t.values, {t.t.size(), t.signals.size()}); },
+            "Signals, shape (n, signals).")
+        .def_prop_ro(
+            "elements",
+            [](const Trajectory& t) {
+                std::vector<std::string> l;
+                for (const auto& s : t.elements) l.push_back(s.name);
+                return l;
+            },
+            "Switching elements: meshes, dry friction, limiters, signs of formulas.")
+        .def_prop_ro(
+            "modes", [](const Trajectory& t) { return view(t.modes, {t.t.size(), t.elements.size()}); },
+            "Modes, shape (n, elements), int8.")
+        .def_prop_ro("events", &events, "(time, element, from, to) of every located switch.")
+        .def_prop_ro(
+            "parameters", [](const Trajectory& t) { return t.parameters; }, "Of the sensitivities.")
+        .def_prop_ro(
+            "sensitivities",
+            [](const Trajectory& t) {
+                return view(t.sensitivities,
+                            {t.parameters.empty() ? 0 : t.t.size(), t.signals.size(), t.parameters.size()});
+            },
+            "d signal / d parameter, shape (n, signals, parameters).")
+        .def_prop_ro(
+            "work", [](const Trajectory& t) { return view(t.work, {t.work.size() / powers, powers}); },
+            "Energy put in since the start by each path of work_names, J, shape (n, 7); dissipation is negative.")
+        .def_prop_ro_static(
+            "work_names", [](const nb::handle&) { return std::vector<std::string>(power_names, power_names + powers); })
+        .def_prop_ro("state_names", [](const Trajectory& t) { return t.state_names; })
+        .def_prop_ro("final_state", [](const Trajectory& t) { return view(t.final_state, {t.final_state.size()}); })
+        .def_prop_ro("status", [](const Trajectory& t) { return std::string(status_name(t.status)); })
+        .def_prop_ro(
+            "message", [](const Trajectory& t) { return t.message; },
+            "What went wrong and what to try; empty on success.")
+        .def_prop_ro("statistics", &statistics);
+
+    m.def("simulate", &run, nb::arg("machine"), nb::arg("inputs"), nb::kw_only(), nb::arg("end"),
+          nb::arg("start") = 0.0, nb::arg("output_step") = 1e-3, nb::arg("times") = nb::list(),
+          nb::arg("rtol") = SimulateOptions{}.rtol, nb::arg("method") = "auto", nb::arg("longest_step") = 0.0,
+          nb::arg("max_steps") = SimulateOptions{}.max_steps, nb::arg("signals") = nb::list(),
+          nb::arg("sensitivities") = nb::list(), nb::arg("initial") = nb::dict(), nb::arg("energy") = true,
+          "Integrate a machine with every switch located.\n\n"
+          "inputs: name -> Waveform (theta_ref, T_load, U_n or T_n of an uncontrolled machine, columns a formula "
+          "reads). Times in s.\n"
+          "sensitivities: parameter paths or groups, or initial.<state>. initial: state -> value, others 0. The GIL is "
+          "released.\n"
+          "Raises ValueError for input that makes no sense, KeyboardInterrupt on Ctrl-C; a failed integration is a "
+          "status.");
+
+    m.def(
+        "torque_balance",
+        [](const Machine& machine, const std::map<std::string, Doubles>& channels,
+           const std::vector<std::string>& parameters, double standstill) {
+            std::map<std::string, std::vector<double>> in;
+            for (const auto& [name, a] : channels) in[name] = vector_of(a);
+            Balance b;
+            {
+                const nb::gil_scoped_release unlocked;
+                b = torque_balance(machine, in, parameters, standstill);
+            }
+            const std::size_t eq = b.equations.size(), rows = eq ? b.residual.size() / eq : 0;
+            nb::dict d;
+            d["equations"] = b.equations;
+            d["residual"] = array(std::move(b.residual), {eq, rows});
+            d["jacobian"] = array(std::move(b.jacobian), {eq, rows, parameters.size()});
+            std::vector<std::uint8_t> still(b.standstill.begin(), b.standstill.end());
+            d["standstill"] = array(std::move(still), {eq, rows});
+            d["effect_names"] = b.effect_names;
+            d["effects"] = array(std::move(b.effects), {b.effect_names.size(), rows});
+            return d;
+        },
+        nb::arg("machine"), nb::arg("channels"), nb::arg("parameters") = nb::list(), nb::arg("standstill") = 0.0,
+        "Evaluate the machine's laws on recorded motion, against recorded motor torque.\n\n"
+        "channels: t, theta_*, omega_*, alpha_* per body, T_n per motor, all SI and of one length. Returns a dict: "
+        "equations (names;\n"
+        "'total' first), residual (eq, rows) = J alpha + losses - motor torque, jacobian (eq, rows, parameters), "
+        "standstill (eq, rows)\n"
+        "1 where dry friction is set-valued (table speed below `standstill`), effects (effects, rows). Raises "
+        "ValueError.");
+}
+
+}  // namespace dualdrive::python

@@ -1,0 +1,95 @@
+// A machine compiled into indices: rigid groups, states, signals, switching elements, delay lines, clocks.
+//
+// Bodies joined rigidly form one group with one speed. States, in this order: group speeds, one twist per connection
+// that is not rigid, the table angle, currents, then what controller blocks and sampled loops remember. The twist of
+// a mesh is integrated, not the difference of two absolute angles, or rtol·θ would act on the contact torque.
+// Eq. 23's order of states is a view (Model::paper_state).
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "dualdrive/machine.hpp"
+#include "dualdrive/signal.hpp"
+#include "dualdrive/switching.hpp"
+
+namespace dualdrive {
+
+enum class Loop { position, tension, speed, current };
+
+// A limited PI block of the controller and where it keeps what it remembers (-1: nothing).
+struct BlockPlace {
+    Loop loop;
+    int drive;         // 0 = master
+    std::string name;  // controller.position, controller.speed_1, ...
+    int integrator = -1, held = -1, pending = -1;
+    int limiter = -1;  // its switching element, continuous blocks only
+};
+
+// A clock ticks the blocks of one loop; with a latency the result is put out that much later.
+struct Clock {
+    Loop loop;
+    double period, latency;
+};
+
+// A signal that is used late: the slave's speed command, or a sensor with a delay inside the loop.
+struct DelayLine {
+    std::string name;
+    int source;       // signal
+    int effect = -1;  // sensor_delay effect that sets it, -1: controller.delta_t
+};
+
+struct Layout {
+    // Steps that give each body its ratio to its group's reference body, and its angle, walking outward from the table.
+    struct Step {
+        int body, from, connection;
+        bool driver;  // `body` is the connection's driver
+    };
+
+    explicit Layout(const Machine& machine, const Inputs& inputs);
+
+    int size() const { return static_cast<int>(state_names.size()); }
+    int signal(std::string_view name) const;  // -1 when there is none
+    int state(std::string_view name) const;   // -1 when there is none
+
+    std::vector<std::string> state_names, state_units;
+    int groups = 0;
+    std::vector<int> group_of, twist, current;  // per body; per connection (-1 rigid); per motor (-1 direct)
+    std::vector<bool> locked;                   // per group
+    std::vector<Step> steps;
+    std::vector<int> roots;       // bodies whose angle is a state (the table, and one per part not joined to it)
+    std::vector<int> root_angle;  // their states
+
+    std::vector<BlockPlace> blocks;
+    int position_block = -1;
+    std::vector<int> tension_block, speed_block, current_block;  // per slave; per motor; per motor (-1: none)
+    int derivative_filter = -1, tension_filter = -1;
+    std::vector<int> encoder_history;  // per motor: first of speed_samples states
+    std::vector<Clock> clocks;
+
+    std::vector<Switch> switches;
+    std::vector<int> flank_of, stick_of;  // per connection, per group (-1: none)
+    int tension_sum_branch = -1, tension_zero_branch = -1;
+    std::vector<int> effect_branch;  // per effect and member: first branch element
+    std::vector<std::vector<int>> effects_on_body, friction_on_body, effects_on_mesh, effects_in_motor, sensor_effects;
+    std::vector<DelayLine> delays;
+    int slave_delay = -1;
+    std::vector<int> sensor_delay;  // per sensor (motors, then table): delay line
+
+    std::vector<SignalInfo> signals;
+    struct Indices {
+        int theta_ref, omega_ref, T_load, e, tension, Omega_1;
+        std::vector<int> angle, speed, acceleration;        // per body
+        std::vector<int> twist, deflection, torque, flank;  // per connection
+        std::vector<int> I, U, T, Omega, T_ref;             // per motor
+        std::vector<int> sensor;                            // readings in the loop: motors' speeds, table angle
+        std::vector<int> effect;                            // per effect
+        std::vector<int> input;                             // per input, in map order
+        int stored_energy;
+    } at;
+};
+
+// Names as channels of a measured trace carry them: motor_1 -> theta_1, pinion_1 -> theta_c1, table -> theta_m.
+std::string channel_suffix(const std::string& body);
+
+}  // namespace dualdrive

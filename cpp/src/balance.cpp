@@ -1,0 +1,270 @@
+#include "dualdrive/balance.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "dualdrive/model.hpp"
+
+namespace dualdrive {
+
+namespace {
+
+using Channels = std::map<std::string, std::vector<double>>;
+
+class Replay {
+  public:
+    Replay(const Machine& machine, const Channels& channels, const std::vector<std::string>& parameters,
+           double standstill)
+        : machine_(machine),
+          channels_(channels),
+          standstill_(standstill),
+          layout_(machine_, extra_inputs(channels)),
+          inputs_(extra_inputs(channels)) {
+        check();
+        for (const auto& p : parameters) members_.push_back(machine_.resolve(p));
+        build_models();
+        find_sources();
+    }
+
+    Balance run() {
+        Balance out;
+        out.equations.push_back("total");
+        for (int g = 0; g < layout_.groups; ++g) out.equations.push_back(reference_name(g));
+        for (const auto& e : machine_.effects()) out.effect_names.push_back(e.label);
+        const std::size_t np = members_.size(), eq = out.equations.size();
+        out.residual.assign(eq * rows_, 0.0);
+        out.jacobian.assign(eq * rows_ * np, 0.0);
+        out.standstill.assign(eq * rows_, 0);
+        out.effects.assign(machine_.effects().size() * rows_, 0.0);
+        for (std::size_t c = 0; c < models_.size(); ++c)
+            for (std::size_t row = 0; row < rows_; ++row) evaluate(c, row, out, np);
+        return out;
+    }
+
+  private:
+    const Machine& machine_;
+    const Channels& channels_;
+    const double standstill_;
+    const Layout layout_;
+    const Inputs inputs_;
+    std::size_t rows_ = 0;
+    std::vector<std::vector<std::size_t>> members_;
+    std::vector<std::unique_ptr<Model<Gradient>>> models_;
+    std::vector<int> source_;  // per group: the recorded body, -1: moves with a neighbour
+
+    static Inputs extra_inputs(const Channels& channels) {
+        Inputs in;
+        for (const auto& [name, v] : channels) {
+            const bool kinematic =
+                name.starts_with("theta_") || name.starts_with("omega_") || name.starts_with("alpha_") || name == "t";
+            if (!kinematic)
+                in.emplace(name, Waveform(0.0));  // a name that formulas may read; values are set row by row
+        }
+        return in;
+    }
+
+    const std::vector<double>* channel(const std::string& name) const {
+        const auto it = channels_.find(name);
+        return it == channels_.end() ? nullptr : &it->second;
+    }
+
+    void check() {
+        if (channels_.empty()) throw std::invalid_argument("torque balance: no channels");
+        rows_ = channels_.begin()->second.size();
+        if (rows_ == 0) throw std::invalid_argument("torque balance: the trace has no rows");
+        for (const auto& [name, v] : channels_) {
+            if (v.size() != rows_)
+                throw std::invalid_argument("torque balance: channel " + name + " has " + std::to_string(v.size()) +
+                                            " rows, others " + std::to_string(rows_));
+            for (std::size_t k = 0; k < v.size(); ++k)
+                if (!std::isfinite(v[k]))
+                    throw std::invalid_argument("torque balance: channel " + name + ", row " + std::to_string(k) +
+                                                " is not finite; mask or repair it first");
+        }
+        for (const auto& m : machine_.motors())
+            if (!channel("T_" + channel_suffix(m.name)))
+                throw std::invalid_argument("torque balance: channel T_" + channel_suffix(m.name) + " (torque of " +
+                                            m.name + ") is missing");
+    }
+
+    void build_models() {
+        const std::size_t np = members_.size();
+        for (std::size_t first = 0; first == 0 || first < np; first += directions) {
+            models_.push_back(std::make_unique<Model<Gradient>>(machine_, inputs_, layout_));
+            std::vector<Gradient> values(machine_.values().begin(), machine_.values().end());
+            for (std::size_t d = 0; d < directions && first + d < np; ++d)
+                for (const auto slot : members_[first + d]) values[slot].slope[d] = 1.0;
+            models_.back()->set_parameters(values.data());
+        }
+    }
+
+    void find_sources() {
+        source_.assign(static_cast<std::size_t>(layout_.groups), -1);
+        for (std::size_t b = 0; b < machine_.bodies().size(); ++b) {
+            const auto s = channel_suffix(machine_.bodies()[b].name);
+            auto& source = source_[static_cast<std::size_t>(layout_.group_of[b])];
+            if (source < 0 && channel("theta_" + s) && channel("omega_" + s) && channel("alpha_" + s))
+                source = static_cast<int>(b);
+        }
+        if (std::all_of(source_.begin(), source_.end(), [](int s) { return s < 0; }))
+            throw std::invalid_argument(
+                "torque balance: no body has theta_, omega_ and alpha_ channels (theta_m for the table, theta_c1 for a "
+                "pinion, theta_1 for a motor)");
+    }
+
+    std::string reference_name(int g) const { return layout_.state_names[static_cast<std::size_t>(g)].substr(6); }
+
+    // A recorded quantity as every group sees it: its own channel, or its neighbour's through the ratio between them.
+    std::vector<Gradient> group_values(const Model<Gradient>& model, const char* kind, std::size_t row) const {
+        std::vector<Gradient> v(static_cast<std::size_t>(layout_.groups), Gradient(0.0));
+        std::vector<bool> known(v.size(), false);
+        for (std::size_t g = 0; g < v.size(); ++g) {
+            if (source_[g] < 0) continue;
+            const auto& name = machine_.bodies()[static_cast<std::size_t>(source_[g])].name;
+            v[g] = Gradient((*channel(kind + channel_suffix(name)))[row]) / model.ratio(source_[g]);
+            known[g] = true;
+        }
+        for (std::size_t pass = 0; pass < v.size(); ++pass)
+            for (std::size_t c = 0; c < machine_.connections().size(); ++c) {
+                const auto& k = machine_.connections()[c];
+                const auto a = static_cast<std::size_t>(layout_.group_of[static_cast<std::size_t>(k.driver)]);
+                const auto b = static_cast<std::size_t>(layout_.group_of[static_cast<std::size_t>(k.driven)]);
+                if (known[a] == known[b]) continue;
+                const Gradient step = model.connection_ratio(static_cast<int>(c)) * model.ratio(k.driven) /
+                                      model.ratio(k.driver);  // Ω_a / Ω_b
+                if (known[b])
+                    v[a] = v[b] * step;
+                else
+                    v[b] = v[a] / step;
+                known[a] = known[b] = true;
+            }
+        return v;
+    }
+
+    Modes modes_of(const std::vector<Gradient>& speed, const std::vector<double>& twist) const {
+        Modes modes(layout_.switches.size(), 0);
+        for (std::size_t e = 0; e < modes.size(); ++e) {
+            const Switch& s = layout_.switches[e];
+            const auto k = static_cast<std::size_t>(s.index);
+            if (s.kind == SwitchKind::stick) modes[e] = value_of(speed[k]) >= 0 ? stick::forward : stick::backward;
+            if (s.kind == SwitchKind::branch) modes[e] = branch::positive;
+            if (s.kind != SwitchKind::flank) continue;
+            const double gap = machine_.values()[machine_.connections()[k].first + 2];
+            modes[e] = twist[k] > gap ? flank::front : twist[k] < -gap ? flank::back : flank::gap;
+        }
+        return modes;
+    }
+
+    void evaluate(std::size_t chunk, std::size_t row, Balance& out, std::size_t np) {
+        Model<Gradient>& model = *models_[chunk];
+        const auto speed = group_values(model, "omega_", row), angle = group_values(model, "theta_", row),
+                   rate = group_values(model, "alpha_", row);
+        std::vector<Gradient> z(static_cast<std::size_t>(layout_.size()), Gradient(0.0));
+        std::copy(speed.begin(), speed.end(), z.begin());
+        for (std::size_t r = 0; r < layout_.roots.size(); ++r)
+            z[static_cast<std::size_t>(layout_.root_angle[r])] =
+                angle[static_cast<std::size_t>(layout_.group_of[static_cast<std::size_t>(layout_.roots[r])])];
+        std::vector<double> twist(machine_.connections().size(), 0.0);
+        for (std::size_t c = 0; c < twist.size(); ++c) {
+            if (layout_.twist[c] < 0) continue;
+            const auto& k = machine_.connections()[c];
+            const auto of = [&](int body) {
+                return angle[static_cast<std::size_t>(layout_.group_of[static_cast<std::size_t>(body)])] *
+                       model.ratio(body);
+            };
+            const Gradient ratio = model.connection_ratio(static_cast<int>(c));
+            const Gradient d = of(k.driver) - ratio * of(k.driven);
+            z[static_cast<std::size_t>(layout_.twist[c])] = k.frame == TwistFrame::driver ? d : d / ratio;
+            twist[c] = value_of(z[static_cast<std::size_t>(layout_.twist[c])]);
+        }
+        std::vector<Gradient> torque;
+        for (const auto& m : machine_.motors()) torque.emplace_back((*channel("T_" + channel_suffix(m.name)))[row]);
+        Modes modes = modes_of(speed, twist);
+        const auto* time = channel("t");
+        const Inputs here = inputs_at(row);
+        model.set_inputs(here);
+        const Gradient t(time ? (*time)[row] : 0.0);
+        const Model<Gradient>::Now now{modes.data(), {-infinity, infinity}, nullptr, torque.data()};
+        model.evaluate(t, z.data(), now);
+        settle_branches(model, modes, t, z, now);
+        write(model, chunk, row, speed, rate, modes, out, np);
+    }
+
+    // Signs that a formula decides are taken as they stand on the record.
+    void settle_branches(Model<Gradient>& model, Modes& modes, const Gradient& t, const std::vector<Gradient>& z,
+                         const Model<Gradient>::Now& now) {
+        for (std::size_t pass = 0; pass < layout_.switches.size(); ++pass) {
+            bool flipped = false;
+            for (std::size_t e = 0; e < modes.size(); ++e)
+                if (layout_.switches[e].kind == SwitchKind::branch &&
+                    value_of(model.guard(static_cast<int>(e), 0, nullptr)) < 0) {
+                    modes[e] = static_cast<Mode>(-modes[e]);
+                    flipped = true;
+                }
+            if (!flipped) return;
+            model.evaluate(t, z.data(), now);
+        }
+    }
+
+    Inputs inputs_at(std::size_t row) const {
+        Inputs in;
+        for (const auto& [name, w] : inputs_) in.emplace(name, Waveform((*channel(name))[row]));
+        return in;
+    }
+
+    void write(const Model<Gradient>& model, std::size_t chunk, std::size_t row, const std::vector<Gradient>& speed,
+               const std::vector<Gradient>& rate, const Modes& modes, Balance& out, std::size_t np) {
+        Gradient total(0.0);
+        bool any_standstill = false;
+        const auto put = [&](std::size_t eq, const Gradient& r, bool standstill) {
+            out.residual[eq * rows_ + row] = r.value;
+            out.standstill[eq * rows_ + row] = standstill;
+            for (std::size_t d = 0; d < directions && chunk * directions + d < np; ++d)
+                out.jacobian[(eq * rows_ + row) * np + chunk * directions + d] = r.slope[d];
+        };
+        // Ω_g per table speed, were every connection rigid: the weights under which inner torques cancel.
+        const auto weight = kinematic_weights(model);
+        for (int g = 0; g < layout_.groups; ++g) {
+            const auto k = static_cast<std::size_t>(g);
+            Gradient dry(0.0);
+            bool standstill = false;
+            if (const int e = layout_.stick_of[k]; e >= 0) {
+                dry =
+                    modes[static_cast<std::size_t>(e)] > 0 ? model.friction_limit(g, 1) : -model.friction_limit(g, -1);
+                standstill = std::abs(value_of(speed[k]) / value_of(weight[k])) < standstill_;
+            }
+            const Gradient r = model.group_inertia(g) * rate[k] - model.group_torque(g) + dry;
+            total += weight[k] * r;
+            any_standstill = any_standstill || standstill;
+            put(k + 1, r, standstill);
+        }
+        put(0, total, any_standstill);
+        if (chunk == 0)
+            for (std::size_t e = 0; e < layout_.at.effect.size(); ++e)
+                out.effects[e * rows_ + row] =
+                    value_of(model.signals()[static_cast<std::size_t>(layout_.at.effect[e])]);
+    }
+
+    std::vector<Gradient> kinematic_weights(const Model<Gradient>& model) const {
+        std::vector<Gradient> w(static_cast<std::size_t>(layout_.groups), Gradient(1.0));
+        for (const auto& s : layout_.steps) {
+            const auto g = static_cast<std::size_t>(layout_.group_of[static_cast<std::size_t>(s.body)]);
+            const auto from = static_cast<std::size_t>(layout_.group_of[static_cast<std::size_t>(s.from)]);
+            if (g == from) continue;
+            const Gradient ratio = model.connection_ratio(s.connection);
+            const Gradient step = s.driver ? ratio : 1.0 / ratio;  // ω_body / ω_from
+            w[g] = w[from] * model.ratio(s.from) * step / model.ratio(s.body);
+        }
+        return w;
+    }
+};
+
+}  // namespace
+
+Balance torque_balance(const Machine& machine, const std::map<std::string, std::vector<double>>& channels,
+                       const std::vector<std::string>& parameters, double standstill) {
+    return Replay(machine, channels, parameters, standstill).run();
+}
+
+}  // namespace dualdrive

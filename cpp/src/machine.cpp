@@ -1,0 +1,288 @@
+#include "dualdrive/machine.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+#include <stdexcept>
+
+#include "dualdrive/effects.hpp"
+#include "dualdrive/nearest.hpp"
+
+namespace dualdrive {
+
+namespace {
+
+[[noreturn]] void refuse(const std::string& message) { throw std::invalid_argument(message); }
+
+std::string number(double v) {
+    std::ostringstream s;
+    s.precision(9);
+    s << v;
+    return s.str();
+}
+
+std::string bounds_text(const Bounds& b) {
+    if (std::isfinite(b.low) && std::isfinite(b.high)) return "between " + number(b.low) + " and " + number(b.high);
+    if (std::isfinite(b.low)) return (b.low_excluded ? "greater than " : "at least ") + number(b.low);
+    if (std::isfinite(b.high)) return "at most " + number(b.high);
+    return "a number";
+}
+
+bool within(const Bounds& b, double v) { return (b.low_excluded ? v > b.low : v >= b.low) && v <= b.high; }
+
+struct Group {
+    const char* name;
+    const char* member_prefix;
+};
+constexpr Group groups[] = {
+    {"motors", "motor_"}, {"gearboxes", "gearbox_"}, {"pinions", "pinion_"}, {"meshes", "mesh_"}};
+
+}  // namespace
+
+std::string near_names(std::string_view wrong, const std::vector<std::string>& known) {
+    std::string text;
+    for (const auto& name : nearest(wrong, known)) text += (text.empty() ? ", did you mean " : " or ") + name;
+    return text.empty() ? text : text + "?";
+}
+
+std::size_t Machine::declare(const std::string& prefix, const Declaration* list, std::size_t count) {
+    const std::size_t first = slots_.size();
+    for (std::size_t k = 0; k < count; ++k) {
+        const Declaration& d = list[k];
+        const std::string_view name = d.name;
+        const bool clock = name.ends_with("_sample") || name.ends_with("_latency");
+        slots_.push_back({prefix + "." + d.name, d.unit, d.doc, d.bounds, d.standard, d.typical, clock});
+        values_.push_back(d.standard);
+    }
+    return first;
+}
+
+template <class Component>
+std::size_t Machine::declare(const std::string& prefix) {
+    std::vector<Declaration> list;
+    for (const auto& f : Component::parameters()) list.push_back(f.declaration);
+    return declare(prefix, list.data(), list.size());
+}
+
+void Machine::add_body(const std::string& body_name, bool locked) {
+    if (body(body_name) >= 0) refuse("body " + body_name + ": a body of this name is there already");
+    bodies_.push_back({body_name, declare<Body<double>>(body_name), locked});
+}
+
+void Machine::connect(const std::string& connection_name, const std::string& driver, const std::string& driven,
+                      ConnectionKind kind, TwistFrame frame) {
+    if (connection(connection_name) >= 0) refuse("connection " + connection_name + ": the name is taken");
+    for (const auto& end : {driver, driven})
+        if (body(end) < 0) refuse("connection " + connection_name + ": no body named " + end);
+    if (driver == driven) refuse("connection " + connection_name + ": joins " + driver + " to itself");
+    connections_.push_back(
+        {connection_name, kind, frame, body(driver), body(driven), declare<Connection<double>>(connection_name)});
+}
+
+void Machine::add_motor(const std::string& motor_name, const std::string& body_name, MotorKind kind) {
+    if (motor(motor_name) >= 0) refuse("motor " + motor_name + ": the name is taken");
+    const int b = body(body_name);
+    if (b < 0) refuse("motor " + motor_name + ": no body named " + body_name);
+    // The chain to the table: a reducer with the motor's body as driver, then the mesh behind it.
+    MotorEntry entry{motor_name, kind, b, -1, -1, 0};
+    const auto driven_by = [&](int who) {
+        for (std::size_t c = 0; c < connections_.size(); ++c)
+            if (connections_[c].driver == who) return static_cast<int>(c);
+        return -1;
+    };
+    const auto at = [&](int c) { return connections_[static_cast<std::size_t>(c)]; };
+    const int first = driven_by(b);
+    if (first >= 0 && at(first).frame == TwistFrame::driver) {
+        entry.mesh = first;
+    } else if (first >= 0) {
+        entry.gearbox = first;
+        entry.mesh = driven_by(at(first).driven);
+    }
+    entry.first = declare<Motor<double>>(motor_name);
+    motors_.push_back(entry);
+}
+
+void Machine::set_controller(const ControllerOptions& options) {
+    if (!controlled() && options.kind != ControllerOptions::Kind::none && controller_first_ == 0)
+        controller_first_ = declare<Controller<double>>("controller");
+    controller_ = options;
+}
+
+std::vector<std::string> Machine::members_of(std::string_view group) const {
+    std::vector<std::string> found;
+    const auto collect = [&](const auto& list, std::string_view prefix) {
+        for (const auto& part : list)
+            if (std::string_view(part.name).starts_with(prefix) &&
+                std::find(found.begin(), found.end(), part.name) == found.end())
+                found.push_back(part.name);
+    };
+    for (const auto& g : groups)
+        if (group == g.name) {
+            collect(bodies_, g.member_prefix);
+            collect(motors_, g.member_prefix);
+            collect(connections_, g.member_prefix);
+        }
+    return found;
+}
+
+const std::string& Machine::append_effect(EffectEntry entry) {
+    entry.label = entry.name + "@" + entry.place;
+    const auto taken = [&](const std::string& label) {
+        return std::any_of(effects_.begin(), effects_.end(), [&](const EffectEntry& e) { return e.label == label; });
+    };
+    const std::string base = entry.label;
+    for (int n = 2; taken(entry.label); ++n) entry.label = base + "#" + std::to_string(n);
+    effects_.push_back(std::move(entry));
+    return effects_.back().label;
+}
+
+const std::string& Machine::add_effect(const std::string& effect_name, const std::string& place) {
+    const EffectType& type = effect_type(effect_name);
+    EffectEntry entry{effect_name, place, "", members_of(place), "", 0, type.parameters.size()};
+    if (entry.members.empty()) entry.members = {place};
+    const bool on_body = type.hooks & (hook::body | hook::friction);
+    const bool on_mesh = type.hooks & hook::mesh;
+    const bool in_motor = type.hooks & hook::motor;
+    for (auto& m : entry.members) {
+        if (on_body && m == "ring") m = "table";
+        const bool ring = m == "ring" || m == "table";
+        if (on_body && body(m) < 0)
+            refuse("effect " + effect_name + ": no body named " + m +
+                   " to act on; bodies are motor_n, pinion_n, table");
+        if (in_motor && motor(m) < 0) refuse("effect " + effect_name + ": no motor named " + m);
+        if (on_mesh && !ring && connection(m) < 0 && body(m) < 0)
+            refuse("effect " + effect_name + ": " + m + " is no mesh, gearbox, pinion or the ring");
+    }
+    const std::string& label = append_effect(std::move(entry));
+    effects_.back().first = declare(label, type.parameters.data(), type.parameters.size());
+    return label;
+}
+
+const std::string& Machine::add_expression(const std::string& place, const std::string& formula,
+                                           const std::vector<FormulaParameter>& parameters) {
+    EffectEntry entry{"expression", place, "", members_of(place), formula, 0, parameters.size()};
+    if (entry.members.empty()) entry.members = {place};
+    for (const auto& m : entry.members)
+        if (body(m) < 0) refuse("effect expression: no body named " + m + " to act on");
+    const std::string& label = append_effect(std::move(entry));
+    effects_.back().first = slots_.size();
+    for (const auto& p : parameters) {
+        if (!std::isfinite(p.value)) refuse("effect " + label + ": parameter " + p.name + " is not finite");
+        slots_.push_back({label + "." + p.name, p.unit, "parameter of the formula", any, p.value,
+                          p.value == 0.0 ? 1.0 : std::abs(p.value), false});
+        values_.push_back(p.value);
+    }
+    return label;
+}
+
+void Machine::remove_effect(const std::string& label) {
+    const auto it =
+        std::find_if(effects_.begin(), effects_.end(), [&](const EffectEntry& e) { return e.label == label; });
+    if (it == effects_.end()) {
+        std::vector<std::string> known;
+        for (const auto& e : effects_) known.push_back(e.label);
+        refuse("effect " + label + ": not in this machine" + near_names(label, known));
+    }
+    const std::size_t first = it->first, count = it->count;
+    const auto from = static_cast<std::ptrdiff_t>(first), to = static_cast<std::ptrdiff_t>(first + count);
+    slots_.erase(slots_.begin() + from, slots_.begin() + to);
+    values_.erase(values_.begin() + from, values_.begin() + to);
+    effects_.erase(it);
+    const auto shift = [&](std::size_t& f) {
+        if (f > first) f -= count;
+    };
+    for (auto& e : effects_) shift(e.first);
+    for (auto& b : bodies_) shift(b.first);
+    for (auto& c : connections_) shift(c.first);
+    for (auto& m : motors_) shift(m.first);
+    shift(controller_first_);
+}
+
+std::vector<std::size_t> Machine::resolve(std::string_view path) const {
+    std::vector<std::size_t> found;
+    for (std::size_t k = 0; k < slots_.size(); ++k)
+        if (slots_[k].path == path) return {k};
+    if (const auto dot = path.rfind('.'); dot != std::string_view::npos)
+        for (const auto& member : members_of(path.substr(0, dot)))
+            for (std::size_t k = 0; k < slots_.size(); ++k)
+                if (slots_[k].path == member + std::string(path.substr(dot))) found.push_back(k);
+    if (!found.empty()) return found;
+    std::vector<std::string> known;
+    for (const auto& s : slots_) known.push_back(s.path);
+    for (const auto& g : groups)
+        for (const auto& s : slots_)
+            if (s.path.starts_with(std::string(g.member_prefix) + "1."))
+                known.push_back(std::string(g.name) + s.path.substr(s.path.find('.')));
+    refuse("parameter " + std::string(path) + ": unknown" + near_names(path, known));
+}
+
+double Machine::get(std::string_view path) const {
+    const auto members = resolve(path);
+    for (const auto k : members)
+        if (values_[k] != values_[members.front()])
+            refuse("parameter " + std::string(path) + ": its members differ; ask for " + slots_[members.front()].path +
+                   " and its like");
+    return values_[members.front()];
+}
+
+void Machine::set(std::string_view path, double value) {
+    const auto members = resolve(path);
+    for (const auto k : members) {
+        const ParameterSlot& s = slots_[k];
+        if (std::isnan(value))
+            refuse("parameter " + std::string(path) + ": value is not a number; give one in " + s.unit);
+        if (!within(s.bounds, value) || (std::isinf(value) && !(value > 0 && s.standard == infinity)))
+            refuse("parameter " + std::string(path) + ": " + number(value) + " " + s.unit +
+                   " is out of bounds; it must be " + bounds_text(s.bounds) + (std::isinf(value) ? " and finite" : ""));
+    }
+    for (const auto k : members) values_[k] = value;
+}
+
+int Machine::body(std::string_view wanted) const {
+    for (std::size_t k = 0; k < bodies_.size(); ++k)
+        if (bodies_[k].name == wanted) return static_cast<int>(k);
+    return -1;
+}
+int Machine::connection(std::string_view wanted) const {
+    for (std::size_t k = 0; k < connections_.size(); ++k)
+        if (connections_[k].name == wanted) return static_cast<int>(k);
+    return -1;
+}
+int Machine::motor(std::string_view wanted) const {
+    for (std::size_t k = 0; k < motors_.size(); ++k)
+        if (motors_[k].name == wanted) return static_cast<int>(k);
+    return -1;
+}
+
+void Machine::validate() const {
+    if (bodies_.empty()) refuse("machine: no bodies");
+    if (!controlled()) return;
+    if (motors_.empty()) refuse("controller: the machine has no motor to command");
+    const Controller<double> c = read_component<Controller<double>>(values_.data() + controller_first_);
+    const auto latency = [](double delay, double sample, const char* loop) {
+        if (delay > 0 && sample == 0)
+            refuse(std::string("controller.") + loop + "_latency: needs a sample time; set controller." + loop +
+                   "_sample");
+        if (delay > sample)
+            refuse(std::string("controller.") + loop + "_latency: " + number(delay) + " s exceeds the sample time " +
+                   number(sample) + " s");
+    };
+    latency(c.position_latency, c.position_sample, "position");
+    latency(c.tension_latency, c.tension_sample, "tension");
+    latency(c.speed_latency, c.speed_sample, "speed");
+    latency(c.current_latency, c.current_sample, "current");
+    if (controller_.speed_samples < 0)
+        refuse("controller.speed_samples: " + std::to_string(controller_.speed_samples) + " must be at least 0");
+    if (controller_.speed_samples > 0 && c.speed_sample == 0)
+        refuse(
+            "controller.speed_samples: a differenced encoder needs a sampled speed loop; set controller.speed_sample");
+    for (const auto& m : motors_) {
+        const bool loop = m.kind == MotorKind::direct && motors_.size() > 1 && c.g_E > 0;
+        if (loop && c.speed_sample == 0 && c.tension_sample == 0)
+            refuse("motor " + m.name +
+                   ": a direct torque source under a continuous torque equaliser is an algebraic loop; "
+                   "use kind = armature, a sampled loop, or controller.g_E = 0");
+    }
+}
+
+}  // namespace dualdrive

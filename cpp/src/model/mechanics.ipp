@@ -1,0 +1,312 @@
+// Inputs, kinematics, connections, motors, body torques, dry friction, rates, energy.
+
+namespace dualdrive {
+
+namespace detail {
+inline int trailing_number(const std::string& name) {
+    const auto at = name.find_last_not_of("0123456789");
+    return at + 1 < name.size() ? std::stoi(name.substr(at + 1)) : 1;
+}
+}  // namespace detail
+
+template <class S>
+void Model<S>::read_inputs(const S& t) {
+    const auto& at = layout_.at;
+    const auto put = [&](int k, const S& v) { signal_[static_cast<std::size_t>(k)] = v; };
+    put(at.theta_ref, theta_ref_ ? theta_ref_->value(t, now_.cell) : S(0.0));
+    put(at.omega_ref, theta_ref_ ? theta_ref_->rate(t, now_.cell) : S(0.0));
+    put(at.T_load, T_load_ ? T_load_->value(t, now_.cell) : S(0.0));
+    for (std::size_t k = 0; k < input_.size(); ++k)
+        if (at.input[k] >= 0) put(at.input[k], input_[k]->value(t, now_.cell));
+}
+
+template <class S>
+void Model<S>::kinematics(const S* z) {
+    const auto& at = layout_.at;
+    const auto angle = [&](int b) -> S& {
+        return signal_[static_cast<std::size_t>(at.angle[static_cast<std::size_t>(b)])];
+    };
+    for (std::size_t b = 0; b < body_.size(); ++b)
+        signal_[static_cast<std::size_t>(at.speed[b])] = ratio_[b] * z[layout_.group_of[b]];
+    for (std::size_t r = 0; r < layout_.roots.size(); ++r) angle(layout_.roots[r]) = z[layout_.root_angle[r]];
+    for (const auto& s : layout_.steps) {
+        const auto c = static_cast<std::size_t>(s.connection);
+        const auto& k = machine_.connections()[c];
+        const S& ratio = connection_[c].ratio;
+        S twist(0.0);  // θ_driver − ratio θ_driven
+        if (layout_.twist[c] >= 0)
+            twist = k.frame == TwistFrame::driver ? z[layout_.twist[c]] : z[layout_.twist[c]] * ratio;
+        angle(s.body) = s.driver ? ratio * angle(s.from) + twist : (angle(s.from) - twist) / ratio;
+    }
+}
+
+template <class S>
+void Model<S>::add_torque(int body, const S& torque) {
+    body_torque_[static_cast<std::size_t>(body)] += torque;
+}
+
+// T = K dz(x; Δ) by the frozen mode (Eq. 18–21 corrected): −|s| selectors become the flank's side s in {−1, 0, 1}.
+template <class S>
+void Model<S>::connection_torques() {
+    const auto& at = layout_.at;
+    for (std::size_t c = 0; c < connection_.size(); ++c) {
+        const auto& k = machine_.connections()[c];
+        if (k.kind == ConnectionKind::rigid) continue;
+        const S& ratio = connection_[c].ratio;
+        const S weight = k.frame == TwistFrame::driver ? S(1.0) : 1.0 / ratio;
+        const S& speed_a = signal_[static_cast<std::size_t>(at.speed[static_cast<std::size_t>(k.driver)])];
+        const S& speed_b = signal_[static_cast<std::size_t>(at.speed[static_cast<std::size_t>(k.driven)])];
+        const S& angle_a = signal_[static_cast<std::size_t>(at.angle[static_cast<std::size_t>(k.driver)])];
+        const S& angle_b = signal_[static_cast<std::size_t>(at.angle[static_cast<std::size_t>(k.driven)])];
+        S& twist = signal_[static_cast<std::size_t>(at.twist[c])];
+        twist = state_[layout_.twist[c]];
+
+        // The mesh law with its geometry: x and K as functions of both angles, so forces are derivatives of V = ½ K ξ².
+        using A = Dual<S, 2>;
+        A x, K(connection_[c].stiffness), gap(connection_[c].gap);
+        x.value = twist;
+        x.slope = {weight, -weight * ratio};
+        S damping(0.0);
+        if (!layout_.effects_on_mesh[c].empty()) {
+            MeshLaw<A> law{A(0.0), gap, K, A(0.0)};
+            const A driver = A::variable(angle_a, 0), driven = A::variable(angle_b, 1);
+            MeshPort<A> port{x, driver, driven, driver, detail::trailing_number(k.name)};
+            for (const int e : layout_.effects_on_mesh[c]) {
+                const auto& place = machine_.effects()[static_cast<std::size_t>(e)].place;
+                port.angle = place == "ring" || place == "table" ? driven : driver;
+                effect_[static_cast<std::size_t>(e)]->shape_mesh(law, port);
+            }
+            x += law.offset;
+            gap = law.gap;
+            K = law.stiffness;
+            damping = law.damping.value;
+        }
+        const int element = layout_.flank_of[c];
+        const Mode m = element >= 0 ? mode(element) : flank::front;
+        const double side = element >= 0 ? flank::side(m) : 0.0;  // without play there is no flank to choose
+        const A xi = x - side * gap;
+        const S xi_rate = xi.slope[0] * speed_a + xi.slope[1] * speed_b;
+        const S elastic = K.value * xi.value + (k.kind == ConnectionKind::compliant ? connection_[c].preload : S(0.0));
+        const S contact = elastic + damping * xi_rate;
+        const bool carries = element < 0 || flank::carries(m);
+        const bool open = element >= 0 && m == flank::gap;
+
+        S torque(0.0);
+        if (carries) {
+            torque = contact;
+            const S half_square = 0.5 * xi.value * xi.value;
+            add_torque(k.driver, -(contact * xi.slope[0] + K.slope[0] * half_square));
+            add_torque(k.driven, -(contact * xi.slope[1] + K.slope[1] * half_square));
+            power_[static_cast<std::size_t>(Power::mesh)] -= damping * xi_rate * xi_rate;
+        } else if (!open) {
+            // Parting: the spring relaxes against its own damper, which takes the energy it still held.
+            const S K_rate = K.slope[0] * speed_a + K.slope[1] * speed_b;
+            power_[static_cast<std::size_t>(Power::mesh)] += elastic * xi_rate + 0.5 * K_rate * xi.value * xi.value;
+        }
+        gap_[c] = gap.value;
+        stiffness_[c] = K.value;
+        elongation_[c] = open ? S(0.0) : xi.value;
+        contact_torque_[c] = contact;
+        deflection_rate_[c] = x.slope[0] * speed_a + x.slope[1] * speed_b;
+        signal_[static_cast<std::size_t>(at.deflection[c])] = x.value;
+        signal_[static_cast<std::size_t>(at.torque[c])] = torque;
+        signal_[static_cast<std::size_t>(at.flank[c])] = S(element >= 0 ? double(carries ? flank::side(m) : 0) : 0.0);
+    }
+}
+
+// T = K_d I, plus what effects add inside the motor (Eq. 2 corrected).
+template <class S>
+void Model<S>::motors(const S* z) {
+    const auto& at = layout_.at;
+    for (std::size_t k = 0; k < motor_.size(); ++k) {
+        const int state = layout_.current[k];
+        const S I = state >= 0 ? z[state] : S(0.0);
+        signal_[static_cast<std::size_t>(at.I[k])] = I;
+        if (now_.motor_torque)
+            motor_torque_[k] = now_.motor_torque[k];
+        else if (state >= 0)
+            motor_torque_[k] = motor_[k].K_d * I;
+        else if (!machine_.controlled())
+            motor_torque_[k] = motor_input_[k] ? motor_input_[k]->value(time_, now_.cell) : S(0.0);
+        else if (const int held = layout_.blocks[static_cast<std::size_t>(layout_.speed_block[k])].held; held >= 0)
+            motor_torque_[k] = z[held];
+    }
+}
+
+template <class S>
+BodyPort<S> Model<S>::port(std::size_t b, const S& t) const {
+    const auto& at = layout_.at;
+    BodyPort<S> p{t,
+                  signal_[static_cast<std::size_t>(at.angle[b])],
+                  signal_[static_cast<std::size_t>(at.speed[b])],
+                  S(0.0),
+                  signal_.data(),
+                  nullptr};
+    for (std::size_t c = 0; c < connection_.size(); ++c) {
+        const auto& k = machine_.connections()[c];
+        if (layout_.flank_of[c] < 0 || (k.driver != static_cast<int>(b) && k.driven != static_cast<int>(b))) continue;
+        const S& torque = signal_[static_cast<std::size_t>(at.torque[c])];
+        p.mesh_torque += double(flank::side(mode(layout_.flank_of[c]))) * torque;
+    }
+    return p;
+}
+
+template <class S>
+void Model<S>::body_torques(const S& t) {
+    const auto& at = layout_.at;
+    const auto power = [&](Power kind) -> S& { return power_[static_cast<std::size_t>(kind)]; };
+    for (const int s : at.effect) signal_[static_cast<std::size_t>(s)] = S(0.0);
+    for (std::size_t k = 0; k < motor_.size(); ++k) {
+        const auto b = static_cast<std::size_t>(machine_.motors()[k].body);
+        const S& speed = signal_[static_cast<std::size_t>(at.speed[b])];
+        const S& I = signal_[static_cast<std::size_t>(at.I[k])];
+        S torque = motor_torque_[k];
+        for (const int e : layout_.effects_in_motor[k]) {
+            const auto effect = static_cast<std::size_t>(e);
+            const S added = effect_[effect]->torque_of_motor(
+                {t, signal_[static_cast<std::size_t>(at.angle[b])], speed, I, motor_torque_[k]});
+            signal_[static_cast<std::size_t>(at.effect[effect])] += added;
+            torque += added;
+        }
+        signal_[static_cast<std::size_t>(at.T[k])] = motor_torque_[k];
+        signal_[static_cast<std::size_t>(at.U[k])] = voltage_[k];
+        add_torque(machine_.motors()[k].body, torque);
+        if (layout_.current[k] >= 0) {
+            power(Power::delivered) += voltage_[k] * I;
+            power(Power::copper) -= motor_[k].R * I * I;
+            power(Power::conversion) += torque * speed - motor_[k].C_e * speed * I;  // zero when K_d = C_e
+        } else {
+            power(Power::delivered) += torque * speed;
+        }
+    }
+    for (std::size_t b = 0; b < body_.size(); ++b) {
+        const S& speed = signal_[static_cast<std::size_t>(at.speed[b])];
+        add_torque(static_cast<int>(b), -body_[b].b * speed);
+        power(Power::viscous) -= body_[b].b * speed * speed;
+        if (layout_.effects_on_body[b].empty()) continue;
+        BodyPort<S> p = port(b, t);
+        for (const int e : layout_.effects_on_body[b]) {
+            const auto effect = static_cast<std::size_t>(e);
+            if (const int first = layout_.effect_branch[effect]; first >= 0) {
+                const int element = branch_of(effect, b);
+                p.branches = now_.modes + element;
+                effect_[effect]->switch_values(p, branch_argument_.data() + element);
+            }
+            const S torque = effect_[effect]->torque_on_body(p);
+            signal_[static_cast<std::size_t>(at.effect[effect])] += torque;
+            add_torque(static_cast<int>(b), torque);
+            power(Power::effects) += torque * speed;
+        }
+    }
+    if (const int table = machine_.body("table"); table >= 0) {
+        const S& load = signal_[static_cast<std::size_t>(at.T_load)];
+        add_torque(table, -load);
+        power(Power::load) -= load * signal_[static_cast<std::size_t>(at.speed[static_cast<std::size_t>(table)])];
+    }
+}
+
+// The first branch element of a formula that sits at several places.
+template <class S>
+int Model<S>::branch_of(std::size_t effect, std::size_t body) const {
+    const auto& entry = machine_.effects()[effect];
+    const int first = layout_.effect_branch[effect];
+    const auto member =
+        std::find(entry.members.begin(), entry.members.end(), machine_.bodies()[body].name) - entry.members.begin();
+    int total = 0;
+    for (const auto& s : layout_.switches) total += s.kind == SwitchKind::branch && s.name == entry.label;
+    return first + static_cast<int>(member) * (total / static_cast<int>(entry.members.size()));
+}
+
+// Dry friction is set-valued at rest: sliding takes the limit of its direction, a stuck group takes what it needs.
+template <class S>
+void Model<S>::friction(const S& t) {
+    const auto& at = layout_.at;
+    std::fill(torque_.begin(), torque_.end(), S(0.0));
+    std::fill(limit_forward_.begin(), limit_forward_.end(), S(0.0));
+    std::fill(limit_backward_.begin(), limit_backward_.end(), S(0.0));
+    for (std::size_t b = 0; b < body_.size(); ++b)
+        torque_[static_cast<std::size_t>(layout_.group_of[b])] += ratio_[b] * body_torque_[b];
+    for (std::size_t b = 0; b < body_.size(); ++b) {
+        const auto g = static_cast<std::size_t>(layout_.group_of[b]);
+        if (layout_.friction_on_body[b].empty() || layout_.stick_of[g] < 0) continue;
+        const BodyPort<S> p = port(b, t);
+        const Mode direction = mode(layout_.stick_of[g]);
+        for (const int e : layout_.friction_on_body[b]) {
+            const auto effect = static_cast<std::size_t>(e);
+            const S forward = effect_[effect]->friction_limit(p, 1), backward = effect_[effect]->friction_limit(p, -1);
+            limit_forward_[g] += ratio_[b] * forward;
+            limit_backward_[g] += ratio_[b] * backward;
+            S& torque = signal_[static_cast<std::size_t>(at.effect[effect])];
+            if (direction > 0) torque -= forward;
+            if (direction < 0) torque += backward;
+            // at rest the share of each law is not determined; show what it could give of what is needed
+            const S limit = value_of(torque_[g]) > 0 ? forward : backward;
+            const S all = value_of(torque_[g]) > 0 ? limit_forward_[g] : limit_backward_[g];
+            if (direction == 0 && value_of(all) > 0) torque -= torque_[g] * limit / all;
+        }
+    }
+}
+
+template <class S>
+void Model<S>::rates(const S* z) {
+    const auto& at = layout_.at;
+    std::fill(rate_.begin(), rate_.end(), S(0.0));
+    for (int g = 0; g < layout_.groups; ++g) {
+        const auto k = static_cast<std::size_t>(g);
+        const Mode direction = layout_.stick_of[k] >= 0 ? mode(layout_.stick_of[k]) : Mode(0);
+        const bool stuck = layout_.stick_of[k] >= 0 && direction == stick::stuck;
+        const S dry = direction > 0 ? limit_forward_[k] : direction < 0 ? -limit_backward_[k] : S(0.0);
+        acceleration_[k] = layout_.locked[k] || stuck ? S(0.0) : (torque_[k] - dry) / inertia_[k];
+        rate_[k] = acceleration_[k];
+        if (!stuck && direction != 0) power_[static_cast<std::size_t>(Power::effects)] -= dry * z[g];
+    }
+    for (std::size_t b = 0; b < body_.size(); ++b)
+        signal_[static_cast<std::size_t>(at.acceleration[b])] =
+            ratio_[b] * acceleration_[static_cast<std::size_t>(layout_.group_of[b])];
+    for (std::size_t c = 0; c < connection_.size(); ++c) {
+        if (layout_.twist[c] < 0) continue;
+        const auto& k = machine_.connections()[c];
+        const S difference =
+            signal_[static_cast<std::size_t>(at.speed[static_cast<std::size_t>(k.driver)])] -
+            connection_[c].ratio * signal_[static_cast<std::size_t>(at.speed[static_cast<std::size_t>(k.driven)])];
+        rate_[static_cast<std::size_t>(layout_.twist[c])] =
+            k.frame == TwistFrame::driver ? difference : difference / connection_[c].ratio;
+    }
+    for (std::size_t r = 0; r < layout_.roots.size(); ++r)
+        rate_[static_cast<std::size_t>(layout_.root_angle[r])] =
+            signal_[static_cast<std::size_t>(at.speed[static_cast<std::size_t>(layout_.roots[r])])];
+    for (std::size_t k = 0; k < motor_.size(); ++k)  // L İ + R I + C_e ω = U   (Eq. 1 corrected)
+        if (const int s = layout_.current[k]; s >= 0) {
+            const S& speed =
+                signal_[static_cast<std::size_t>(at.speed[static_cast<std::size_t>(machine_.motors()[k].body)])];
+            rate_[static_cast<std::size_t>(s)] =
+                (voltage_[k] - motor_[k].R * z[s] - motor_[k].C_e * speed) / motor_[k].L;
+        }
+    for (std::size_t b = 0; b < block_.size(); ++b) {
+        const auto& place = layout_.blocks[b];
+        if (place.integrator < 0 || place.held >= 0) continue;
+        if (limiter::integrates(mode(place.limiter)))
+            rate_[static_cast<std::size_t>(place.integrator)] = block_[b].integrand;
+    }
+    if (layout_.derivative_filter >= 0 && layout_.blocks[static_cast<std::size_t>(layout_.position_block)].held < 0)
+        rate_[static_cast<std::size_t>(layout_.derivative_filter)] = derivative_rate_;
+    if (layout_.tension_filter >= 0 && layout_.blocks[static_cast<std::size_t>(layout_.tension_block[0])].held < 0)
+        rate_[static_cast<std::size_t>(layout_.tension_filter)] = tension_rate_;
+}
+
+template <class S>
+void Model<S>::energy(const S* z) {
+    S stored(0.0);
+    for (int g = 0; g < layout_.groups; ++g) stored += 0.5 * inertia_[static_cast<std::size_t>(g)] * z[g] * z[g];
+    for (std::size_t k = 0; k < motor_.size(); ++k)
+        if (const int s = layout_.current[k]; s >= 0) stored += 0.5 * motor_[k].L * z[s] * z[s];
+    for (std::size_t c = 0; c < connection_.size(); ++c)
+        if (layout_.twist[c] >= 0) {
+            stored += 0.5 * stiffness_[c] * elongation_[c] * elongation_[c];
+            if (machine_.connections()[c].kind == ConnectionKind::compliant)
+                stored += connection_[c].preload * elongation_[c];
+        }
+    signal_[static_cast<std::size_t>(layout_.at.stored_energy)] = stored;
+}
+
+}  // namespace dualdrive

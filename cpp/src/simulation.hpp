@@ -1,0 +1,117 @@
+// One run in progress: the loop of steps, switches, ticks and breaks around the solver.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <queue>
+
+#include "dualdrive/simulate.hpp"
+#include "history.hpp"
+
+namespace dualdrive {
+
+class Simulation final : public Problem {
+  public:
+    Simulation(const Machine& machine, const Inputs& inputs, const SimulateOptions& options);
+    Trajectory run();
+
+  private:
+    // simulation.cpp: set-up, loop, recording
+    void read_options();
+    void read_parameters();
+    void start();
+    void loop();
+    void restart();
+    double next_stop();
+    void record_until(double t);
+    void record(double t, const double* z);
+    void record_sensitivities(double t, const double* z, std::size_t row);
+    void remember(double from, double to);
+    bool stop_now();
+    void fail(Status status, const std::string& message);
+    void finish();
+    Method choose_method();
+    std::vector<double> tolerances() const;
+    void set_watch_floors();
+
+    // simulation_events.cpp: everything that changes modes or state at an instant
+    void classify();
+    bool settle(bool after_break);
+    void switch_at_root();
+    bool transition(int element, int which, bool event_time_moves);
+    Mode next_mode(int element, int which);
+    Mode next_limiter_mode(std::size_t block, Mode from, int which);
+    Mode standing_mode(int element);
+    double guard_scale(int element, int which) const;
+    void pass_break();
+    void tick(const Clock& clock, bool output);
+    void apply(const std::function<void(Model<double>&, double*)>& jump,
+               const std::function<void(Model<Gradient>&, Gradient*)>& jump_with_slopes);
+    void slave_riding();
+    void add_delayed_breaks(double t, const std::vector<double>& time_slope);
+
+    // simulation_problem.cpp: what the solver asks
+    bool rhs(double t, const double* z, double* rate) override;
+    bool guards(double t, const double* z, double* g) override;
+    bool jacobian(double t, const double* z, double* column_major) override;
+    bool sensitivity(double t, const double* z, const double* const* s, double* const* rate) override;
+    bool quadrature(double t, const double* z, double* rate) override;
+    void evaluate(double t, const double* z) { model_.evaluate(t, z, now()); }
+    Model<double>::Now now() const { return {modes_.data(), cell_, past_ ? past_.get() : nullptr, nullptr}; }
+    // Directional derivative of the model along (dt, dz): evaluates `along_` with one slope.
+    void evaluate_along(double t, const double* z, double dt, const double* dz);
+    const double* block_rates(double t, const double* z, int frozen_block = -1);
+    bool riding() const;
+    // One model per chunk of parameters, seeded with their sensitivities.
+    void evaluate_chunk(std::size_t chunk, double t, const double* z,
+                        const std::function<double(std::size_t, std::size_t)>& s);
+    std::size_t chunks() const { return (parameters_.size() + directions - 1) / directions; }
+
+    const Machine machine_;
+    const Inputs inputs_;
+    const SimulateOptions options_;
+    const Layout layout_;
+    Model<double> model_;
+    Model<Gradient> along_;
+    std::vector<std::unique_ptr<Model<Gradient>>> chunk_;
+
+    struct Parameter {
+        std::vector<std::size_t> slots;  // members of a group move together
+        int initial_state = -1;
+        double scale;
+    };
+    std::vector<Parameter> parameters_;
+    std::vector<int> recorded_;  // signals
+    std::vector<double> times_;
+    std::size_t next_output_ = 0;
+
+    Modes modes_;
+    Cell cell_;
+    std::vector<double> breaks_;  // of the inputs, sorted
+    std::size_t next_break_ = 0;
+    struct DelayedBreak {
+        double t;
+        std::vector<double> slope;  // dt/dp
+        bool operator>(const DelayedBreak& o) const { return t > o.t; }
+    };
+    std::priority_queue<DelayedBreak, std::vector<DelayedBreak>, std::greater<>> delayed_breaks_;
+    std::vector<long> ticks_, outputs_;  // counts done, per clock
+    std::unique_ptr<History> history_;
+    std::unique_ptr<HistoryView<double>> past_;
+    std::unique_ptr<HistoryView<Gradient>> past_along_;
+    std::vector<std::unique_ptr<HistoryView<Gradient>>> past_chunk_;
+
+    std::unique_ptr<Solver> solver_;
+    std::map<Modes, std::vector<double>> jacobians_;  // of an affine machine: one per mode
+    bool affine_ = false;
+    std::vector<double> watch_floor_;  // per switching element
+    std::vector<double> scale_;        // typical size of each state, growing with what was seen
+    double energy_scale_ = 0.0, energy_start_ = 0.0, energy_worst_ = 0.0;
+    std::vector<double> z_scratch_, rate_scratch_, block_rate_, work_scratch_;
+    std::vector<Gradient> z_along_;
+    long crowded_ = 0, guard_calls_ = 0;
+    double last_switch_ = 0.0;
+    Trajectory out_;
+};
+
+}  // namespace dualdrive

@@ -1,0 +1,357 @@
+// Everything that happens at an instant: switches, ticks, breaks, and what they do to the sensitivities.
+#include <algorithm>
+#include <cmath>
+
+#include "simulation.hpp"
+
+namespace dualdrive {
+
+namespace {
+
+constexpr int settle_passes = 60;      // transitions at one instant before it is called chattering
+constexpr long crowded_limit = 400;    // transitions in a row ...
+constexpr double crowded_time = 1e-9;  // ... each within this of the one before, s
+constexpr double noise = 1e-9;         // of a guard's scale: below it, which way the guard moves decides
+
+double instant(double t) { return 1e-12 * std::max(1.0, std::abs(t)); }
+
+}  // namespace
+
+// The size of a guard where it matters, so that rounding can be told from a violated mode.
+double Simulation::guard_scale(int element, int which) const {
+    const Switch& s = layout_.switches[static_cast<std::size_t>(element)];
+    const auto k = static_cast<std::size_t>(s.index);
+    const Mode m = modes_[static_cast<std::size_t>(element)];
+    switch (s.kind) {
+        case SwitchKind::flank: {
+            const auto c =
+                read_component<Connection<double>>(machine_.values().data() + machine_.connections()[k].first);
+            const bool in_torque = flank::carries(m) || (m != flank::gap && which == 1);
+            return in_torque ? c.stiffness * c.gap : c.gap;
+        }
+        case SwitchKind::stick:
+            return m == stick::stuck ? model_.friction_limit(s.index, 1) + model_.friction_limit(s.index, -1)
+                   : scale_.empty()  ? 1e-6
+                                     : scale_[k];
+        case SwitchKind::limiter: {
+            const Block<double>& b = model_.block(s.index);
+            if (limiter::riding(m)) return std::abs(b.gain * b.integrand);
+            const bool on_integrand = limiter::saturated(m) && which == 1;
+            return on_integrand ? b.limit / std::max(b.gain, 1e-300) : b.limit;
+        }
+        case SwitchKind::branch:
+            return 1e-3;
+    }
+    return 1.0;
+}
+
+// The mode an element has in a state that nothing led to: the start of a run, or what a break left.
+Mode Simulation::standing_mode(int element) {
+    const Switch& s = layout_.switches[static_cast<std::size_t>(element)];
+    const auto k = static_cast<std::size_t>(s.index);
+    const Mode m = modes_[static_cast<std::size_t>(element)];
+    switch (s.kind) {
+        case SwitchKind::flank: {
+            const double x = model_.signals()[static_cast<std::size_t>(layout_.at.deflection[k])];
+            const auto c =
+                read_component<Connection<double>>(machine_.values().data() + machine_.connections()[k].first);
+            if (x > c.gap) return m == flank::front_parting ? m : flank::front;
+            if (x < -c.gap) return m == flank::back_parting ? m : flank::back;
+            return flank::gap;
+        }
+        case SwitchKind::stick: {
+            const double speed = z_scratch_[k], torque = model_.group_torque(s.index);
+            if (speed != 0.0) return speed > 0 ? stick::forward : stick::backward;
+            if (torque > model_.friction_limit(s.index, 1)) return stick::forward;
+            return torque < -model_.friction_limit(s.index, -1) ? stick::backward : stick::stuck;
+        }
+        case SwitchKind::limiter: {
+            const Block<double>& b = model_.block(s.index);
+            if (std::abs(b.raw) <= b.limit) return limiter::linear;
+            const int side = b.raw > 0 ? 1 : -1;
+            return static_cast<Mode>(side * (side * b.integrand >= 0 ? 1 : 2));
+        }
+        case SwitchKind::branch: {
+            std::vector<double> g(modes_.size() * guards_per_switch);
+            return model_.guard(element, 0, nullptr) >= 0 ? m : static_cast<Mode>(-m);
+        }
+    }
+    return m;
+}
+
+void Simulation::classify() {
+    for (int pass = 0; pass < settle_passes; ++pass) {
+        bool changed = false;
+        for (std::size_t e = 0; e < modes_.size(); ++e) {
+            evaluate(options_.start, z_scratch_.data());
+            const Mode m = standing_mode(static_cast<int>(e));
+            changed = changed || m != modes_[e];
+            modes_[e] = m;
+        }
+        if (!changed) return;
+    }
+}
+
+Mode Simulation::next_limiter_mode(std::size_t b, Mode from, int which) {
+    // d(raw)/dt with the integrator held, and with it running: conditional integration slides along its limit where the
+    // first points inward and the second outward.
+    const double held = block_rates(solver_->time(), solver_->state().data(), static_cast<int>(b))[b];
+    evaluate(solver_->time(), solver_->state().data());
+    const Block<double>& block = model_.block(static_cast<int>(b));
+    const bool integrates = layout_.blocks[b].integrator >= 0;
+    const auto rides = [&](int side) {
+        return integrates && side * held < 0 && side * (held + block.gain * block.integrand) > 0;
+    };
+    const auto saturated = [&](int side) {
+        return static_cast<Mode>(side * (side * block.integrand >= 0 || !integrates ? 1 : 2));
+    };
+    const int side = from == limiter::linear ? (which == 0 ? 1 : -1) : limiter::side(from);
+    if (from == limiter::linear) return rides(side) ? static_cast<Mode>(3 * side) : saturated(side);
+    if (limiter::riding(from)) return which == 0 ? static_cast<Mode>(side) : limiter::linear;
+    if (which == 1) return static_cast<Mode>(limiter::integrates(from) ? side : 2 * side);
+    return rides(side) ? static_cast<Mode>(3 * side) : limiter::linear;
+}
+
+// What follows when a guard of the present mode has fallen through zero. Taken from the guard, not from re-evaluating
+// the state: the solver returns the far side of its bracket.
+Mode Simulation::next_mode(int element, int which) {
+    const Switch& s = layout_.switches[static_cast<std::size_t>(element)];
+    const auto k = static_cast<std::size_t>(s.index);
+    const Mode m = modes_[static_cast<std::size_t>(element)];
+    switch (s.kind) {
+        case SwitchKind::flank: {
+            if (m == flank::gap) return which == 0 ? flank::front : flank::back;
+            const auto side = static_cast<Mode>(flank::side(m));
+            if (!flank::carries(m)) return which == 0 ? flank::gap : side;
+            const auto c =
+                read_component<Connection<double>>(machine_.values().data() + machine_.connections()[k].first);
+            const double x = model_.signals()[static_cast<std::size_t>(layout_.at.deflection[k])];
+            return side * x > c.gap * (1.0 + 1e-9) && !layout_.effects_on_mesh[k].empty() ? static_cast<Mode>(2 * side)
+                                                                                          : flank::gap;
+        }
+        case SwitchKind::stick: {
+            if (m == stick::stuck) return which == 0 ? stick::forward : stick::backward;
+            const double torque = model_.group_torque(s.index);
+            if (torque > model_.friction_limit(s.index, 1)) return stick::forward;
+            return torque < -model_.friction_limit(s.index, -1) ? stick::backward : stick::stuck;
+        }
+        case SwitchKind::limiter:
+            return next_limiter_mode(k, m, which);
+        case SwitchKind::branch:
+            return static_cast<Mode>(-m);
+    }
+    return m;
+}
+
+// One element changes its mode at the present instant. If the instant itself moves with the parameters (a located
+// switch, not a tick), the sensitivities jump where field or state does:
+//   s⁺ = h_z s⁻ + (h_z f⁻ − f⁺) τ',  τ' = −(g_z s⁻ + g_p) / (g_z f⁻ + g_t).
+bool Simulation::transition(int element, int which, bool event_time_moves) {
+    const auto e = static_cast<std::size_t>(element);
+    const double t = solver_->time();
+    const auto z = solver_->state();
+    const Mode from = modes_[e];
+    evaluate(t, z.data());
+    const std::vector<double> before(model_.rate());
+    const Mode to = next_mode(element, which);
+    if (to == from) return true;
+
+    std::vector<double> time_slope(parameters_.size(), 0.0);
+    const bool rides = layout_.switches[e].kind == SwitchKind::limiter && limiter::riding(from);
+    if (event_time_moves && !parameters_.empty() && !rides) {  // leaving a riding limit, the field is continuous
+        evaluate_along(t, z.data(), 1.0, before.data());
+        const double approach = along_.guard(element, which, nullptr).slope[0];
+        if (std::abs(approach) * 1e-6 < 1e-9 * guard_scale(element, which)) ++out_.statistics.grazing;
+        for (std::size_t c = 0; c < chunks(); ++c) {
+            evaluate_chunk(c, t, z.data(), [&](std::size_t k, std::size_t state) {
+                return solver_->sensitivity(static_cast<int>(k))[state];
+            });
+            const Gradient g = chunk_[c]->guard(element, which, nullptr);
+            for (std::size_t d = 0; d < directions && c * directions + d < parameters_.size(); ++d)
+                if (approach != 0.0) time_slope[c * directions + d] = -g.slope[d] / approach;
+        }
+    }
+    modes_[e] = to;
+    const bool sticks = layout_.switches[e].kind == SwitchKind::stick;
+    const auto group = static_cast<std::size_t>(layout_.switches[e].index);
+    if (sticks) z[group] = 0.0;
+    evaluate(t, z.data());
+    for (std::size_t k = 0; k < parameters_.size(); ++k) {
+        const auto s = solver_->sensitivity(static_cast<int>(k));
+        if (sticks) s[group] = 0.0;
+        for (std::size_t i = 0; i < s.size(); ++i) {
+            const double carried = sticks && i == group ? 0.0 : before[i];
+            s[i] += (carried - model_.rate()[i]) * time_slope[k];
+        }
+    }
+    slave_riding();
+    out_.events.push_back({t, element, from, to});
+    if (history_) add_delayed_breaks(t, time_slope);
+    crowded_ = t - last_switch_ < crowded_time ? crowded_ + 1 : 0;
+    last_switch_ = t;
+    if (crowded_ > crowded_limit) {
+        fail(Status::chattering, layout_.switches[e].name +
+                                     " switches without end; look at an expression whose sign it decides itself, or "
+                                     "add damping or a filter there");
+        return false;
+    }
+    return true;
+}
+
+// Other guards may be violated at the same instant (simultaneous contacts, a jump of a command): follow them until
+// all modes are valid.
+bool Simulation::settle(bool event_time_moves) {
+    std::vector<double> g(modes_.size() * guards_per_switch);
+    for (int pass = 0; pass < settle_passes * static_cast<int>(1 + modes_.size()); ++pass) {
+        const double t = solver_->time();
+        const double* z = solver_->state().data();
+        if (!guards(t, z, g.data())) {
+            fail(Status::not_finite, "a switching condition is not finite; check parameters and initial state");
+            return false;
+        }
+        int fallen = -1;
+        bool known = false;
+        for (std::size_t k = 0; k < g.size() && fallen < 0; ++k) {
+            const int element = static_cast<int>(k) / guards_per_switch,
+                      which = static_cast<int>(k) % guards_per_switch;
+            if (which == watch || !(g[k] < 0)) continue;
+            bool falls = g[k] < -noise * guard_scale(element, which);
+            const Switch& s = layout_.switches[static_cast<std::size_t>(element)];
+            const bool rides =
+                s.kind == SwitchKind::limiter && limiter::riding(modes_[static_cast<std::size_t>(element)]);
+            if (!falls && !rides) {
+                if (!known) {
+                    const std::vector<double> rate(model_.rate());
+                    evaluate_along(t, z, 1.0, rate.data());
+                    known = true;
+                }
+                falls = along_.guard(element, which, nullptr).slope[0] < 0;
+            }
+            if (falls) fallen = static_cast<int>(k);
+        }
+        if (fallen < 0) return true;
+        const auto count = out_.events.size();
+        if (!transition(fallen / guards_per_switch, fallen % guards_per_switch, event_time_moves)) return false;
+        if (out_.events.size() == count) return true;  // the element stays: its mode is valid after all
+    }
+    fail(Status::chattering, "modes do not settle at one instant; two laws contradict each other there");
+    return false;
+}
+
+void Simulation::switch_at_root() {
+    const std::vector<int> root(solver_->roots().begin(), solver_->roots().end());
+    const Modes flagged = modes_;
+    bool switched = false;
+    slave_riding();
+    for (std::size_t k = 0; k < root.size(); ++k) {
+        const auto e = k / guards_per_switch;
+        if (root[k] == 0 || k % guards_per_switch == watch || modes_[e] != flagged[e]) continue;
+        if (!transition(static_cast<int>(e), static_cast<int>(k % guards_per_switch), true)) return;
+        switched = true;
+    }
+    if (!switched) return;  // only a watch: the solver has stopped at an extremum, nothing else
+    if (settle(true)) restart();
+}
+
+// A riding limiter's integrator follows from its output, for the state and for its sensitivities.
+void Simulation::slave_riding() {
+    if (!riding()) return;
+    apply([](Model<double>& m, double* z) { m.slave_integrators(z); },
+          [](Model<Gradient>& m, Gradient* z) { m.slave_integrators(z); });
+}
+
+// A jump of the state at a fixed time, carried through to the sensitivities by the same lines.
+void Simulation::apply(const std::function<void(Model<double>&, double*)>& jump,
+                       const std::function<void(Model<Gradient>&, Gradient*)>& jump_with_slopes) {
+    const double t = solver_->time();
+    const auto z = solver_->state();
+    for (std::size_t c = 0; c < chunks(); ++c) {
+        evaluate_chunk(c, t, z.data(), [&](std::size_t k, std::size_t state) {
+            return solver_->sensitivity(static_cast<int>(k))[state];
+        });
+        std::vector<Gradient> next(z_along_);
+        jump_with_slopes(*chunk_[c], next.data());
+        for (std::size_t k = c * directions; k < std::min((c + 1) * directions, parameters_.size()); ++k)
+            for (std::size_t i = 0; i < next.size(); ++i)
+                solver_->sensitivity(static_cast<int>(k))[i] = next[i].slope[k - c * directions];
+    }
+    evaluate(t, z.data());
+    std::vector<double> next(z.begin(), z.end());
+    jump(model_, next.data());
+    std::copy(next.begin(), next.end(), z.begin());
+}
+
+void Simulation::tick(const Clock& clock, bool output) {
+    if (output) {
+        apply(
+            [&](Model<double>& m, double* z) {
+                const std::vector<double> old(z, z + layout_.size());
+                m.put_out(clock, old.data(), z);
+            },
+            [&](Model<Gradient>& m, Gradient* z) {
+                const std::vector<Gradient> old(z, z + layout_.size());
+                m.put_out(clock, old.data(), z);
+            });
+    } else {
+        apply([&](Model<double>& m, double* z) { m.tick(clock, z); },
+              [&](Model<Gradient>& m, Gradient* z) { m.tick(clock, z); });
+    }
+}
+
+// A discontinuity of a delayed signal comes back one delay later; its time moves as the event's and the delay do.
+void Simulation::add_delayed_breaks(double t, const std::vector<double>& time_slope) {
+    for (const auto& d : layout_.delays) {
+        const std::size_t slot = d.effect >= 0 ? machine_.effects()[static_cast<std::size_t>(d.effect)].first
+                                               : machine_.resolve("controller.delta_t").front();
+        DelayedBreak b{t + machine_.values()[slot], time_slope};
+        b.slope.resize(parameters_.size(), 0.0);
+        for (std::size_t k = 0; k < parameters_.size(); ++k)
+            if (std::find(parameters_[k].slots.begin(), parameters_[k].slots.end(), slot) != parameters_[k].slots.end())
+                b.slope[k] += 1.0;
+        if (b.t < options_.end) delayed_breaks_.push(std::move(b));
+    }
+}
+
+// Known instants: breaks of inputs, returning discontinuities, outputs and ticks of sampled loops, in this order.
+void Simulation::pass_break() {
+    const double t = solver_->time(), now_or_past = t + instant(t);
+    const auto z = solver_->state();
+    slave_riding();
+    std::vector<double> returning(parameters_.size(), 0.0);
+    bool broke = t <= options_.start + instant(t), returned = false;
+    evaluate(t, z.data());
+    const std::vector<double> before(model_.rate());
+    for (; next_break_ < breaks_.size() && breaks_[next_break_] <= now_or_past; ++next_break_) broke = true;
+    for (; !delayed_breaks_.empty() && delayed_breaks_.top().t <= now_or_past; delayed_breaks_.pop()) {
+        returning = delayed_breaks_.top().slope;
+        returned = true;
+    }
+    std::vector<const Clock*> due_outputs, due_ticks;
+    for (std::size_t c = 0; c < layout_.clocks.size(); ++c) {
+        const Clock& k = layout_.clocks[c];
+        if (k.latency > 0 && outputs_[c] < ticks_[c] &&
+            options_.start + static_cast<double>(outputs_[c]) * k.period + k.latency <= now_or_past) {
+            due_outputs.push_back(&k);
+            ++outputs_[c];
+        }
+        if (options_.start + static_cast<double>(ticks_[c]) * k.period <= now_or_past) {
+            due_ticks.push_back(&k);
+            ++ticks_[c];
+        }
+    }
+    cell_ = {t, next_stop()};
+    if (returned) {
+        evaluate(t, z.data());
+        for (std::size_t k = 0; k < parameters_.size(); ++k) {
+            const auto s = solver_->sensitivity(static_cast<int>(k));
+            for (std::size_t i = 0; i < s.size(); ++i) s[i] += (before[i] - model_.rate()[i]) * returning[k];
+        }
+    }
+    for (const Clock* k : due_outputs) tick(*k, true);
+    for (const Clock* k : due_ticks) tick(*k, false);
+    const bool discontinuous = broke || !due_outputs.empty() || !due_ticks.empty();
+    if (discontinuous && history_) add_delayed_breaks(t, {});
+    if (settle(false)) restart();
+}
+
+}  // namespace dualdrive

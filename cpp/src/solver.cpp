@@ -1,0 +1,286 @@
+#include "dualdrive/solver.hpp"
+
+#include <cvodes/cvodes.h>
+#include <nvector/nvector_serial.h>
+#include <sundials/sundials_config.h>
+#include <sunlinsol/sunlinsol_dense.h>
+#include <sunmatrix/sunmatrix_dense.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <exception>
+#include <new>
+#include <stdexcept>
+#include <utility>
+
+namespace dualdrive {
+
+namespace {
+
+#if SUNDIALS_VERSION_MAJOR >= 7
+using Context = SUNContext;
+int create_context(SUNContext* c) { return SUNContext_Create(SUN_COMM_NULL, c); }
+#else
+int create_context(SUNContext* c) { return SUNContext_Create(nullptr, c); }
+#endif
+
+void silence(int, const char*, const char*, char*, void*) {}  // failures come back as a status, not on stderr
+
+}  // namespace
+
+struct Solver::Hidden {
+    Problem& problem;
+    Size size;
+    double rtol;
+    SUNContext context = nullptr;
+    void* memory = nullptr;
+    N_Vector y = nullptr, tolerance = nullptr, scratch = nullptr, q = nullptr;
+    N_Vector *s = nullptr, s_scratch = nullptr;
+    SUNMatrix matrix = nullptr;
+    SUNLinearSolver linear = nullptr;
+    double t = 0.0, begin = 0.0, longest = 0.0;
+    int flag = 0;
+    bool started = false;
+    std::vector<int> root, direction;
+    std::vector<double> scale;
+    std::vector<const double*> s_in;
+    std::vector<double*> s_out;
+    std::exception_ptr thrown;  // carried across SUNDIALS' C frames
+    Counts before{};
+
+    Hidden(Problem& p, Size n, double relative) : problem(p), size(n), rtol(relative) {}
+    ~Hidden() {
+        if (memory) CVodeFree(&memory);
+        if (linear) SUNLinSolFree(linear);
+        if (matrix) SUNMatDestroy(matrix);
+        if (s) N_VDestroyVectorArray(s, size.sensitivities);
+        for (N_Vector v : {y, tolerance, scratch, q, s_scratch})
+            if (v) N_VDestroy(v);
+        if (context) SUNContext_Free(&context);
+    }
+
+    template <class F>
+    int guarded(F&& f) {
+        try {
+            return f() ? 0 : 1;  // 1: recoverable, try a smaller step
+        } catch (...) {
+            thrown = std::current_exception();
+            return -1;
+        }
+    }
+
+    static int rhs(double t, N_Vector y, N_Vector rate, void* user) {
+        auto& h = *static_cast<Hidden*>(user);
+        return h.guarded([&] { return h.problem.rhs(t, N_VGetArrayPointer(y), N_VGetArrayPointer(rate)); });
+    }
+    static int roots(double t, N_Vector y, double* g, void* user) {
+        auto& h = *static_cast<Hidden*>(user);
+        return h.guarded([&] { return h.problem.guards(t, N_VGetArrayPointer(y), g); });
+    }
+    static int jacobian(double t, N_Vector y, N_Vector, SUNMatrix J, void* user, N_Vector, N_Vector, N_Vector) {
+        auto& h = *static_cast<Hidden*>(user);
+        return h.guarded([&] { return h.problem.jacobian(t, N_VGetArrayPointer(y), SUNDenseMatrix_Data(J)); });
+    }
+    static int sensitivity(int n, double t, N_Vector y, N_Vector, N_Vector* s, N_Vector* rate, void* user, N_Vector,
+                           N_Vector) {
+        auto& h = *static_cast<Hidden*>(user);
+        for (int k = 0; k < n; ++k) {
+            h.s_in[static_cast<std::size_t>(k)] = N_VGetArrayPointer(s[k]);
+            h.s_out[static_cast<std::size_t>(k)] = N_VGetArrayPointer(rate[k]);
+        }
+        return h.guarded(
+            [&] { return h.problem.sensitivity(t, N_VGetArrayPointer(y), h.s_in.data(), h.s_out.data()); });
+    }
+    static int quadrature(double t, N_Vector y, N_Vector rate, void* user) {
+        auto& h = *static_cast<Hidden*>(user);
+        return h.guarded([&] { return h.problem.quadrature(t, N_VGetArrayPointer(y), N_VGetArrayPointer(rate)); });
+    }
+
+    static void need(int status, const char* what) {
+        if (status != 0)
+            throw std::runtime_error(std::string("solver: ") + what + " failed with code " + std::to_string(status));
+    }
+
+    Counts read_counts() const {
+        Counts c{};
+        CVodeGetNumSteps(memory, &c.steps);
+        CVodeGetNumRhsEvals(memory, &c.rhs);
+        CVodeGetNumJacEvals(memory, &c.jacobians);
+        CVodeGetNumGEvals(memory, &c.guards);
+        CVodeGetNumErrTestFails(memory, &c.error_test_failures);
+        return c;
+    }
+};
+
+Solver::Solver(Problem& problem, Size size, Method method, double rtol, std::span<const int> root_direction,
+               std::span<const double> parameter_scale)
+    : h_(std::make_unique<Hidden>(problem, size, rtol)) {
+    Hidden& h = *h_;
+    Hidden::need(create_context(&h.context), "context");
+    h.y = N_VNew_Serial(size.states, h.context);
+    h.tolerance = N_VNew_Serial(size.states, h.context);
+    h.scratch = N_VNew_Serial(size.states, h.context);
+    if (!h.y || !h.tolerance || !h.scratch) throw std::bad_alloc();
+    N_VConst(0.0, h.y);
+    N_VConst(1.0, h.tolerance);
+    if (size.sensitivities > 0) {
+        h.s = N_VCloneVectorArray(size.sensitivities, h.y);
+        for (int k = 0; k < size.sensitivities; ++k) N_VConst(0.0, h.s[k]);
+        h.s_in.resize(static_cast<std::size_t>(size.sensitivities));
+        h.s_out.resize(static_cast<std::size_t>(size.sensitivities));
+    }
+    if (size.quadratures > 0) {
+        h.q = N_VNew_Serial(size.quadratures, h.context);
+        N_VConst(0.0, h.q);
+    }
+    h.direction.assign(root_direction.begin(), root_direction.end());
+    h.root.assign(h.direction.size(), 0);
+    h.scale.assign(parameter_scale.begin(), parameter_scale.end());
+    h.memory = CVodeCreate(method == Method::bdf ? CV_BDF : CV_ADAMS, h.context);
+    if (!h.memory) throw std::bad_alloc();
+}
+
+Solver::~Solver() = default;
+
+void Solver::restart(double t, std::span<const double> atol, double quadrature_atol) {
+    Hidden& h = *h_;
+    std::copy(atol.begin(), atol.end(), N_VGetArrayPointer(h.tolerance));
+    h.t = h.begin = t;
+    if (!h.started) {
+        Hidden::need(CVodeInit(h.memory, Hidden::rhs, t, h.y), "CVodeInit");
+        CVodeSetUserData(h.memory, &h);
+#if SUNDIALS_VERSION_MAJOR >= 7
+        SUNContext_ClearErrHandlers(h.context);
+#else
+        CVodeSetErrHandlerFn(h.memory, silence, nullptr);
+#endif
+        CVodeSetMaxNumSteps(h.memory, -1);
+        CVodeSetNoInactiveRootWarn(h.memory);
+        Hidden::need(CVodeSVtolerances(h.memory, h.rtol, h.tolerance), "CVodeSVtolerances");
+        h.matrix = SUNDenseMatrix(h.size.states, h.size.states, h.context);
+        h.linear = SUNLinSol_Dense(h.y, h.matrix, h.context);
+        Hidden::need(CVodeSetLinearSolver(h.memory, h.linear, h.matrix), "CVodeSetLinearSolver");
+        Hidden::need(CVodeSetJacFn(h.memory, Hidden::jacobian), "CVodeSetJacFn");
+        if (h.size.guards > 0) {
+            Hidden::need(CVodeRootInit(h.memory, h.size.guards, Hidden::roots), "CVodeRootInit");
+            CVodeSetRootDirection(h.memory, h.direction.data());
+        }
+        if (h.size.quadratures > 0) {
+            Hidden::need(CVodeQuadInit(h.memory, Hidden::quadrature, h.q), "CVodeQuadInit");
+            CVodeQuadSStolerances(h.memory, h.rtol, quadrature_atol);
+            CVodeSetQuadErrCon(h.memory, SUNTRUE);
+        }
+        if (h.size.sensitivities > 0) {
+            Hidden::need(CVodeSensInit(h.memory, h.size.sensitivities, CV_STAGGERED, Hidden::sensitivity, h.s),
+                         "CVodeSensInit");
+            CVodeSetSensParams(h.memory, nullptr, h.scale.data(), nullptr);
+            CVodeSensEEtolerances(h.memory);
+            CVodeSetSensErrCon(h.memory, SUNTRUE);  // off (its default) the sensitivities are wrong by whole per cents
+        }
+        h.started = true;
+    } else {
+        const Counts c = h.read_counts();
+        h.before = {h.before.steps + c.steps, h.before.rhs + c.rhs, h.before.jacobians + c.jacobians,
+                    h.before.guards + c.guards, h.before.error_test_failures + c.error_test_failures};
+        Hidden::need(CVodeReInit(h.memory, t, h.y), "CVodeReInit");
+        CVodeSVtolerances(h.memory, h.rtol, h.tolerance);
+        if (h.size.quadratures > 0) CVodeQuadReInit(h.memory, h.q);
+        if (h.size.sensitivities > 0) CVodeSensReInit(h.memory, CV_STAGGERED, h.s);
+    }
+    if (h.longest > 0) CVodeSetMaxStep(h.memory, h.longest);
+}
+
+void Solver::limit_step(double longest) { h_->longest = longest; }
+
+Solver::Outcome Solver::step(double stop) {
+    Hidden& h = *h_;
+    CVodeSetStopTime(h.memory, stop);
+    h.begin = h.t;
+    double reached = h.t;
+    h.flag = CVode(h.memory, stop, h.y, &reached, CV_ONE_STEP);
+    if (h.thrown) std::rethrow_exception(std::exchange(h.thrown, nullptr));
+    if (h.flag == CV_TOO_CLOSE) {  // nothing left to integrate before the stop
+        h.t = stop;
+        return Outcome::stopped;
+    }
+    if (h.flag < 0) return Outcome::failed;
+    h.t = reached;
+    if (h.size.sensitivities > 0) CVodeGetSens(h.memory, &reached, h.s);
+    if (h.size.quadratures > 0) CVodeGetQuad(h.memory, &reached, h.q);
+    if (h.flag == CV_ROOT_RETURN) {
+        CVodeGetRootInfo(h.memory, h.root.data());
+        return Outcome::root;
+    }
+    return h.flag == CV_TSTOP_RETURN ? Outcome::stopped : Outcome::stepped;
+}
+
+double Solver::time() const { return h_->t; }
+double Solver::previous_time() const { return h_->begin; }
+std::span<double> Solver::state() { return {N_VGetArrayPointer(h_->y), static_cast<std::size_t>(h_->size.states)}; }
+std::span<double> Solver::sensitivity(int k) {
+    return {N_VGetArrayPointer(h_->s[k]), static_cast<std::size_t>(h_->size.states)};
+}
+std::span<double> Solver::quadrature() {
+    if (!h_->q) return {};
+    return {N_VGetArrayPointer(h_->q), static_cast<std::size_t>(h_->size.quadratures)};
+}
+
+void Solver::state_at(double t, double* z) const {
+    Hidden& h = *h_;
+    const double* from = N_VGetArrayPointer(h.y);
+    if (t != h.t && CVodeGetDky(h.memory, t, 0, h.scratch) == CV_SUCCESS) from = N_VGetArrayPointer(h.scratch);
+    std::copy(from, from + h.size.states, z);
+}
+
+void Solver::sensitivity_at(double t, int k, double* s) const {
+    Hidden& h = *h_;
+    const double* from = N_VGetArrayPointer(h.s[k]);
+    if (t != h.t && CVodeGetSensDky1(h.memory, t, 0, k, h.scratch) == CV_SUCCESS) from = N_VGetArrayPointer(h.scratch);
+    std::copy(from, from + h.size.states, s);
+}
+
+void Solver::quadrature_at(double t, double* q) const {
+    Hidden& h = *h_;
+    if (!h.q) return;
+    const double* from = N_VGetArrayPointer(h.q);
+    if (!h.s_scratch) h.s_scratch = N_VClone(h.q);
+    if (t != h.t && CVodeGetQuadDky(h.memory, t, 0, h.s_scratch) == CV_SUCCESS) from = N_VGetArrayPointer(h.s_scratch);
+    std::copy(from, from + h.size.quadratures, q);
+}
+
+std::span<const int> Solver::roots() const { return h_->root; }
+int Solver::flag() const { return h_->flag; }
+
+std::string Solver::advice(int flag) {
+    switch (flag) {
+        case CV_TOO_MUCH_ACC:
+            return "the tolerance is finer than arithmetic allows; raise rtol";
+        case CV_ERR_FAILURE:
+        case CV_CONV_FAILURE:
+            return "the step size fell to nothing; try method = bdf, a larger rtol, or look for a stiffness or gain "
+                   "that is far too large";
+        case CV_RHSFUNC_FAIL:
+        case CV_FIRST_RHSFUNC_ERR:
+        case CV_REPTD_RHSFUNC_ERR:
+        case CV_UNREC_RHSFUNC_ERR:
+            return "the equations gave a value that is not finite; check parameters and initial state";
+        case CV_LSETUP_FAIL:
+        case CV_LSOLVE_FAIL:
+            return "the linear solver failed; try method = adams or smaller gains";
+        case CV_RTFUNC_FAIL:
+            return "a switching condition was not finite; check parameters and initial state";
+        default:
+            return "CVODE returned code " + std::to_string(flag);
+    }
+}
+
+Solver::Counts Solver::counts() const {
+    const Hidden& h = *h_;
+    if (!h.started) return h.before;
+    const Counts c = h.read_counts();
+    return {h.before.steps + c.steps, h.before.rhs + c.rhs, h.before.jacobians + c.jacobians,
+            h.before.guards + c.guards, h.before.error_test_failures + c.error_test_failures};
+}
+
+}  // namespace dualdrive
