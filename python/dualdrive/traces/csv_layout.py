@@ -62,7 +62,7 @@ def decode(data: bytes, encoding: str, recorder: Recorder) -> tuple[str, str]:
 def split_line(line: str, delimiter: str) -> list[str]:
     """Cells of one line."""
     if delimiter == _SPACES:  # a unit in brackets belongs to the name before it
-        return re.split(r"\s+(?![\[(])", line.strip())
+        return [cell.strip('"') for cell in re.split(r"\s+(?![\[(])", line.strip())]
     return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter), [])]
 
 

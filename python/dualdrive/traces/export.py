@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -56,15 +57,14 @@ def to_csv(trace: Trace, path: Path) -> Path:
 
 
 def to_hdf5(trace: Trace, path: Path) -> Path:
-    """See `Trace.to_hdf5`."""
+    """See `Trace.to_hdf5`. Made in memory first: HDF5 does not recover from a disk that is full."""
     import h5py
 
     from .hdf5_trace import write_trace
 
+    image = io.BytesIO()
+    with h5py.File(image, "w", track_order=True) as file:
+        write_trace(trace, file)
     with write_atomically(path) as temporary:
-        try:
-            with h5py.File(temporary, "w", track_order=True) as file:
-                write_trace(trace, file)
-        except (RuntimeError, ValueError) as error:  # how h5py reports a failed flush
-            raise OSError(str(error)) from error
+        temporary.write_bytes(image.getbuffer())
     return path

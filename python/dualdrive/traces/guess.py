@@ -165,7 +165,20 @@ def _guess_clock(table: Table, notes: list[str]) -> tuple[str, TimeRule]:
 
 
 def _find(words: list[str], vocabulary: dict[str, str]) -> str:
-    return next((key for key, known in vocabulary.items() if set(words) & set(known.split())), "")
+    """Key of the first entry one of the words belongs to; long words may be joined to others."""
+
+    def meant(word: str, known: str) -> bool:
+        joined = len(known) >= 4 and (word.startswith(known) or (len(known) >= 5 and known in word))
+        return word == known or joined
+
+    return next(
+        (
+            key
+            for key, all_known in vocabulary.items()
+            if any(meant(word, known) for word in words for known in all_known.split())
+        ),
+        "",
+    )
 
 
 def _assumed(column: str, channel: str) -> str:

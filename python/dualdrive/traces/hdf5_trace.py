@@ -65,8 +65,11 @@ def is_trace_file(path: Path) -> bool:
 
     if not path.is_file() or not h5py.is_hdf5(path):
         return False
-    with h5py.File(path, "r") as file:
-        return bool(file.attrs.get("schema") == SCHEMA)
+    try:
+        with h5py.File(path, "r") as file:
+            return bool(file.attrs.get("schema") == SCHEMA)
+    except OSError:  # a damaged file: the reader for all HDF5 files says so
+        return False
 
 
 def read_trace(path: Path, recorder: Recorder) -> Trace:

@@ -61,6 +61,8 @@ def read(
     seconds, set_back, start = read_clock(table, mapping.time, clock, recorder)
     _code_texts(table, mapping, recorder)
     wanted = [name for name in table.columns if name not in {clock, *ignored}]
+    for name in table.ambiguous.intersection(wanted, CHANNELS):
+        find_column(table, name, recorder, why="channel")  # refuses
     found = (
         read_channel(table, name, rules.get(name, ColumnRule()), mapping.file, recorder)
         for name in wanted

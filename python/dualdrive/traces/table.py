@@ -51,7 +51,7 @@ def split_header(cell: str) -> tuple[str, str]:
 
     Square brackets always hold a unit; round ones and words only where it is one.
     """
-    cell = cell.strip().strip('"').strip()
+    cell = cell.strip()
     if match := _BRACKETS.fullmatch(cell):
         return match[1].strip(), match[2].strip()
     for pattern in (_PARENTHESES, _WORDS):
