@@ -312,7 +312,7 @@ void Expression::bind(const std::function<int(std::string_view)>& slot_of) {
     std::vector<int> slots;
     for (const std::string& name : names_) {
         slots.push_back(slot_of(name));
-        if (slots.back() < 0) refuse("formula '", shown(text_), "': the name '", name, "' is not known here");
+        if (slots.back() < 0) refuse("formula ", quoted(text_), ": the name ", quoted(name), " is not known here");
     }
     slots_ = std::move(slots);
 }

@@ -81,8 +81,7 @@ class ExpressionUnits {
     void product(const Step& step) {
         const Value right = pop(), left = pop();
         const bool divides = step.op == Op::divide;
-        push(step, divides ? left.unit / right.unit : left.unit * right.unit,
-             left.is_zero || (!divides && right.is_zero));
+        push(step, divides ? left.unit / right.unit : left.unit * right.unit, left.is_zero || right.is_zero);
     }
 
     void power(const Step& step) {
@@ -96,14 +95,14 @@ class ExpressionUnits {
     Value alike(const Step& step, const char* what) {
         const Value right = pop(), left = pop();
         if (!left.is_zero && !right.is_zero && !(left.unit == right.unit))
-            refuse("formula '", shown(formula_.text_), "': in '", part(step.begin, step.end), "' one can't ", what, " ",
+            refuse("formula ", quoted(formula_.text_), ": in ", part(step.begin, step.end), " one can't ", what, " ",
                    named(left), " and ", named(right));
         return {left.is_zero ? right.unit : left.unit, step.begin, step.end, left.is_zero && right.is_zero};
     }
 
     void require_number(const Value& x, const char* what) const {
         if (!x.unit.is_number())
-            refuse("formula '", shown(formula_.text_), "': ", what, " must be a pure number: ", named(x));
+            refuse("formula ", quoted(formula_.text_), ": ", what, " must be a pure number: ", named(x));
     }
 
     void push(const Step& step, const Unit& unit, bool is_zero = false) {
@@ -117,9 +116,9 @@ class ExpressionUnits {
 
     std::string part(int begin, int end) const {
         const std::string_view text = formula_.text_;
-        return shown(text.substr(static_cast<std::size_t>(begin), static_cast<std::size_t>(end - begin)));
+        return quoted(text.substr(static_cast<std::size_t>(begin), static_cast<std::size_t>(end - begin)));
     }
-    std::string named(const Value& x) const { return "'" + part(x.begin, x.end) + "' [" + x.unit.text() + "]"; }
+    std::string named(const Value& x) const { return part(x.begin, x.end) + " [" + x.unit.text() + "]"; }
 
     const Expression& formula_;
     const std::function<Unit(std::string_view)>& unit_of_;

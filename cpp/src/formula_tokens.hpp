@@ -59,8 +59,8 @@ class FormulaTokens {
 
     [[noreturn]] void fail(const std::string& rule) const { fail_at(at_, token_, rule); }
     [[noreturn]] void fail_at(std::size_t at, std::string_view token, const std::string& rule) const {
-        const std::string what = token.empty() ? std::string("the end") : "'" + shown(token) + "'";
-        refuse("formula '", shown(text_), "': column ", at + 1, ", ", what, ": ", rule);
+        const std::string what = token.empty() ? std::string("the end") : quoted(token);
+        refuse("formula ", quoted(text_), ": column ", at + 1, ", ", what, ": ", rule);
     }
 
     std::string_view text_, token_;   // the token is empty at the end

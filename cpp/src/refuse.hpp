@@ -32,6 +32,13 @@ inline std::string shown(std::string_view text) {
     return size < text.size() ? line + "..." : line;
 }
 
+inline std::string quoted(std::string_view text) {
+    std::string line = "'";
+    line += shown(text);
+    line += '\'';
+    return line;
+}
+
 // One argument of a builder.
 inline void require_finite(const char* builder, const char* name, double value) {
     if (!std::isfinite(value)) refuse(builder, ": ", name, " = ", value, " is not a finite number");

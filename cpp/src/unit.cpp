@@ -90,7 +90,7 @@ class UnitReader {
                 return symbol.unit;
             }
         at_ = begin;
-        fail("'" + shown(name) + "' is no coherent SI unit known here (kg m s A K rad N J W Pa Hz V ohm F H C Wb T)");
+        fail(quoted(name) + " is no coherent SI unit known here (kg m s A K rad N J W Pa Hz V ohm F H C Wb T)");
     }
 
     double exponent() {
@@ -115,7 +115,7 @@ class UnitReader {
         return true;
     }
     [[noreturn]] void fail(const std::string& rule) const {
-        refuse("unit '", shown(text_), "': column ", at_ + 1, ": ", rule);
+        refuse("unit ", quoted(text_), ": column ", at_ + 1, ": ", rule);
     }
 
     std::string_view text_;

@@ -106,7 +106,7 @@ TEST_CASE("pieces are found on even, jittering and wild knots alike") {
     const auto knots_of = [](int kind) {
         std::vector<double> t;
         for (int k = 0; k < 500; ++k)
-            t.push_back(kind == 0 ? 0.1 * k : kind == 1 ? 0.1 * k + 0.04 * std::sin(7.0 * k) : std::pow(1.03, k));
+            t.push_back(kind == 0 ? 0.1 * k : kind == 1 ? 0.1 * k + 0.02 * std::sin(7.0 * k) : std::pow(1.03, k));
         return t;
     };
     for (int kind = 0; kind < 3; ++kind) {
