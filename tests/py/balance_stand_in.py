@@ -17,10 +17,8 @@ UNITS = {
     "table.b": "N*m*s/rad",
     "coulomb@table.torque": "N*m",
     "motor_1.J": "kg*m^2",
-    "motor_2.J": "kg*m^2",
-    "brake.gain": "",
 }
-BOUNDS = {"motor_1.J": (0.0, np.inf), "table.J": (0.0, np.inf), "motor_2.J": (0.0, np.inf)}
+BOUNDS = {"motor_1.J": (0.0, np.inf), "table.J": (0.0, np.inf)}
 
 
 @dataclass(frozen=True)
@@ -48,10 +46,8 @@ class RigidAxis:
             "table.b": samples["omega_m"],
             "coulomb@table.torque": np.sign(samples["omega_m"]),
             "motor_1.J": samples.get("alpha_1", nothing),
-            "motor_2.J": samples.get("alpha_2", nothing),
-            "brake.gain": samples.get("brake", nothing),
         }
-        measured = samples["T_1"] + samples.get("T_2", nothing)
+        measured = samples["T_1"]
         model = sum((self.values[p] * columns[p] for p in self.values), nothing)
         return Balance(
             ("m",),

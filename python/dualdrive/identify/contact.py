@@ -110,7 +110,7 @@ def _between_resets(trace: Any, angles: Sequence[str]) -> list[_Part]:
     cut = np.zeros(len(t) - 1, dtype=bool)
     for angle in angles:
         change = np.abs(np.diff(values[angle]))
-        cut |= change > 20 * np.quantile(change, 0.999) + 1e-12
+        cut |= change > 20 * max(float(np.quantile(change, 0.999)), _quantum(values[angle]))
     edges = np.flatnonzero(cut) + 1
     return [
         _Part(t[i], {n: x[i] for n, x in values.items()})

@@ -12,6 +12,10 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+#: channels of measured motor torque
+TORQUES = ("T_1", "T_2")
+
+
 @dataclass(frozen=True)
 class Balance:
     """The equations of motion on recorded kinematics; shapes (equations, n[, parameters]).
@@ -112,18 +116,25 @@ class CoreModel:
         core = getattr(copy, "core", copy)
         for path, value in values.items():
             core.set(path, value)
+        for known in core.parameters():
+            if known.path.endswith(".J") and known.value == 0.0 and known.path in values:
+                core.set(known.path, 1e-9 * known.typical)  # nothing that moves is without inertia
         return CoreModel(copy)
 
     def balance(self, samples: Mapping[str, Array], parameters: Sequence[str]) -> Balance:
         """The equations on these samples, from the same effect hooks as a simulation."""
         from dualdrive import _core
 
-        found = _core.balance(self._core, dict(samples), list(parameters))  # type: ignore[attr-defined]
+        channels = {name: np.ascontiguousarray(x) for name, x in samples.items()}
+        idle = {name: 0.0 * x if name in TORQUES else x for name, x in channels.items()}
+        found = _core.torque_balance(self._core, channels, list(parameters))
+        # the measured part is what the balance loses with the motors' torque
+        without = _core.torque_balance(self._core, idle)
         return Balance(
             tuple(found["equations"]),
-            np.asarray(found["residual"]),
-            np.asarray(found["jacobian"]),
-            np.asarray(found["measured"]),
+            found["residual"],
+            found["jacobian"],
+            without["residual"] - found["residual"],
         )
 
 
@@ -133,11 +144,7 @@ def as_model(machine: Any) -> BalanceModel:
 
 
 def _declared(parameter: Any) -> Declared:
+    low = parameter.low + (1e-9 * parameter.typical if parameter.low_excluded else 0.0)
     return Declared(
-        parameter.path,
-        parameter.unit,
-        parameter.low,
-        parameter.high,
-        parameter.value,
-        getattr(parameter, "typical", 1.0),
+        parameter.path, parameter.unit, low, parameter.high, parameter.value, parameter.typical
     )
