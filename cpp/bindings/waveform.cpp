@@ -87,20 +87,19 @@ Raises ValueError naming index, value and rule.)",
             "times"_a, R"(The signal at times in s: a float for a float, else an array of the same shape.
 
 At a breakpoint the value is that of the side which follows it.)",
-            nb::sig("def value(self, times: numpy.typing.ArrayLike) -> float | numpy.typing.NDArray[numpy.float64]"))
+            nb::sig("def value(self, times: numpy.typing.ArrayLike) -> typing.Any"))
         .def(
             "rate",
             [](const Waveform& w, const nb::object& t) { return over(t, [&w](double s) { return w.rate(s); }); },
             "times"_a, "Its first derivative, per s; shapes as for value().",
-            nb::sig("def rate(self, times: numpy.typing.ArrayLike) -> float | numpy.typing.NDArray[numpy.float64]"))
+            nb::sig("def rate(self, times: numpy.typing.ArrayLike) -> typing.Any"))
         .def(
             "acceleration",
             [](const Waveform& w, const nb::object& t) {
                 return over(t, [&w](double s) { return w.acceleration(s); });
             },
             "times"_a, "Its second derivative, per s^2; shapes as for value().",
-            nb::sig(
-                "def acceleration(self, times: numpy.typing.ArrayLike) -> float | numpy.typing.NDArray[numpy.float64]"))
+            nb::sig("def acceleration(self, times: numpy.typing.ArrayLike) -> typing.Any"))
         .def(
             "breaks", [](const Waveform& w) { return array_of(w.breaks()); },
             "Times in s, increasing, where value, rate or acceleration jumps; shape (n,).",
@@ -226,7 +225,7 @@ Before the first and after the last sample the end values are held. Each change 
 (linear) is a break, where a solver stops; cubic has none but its ends, and overshoots at steps.
 Raises ValueError naming argument, index, value and rule.)",
         nb::sig("def sampled(times: numpy.typing.ArrayLike, values: numpy.typing.ArrayLike, "
-                "interpolation: Interpolation = Interpolation.cubic) -> Waveform"));
+                "interpolation: Interpolation = ...) -> Waveform"));
 }
 
 }  // namespace
