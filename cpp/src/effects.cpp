@@ -11,7 +11,7 @@ namespace {
 
 template <template <class> class E>
 EffectType describe() {
-    EffectType type{E<double>::text, hooks_of<E>(), {}};
+    EffectType type{E<double>::text, hooks_of<E>(), {}, memory_of<E>()};
     for (const auto& field : E<double>::parameters()) type.parameters.push_back(field.declaration);
     return type;
 }

@@ -159,7 +159,7 @@ class Builder {
         const auto& options = m.controller();
         l.position_block = add_block(Loop::position, 0, "controller.position", c.K_i > 0, c.position_sample,
                                      c.position_latency, "rad/s");
-        l.derivative_filter = state("controller.derivative", "rad");
+        if (c.K_d > 0) l.derivative_filter = state("controller.derivative", "rad");
         if (m.motors().size() > 1 && c.tau_t > 0) l.tension_filter = state("controller.tension", "N*m");
         for (std::size_t k = 0; k < m.motors().size(); ++k) {
             const int drive = static_cast<int>(k);
@@ -205,11 +205,12 @@ class Builder {
             for (const auto& place : entry.members) {
                 const int body = m.body(place);
                 if (hooks & hook::body) l.effects_on_body[static_cast<std::size_t>(body)].push_back(index);
+                if (!formula) remember(entry, index, body);
                 if (hooks & hook::friction) l.friction_on_body[static_cast<std::size_t>(body)].push_back(index);
                 if (hooks & hook::motor) l.effects_in_motor[static_cast<std::size_t>(m.motor(place))].push_back(index);
                 if (hooks & hook::mesh)
                     for (std::size_t c = 0; c < m.connections().size(); ++c)
-                        if (shapes(place, c)) l.effects_on_mesh[c].push_back(index);
+                        if (shapes(place, c)) l.effects_on_mesh[c].push_back(mesh_effect(place, c, index));
                 if (hooks & (hook::reading | hook::delay)) {
                     if (place == "table") l.sensor_effects[m.motors().size()].push_back(index);
                     if (const int k = m.motor(place); k >= 0)
@@ -217,6 +218,21 @@ class Builder {
                 }
             }
         }
+    }
+
+    void remember(const EffectEntry& entry, int effect, int body) {
+        const int count = effect_type(entry.name).memory;
+        for (int k = 0; k < count; ++k) {
+            const int s = state(entry.label + "[" + std::to_string(k) + "]", "");
+            if (k == 0) l.memories.push_back({effect, body, s});
+        }
+    }
+
+    Layout::MeshEffect mesh_effect(const std::string& place, std::size_t c, int effect) const {
+        const bool at_ring = place == "ring" || place == "table";
+        const std::string& name = m.connections()[c].name;
+        const auto digits = name.find_last_not_of("0123456789") + 1;
+        return {effect, at_ring, at_ring && digits < name.size() ? std::stoi(name.substr(digits)) : 1};
     }
 
     // A mesh effect may be told a connection, the pinion that drives it, or the ring that every mesh shares.

@@ -30,6 +30,13 @@ std::string bounds_text(const Bounds& b) {
 
 bool within(const Bounds& b, double v) { return (b.low_excluded ? v > b.low : v >= b.low) && v <= b.high; }
 
+// The name of a recorded channel (interface: canonical names of measured traces).
+bool is_channel(std::string_view name) {
+    for (const std::string_view stem : {"theta_", "omega_", "I_", "U_", "T_"})
+        if (name.starts_with(stem) && name.size() > stem.size()) return true;
+    return false;
+}
+
 struct Group {
     const char* name;
     const char* member_prefix;
@@ -136,6 +143,17 @@ const std::string& Machine::append_effect(EffectEntry entry) {
     return effects_.back().label;
 }
 
+// Somewhere a mesh effect can bite: a connection with twist, the pinion that drives one, or the ring.
+bool Machine::shapes_a_mesh(const std::string& place) const {
+    return std::any_of(connections_.begin(), connections_.end(), [&](const ConnectionEntry& c) {
+        if (c.kind == ConnectionKind::rigid) return false;
+        const auto& driver = bodies_[static_cast<std::size_t>(c.driver)].name;
+        const bool ring =
+            (place == "ring" || place == "table") && bodies_[static_cast<std::size_t>(c.driven)].name == "table";
+        return c.name == place || (c.frame == TwistFrame::driver && (driver == place || ring));
+    });
+}
+
 const std::string& Machine::add_effect(const std::string& effect_name, const std::string& place) {
     const EffectType& type = effect_type(effect_name);
     EffectEntry entry{effect_name, place, "", members_of(place), "", 0, type.parameters.size()};
@@ -145,13 +163,18 @@ const std::string& Machine::add_effect(const std::string& effect_name, const std
     const bool in_motor = type.hooks & hook::motor;
     for (auto& m : entry.members) {
         if (on_body && m == "ring") m = "table";
-        const bool ring = m == "ring" || m == "table";
         if (on_body && body(m) < 0)
             refuse("effect " + effect_name + ": no body named " + m +
                    " to act on; bodies are motor_n, pinion_n, table");
         if (in_motor && motor(m) < 0) refuse("effect " + effect_name + ": no motor named " + m);
-        if (on_mesh && !ring && connection(m) < 0 && body(m) < 0)
-            refuse("effect " + effect_name + ": " + m + " is no mesh, gearbox, pinion or the ring");
+        if (on_mesh && !shapes_a_mesh(m))
+            refuse("effect " + effect_name + ": " + m +
+                   " is no place for it; it acts at a mesh or gearbox that is not rigid, at a pinion, or at the ring");
+        const bool sensor = type.hooks & (hook::reading | hook::delay);
+        if (sensor && m != "table" && motor(m) < 0 && !is_channel(m))
+            refuse("effect " + effect_name + ": " + m +
+                   " is no sensor; it sits at table or motor_n (inside the loop), or at a recorded channel such as "
+                   "theta_m");
     }
     const std::string& label = append_effect(std::move(entry));
     effects_.back().first = declare(label, type.parameters.data(), type.parameters.size());

@@ -21,14 +21,16 @@ namespace {
 
 // What an effect may depend on besides its parameters, in this order.
 const std::vector<std::string> quantities{"angle",        "speed",      "current torque", "twist",
-                                          "pinion angle", "ring angle", "signal"};
+                                          "pinion angle", "ring angle", "signal",         "memory"};
 
 // Everything an effect answers at one state, as plain scalars. Mesh forces are the slopes of the mesh energy.
 template <class S>
 std::vector<S> answers(const std::string& name, const std::vector<S>& values, const std::vector<S>& q) {
     using A = Dual<S, 2>;
     const auto effect = make_effect<S>(name, values.data());
-    const BodyPort<S> body{.t = S(0.0), .angle = q[0], .speed = q[1], .mesh_torque = S(0.0)};
+    const BodyPort<S> body{.t = S(0.0), .angle = q[0], .speed = q[1], .mesh_torque = S(0.0), .memory = &q[7]};
+    S memory_rate(0.0);
+    effect->flow(body, &memory_rate);
     const MotorPort<S> motor{.t = S(0.0), .angle = q[0], .speed = q[1], .current = q[2], .torque = q[2]};
 
     const double ratio = 20.0;
@@ -51,7 +53,8 @@ std::vector<S> answers(const std::string& name, const std::vector<S>& values, co
             law.damping.value,
             energy.value,
             energy.slope[0],
-            energy.slope[1]};
+            energy.slope[1],
+            memory_rate};
 }
 
 std::vector<std::string> split(const char* list) {
@@ -99,7 +102,7 @@ std::vector<double> standard(const EffectType& type) {
 }  // namespace
 
 TEST_CASE("declarations are complete and consistent") {
-    const std::set<std::string> units{"", "N*m", "N*m*s/rad", "rad", "rad/s", "s"};
+    const std::set<std::string> units{"", "N*m", "N*m*s/rad", "N*m/rad", "rad", "rad/s", "s"};
     const std::set<std::string> places{"table", "pinions", "motors", "meshes"};
     std::set<std::string> names;
     for (const auto& type : effect_types()) {
@@ -142,6 +145,8 @@ TEST_CASE("hooks are found where an effect offers them, and only there") {
     CHECK(hooks("viscous") == hook::body);
     CHECK(hooks("coulomb") == hook::friction);
     CHECK(hooks("stribeck") == hook::friction);
+    CHECK(hooks("lugre") == hook::body);
+    CHECK(effect_type("lugre").memory == 1);
     CHECK(hooks("mesh_damping") == hook::mesh);
     CHECK(hooks("eccentricity") == hook::mesh);
     CHECK(hooks("cogging") == hook::body);
@@ -247,6 +252,20 @@ TEST_CASE("coulomb: the limit of each direction") {
     const auto effect = make_effect<double>("coulomb", values);
     CHECK(effect->friction_limit({}, 1) == doctest::Approx(360.0));
     CHECK(effect->friction_limit({}, -1) == doctest::Approx(240.0));
+}
+
+TEST_CASE("lugre: the bristle of steady sliding carries the Stribeck curve") {
+    const double values[]{300.0, 1.5, 2e-3, 1e6, 100.0};
+    const auto effect = make_effect<double>("lugre", values);
+    for (const double speed : {-5e-3, -1e-3, 1e-3, 2e-3, 0.1}) {
+        const double level = 300.0 * (1.0 + 0.5 * std::exp(-std::pow(speed / 2e-3, 2)));
+        const double bent = std::copysign(level / 1e6, speed);  // where dz/dt = 0
+        const BodyPort<double> at{.t = 0, .angle = 0, .speed = speed, .mesh_torque = 0, .memory = &bent};
+        double rate = 1.0;
+        effect->flow(at, &rate);
+        CHECK(std::abs(rate) < 1e-15);
+        CHECK(effect->torque_on_body(at) == doctest::Approx(-std::copysign(level, speed)));
+    }
 }
 
 TEST_CASE("stribeck: breakaway, one Stribeck speed, far above it") {

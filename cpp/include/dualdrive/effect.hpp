@@ -22,6 +22,7 @@ struct BodyPort {
     S t, angle, speed;
     S mesh_torque;                   // magnitude source of load-dependent losses: torque through the body's meshes
     const S* signals = nullptr;      // all named signals known before body torques; for user expressions
+    const S* memory = nullptr;       // the effect's own states at this place
     const Mode* branches = nullptr;  // frozen signs of the effect's own switches
 };
 
@@ -61,6 +62,7 @@ class Effect {
     virtual S torque_of_motor(const MotorPort<S>&) const { return S(0.0); }
     virtual S reading(const S& value, const SensorPort<S>&) const { return value; }
     virtual S delay() const { return S(0.0); }
+    virtual void flow(const BodyPort<S>&, S* /*rate*/) const {}
     virtual void switch_values(const BodyPort<S>&, S*) const {}
 };
 
@@ -84,6 +86,7 @@ struct EffectType {
     EffectText text;
     unsigned hooks;
     std::vector<Declaration> parameters;
+    int memory = 0;  // states of its own, at each place
 };
 
 namespace detail {
@@ -98,6 +101,12 @@ template <class E>
 concept ActsInMotor = requires(const E e, const MotorPort<double> p) { e.torque_of_motor(p); };
 template <class E>
 concept ChangesReading = requires(const E e, const SensorPort<double> p) { e.reading(1.0, p); };
+// Own states: a count and their rates, e.g. the bristle of a friction law. They live in the run's state vector.
+template <class E>
+concept Remembers = requires(const E e, const BodyPort<double> p, double* rate) {
+    E::memory;
+    e.flow(p, rate);
+};
 template <class E>
 concept DelaysReading = requires(const E e) { e.delay(); };
 }  // namespace detail
@@ -108,6 +117,12 @@ unsigned hooks_of() {
     return (detail::ActsOnBody<T> ? hook::body : 0u) | (detail::RubsOnBody<T> ? hook::friction : 0u) |
            (detail::ShapesMesh<T> ? hook::mesh : 0u) | (detail::ActsInMotor<T> ? hook::motor : 0u) |
            (detail::ChangesReading<T> ? hook::reading : 0u) | (detail::DelaysReading<T> ? hook::delay : 0u);
+}
+
+template <template <class> class E>
+constexpr int memory_of() {
+    if constexpr (detail::Remembers<E<double>>) return E<double>::memory;
+    return 0;
 }
 
 // Forwards the virtual face to whichever hooks the plain struct offers.
@@ -135,6 +150,9 @@ class EffectOf final : public Effect<S> {
     S reading(const S& value, const SensorPort<S>& at) const override {
         if constexpr (detail::ChangesReading<E<double>>) return effect_.reading(value, at);
         return Effect<S>::reading(value, at);
+    }
+    void flow(const BodyPort<S>& at, S* rate) const override {
+        if constexpr (detail::Remembers<E<double>>) effect_.flow(at, rate);
     }
     S delay() const override {
         if constexpr (detail::DelaysReading<E<double>>) return effect_.delay();

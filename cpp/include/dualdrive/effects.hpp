@@ -9,6 +9,7 @@
 #include "dualdrive/effects/cogging.hpp"
 #include "dualdrive/effects/coulomb.hpp"
 #include "dualdrive/effects/eccentricity.hpp"
+#include "dualdrive/effects/lugre.hpp"
 #include "dualdrive/effects/mesh_damping.hpp"
 #include "dualdrive/effects/sensor_delay.hpp"
 #include "dualdrive/effects/sensor_offset.hpp"
@@ -24,6 +25,7 @@ struct EffectList {};
 using Registry = EffectList<Viscous,       //
                             Coulomb,       //
                             Stribeck,      //
+                            LuGre,         //
                             MeshDamping,   //
                             Eccentricity,  //
                             Cogging,       //

@@ -71,7 +71,17 @@ struct Layout {
     std::vector<int> flank_of, stick_of;  // per connection, per group (-1: none)
     int tension_sum_branch = -1, tension_zero_branch = -1;
     std::vector<int> effect_branch;  // per effect and member: first branch element
-    std::vector<std::vector<int>> effects_on_body, friction_on_body, effects_on_mesh, effects_in_motor, sensor_effects;
+    std::vector<std::vector<int>> effects_on_body, friction_on_body, effects_in_motor, sensor_effects;
+    struct MeshEffect {
+        int effect;
+        bool at_ring;  // its angle is the ring's, else the pinion's
+        int number;    // of the mesh, where the ring sees several; 1 at a pinion of its own
+    };
+    std::vector<std::vector<MeshEffect>> effects_on_mesh;
+    struct Memory {
+        int effect, body, state;  // first of the effect's own states at this body
+    };
+    std::vector<Memory> memories;
     std::vector<DelayLine> delays;
     int slave_delay = -1;
     std::vector<int> sensor_delay;  // per sensor (motors, then table): delay line

@@ -102,6 +102,7 @@ class Machine {
     std::size_t declare(const std::string& prefix);
     std::vector<std::string> members_of(std::string_view group) const;
     const std::string& append_effect(EffectEntry entry);
+    bool shapes_a_mesh(const std::string& place) const;
 
     std::vector<BodyEntry> bodies_;
     std::vector<ConnectionEntry> connections_;

@@ -2,13 +2,6 @@
 
 namespace dualdrive {
 
-namespace detail {
-inline int trailing_number(const std::string& name) {
-    const auto at = name.find_last_not_of("0123456789");
-    return at + 1 < name.size() ? std::stoi(name.substr(at + 1)) : 1;
-}
-}  // namespace detail
-
 template <class S>
 void Model<S>::read_inputs(const S& t) {
     const auto& at = layout_.at;
@@ -70,11 +63,11 @@ void Model<S>::connection_torques() {
         if (!layout_.effects_on_mesh[c].empty()) {
             MeshLaw<A> law{A(0.0), gap, K, A(0.0)};
             const A driver = A::variable(angle_a, 0), driven = A::variable(angle_b, 1);
-            MeshPort<A> port{x, driver, driven, driver, detail::trailing_number(k.name)};
-            for (const int e : layout_.effects_on_mesh[c]) {
-                const auto& place = machine_.effects()[static_cast<std::size_t>(e)].place;
-                port.angle = place == "ring" || place == "table" ? driven : driver;
-                effect_[static_cast<std::size_t>(e)]->shape_mesh(law, port);
+            MeshPort<A> port{x, driver, driven, driver, 1};
+            for (const auto& at_mesh : layout_.effects_on_mesh[c]) {
+                port.angle = at_mesh.at_ring ? driven : driver;
+                port.number = at_mesh.number;
+                effect_[static_cast<std::size_t>(at_mesh.effect)]->shape_mesh(law, port);
             }
             x += law.offset;
             gap = law.gap;
@@ -151,6 +144,14 @@ BodyPort<S> Model<S>::port(std::size_t b, const S& t) const {
     return p;
 }
 
+// An effect's own states at a body; null when it keeps none.
+template <class S>
+const S* Model<S>::memory_of(int effect, int body) const {
+    for (const auto& m : layout_.memories)
+        if (m.effect == effect && m.body == body) return state_ + m.state;
+    return nullptr;
+}
+
 template <class S>
 void Model<S>::body_torques(const S& t) {
     const auto& at = layout_.at;
@@ -187,6 +188,7 @@ void Model<S>::body_torques(const S& t) {
         BodyPort<S> p = port(b, t);
         for (const int e : layout_.effects_on_body[b]) {
             const auto effect = static_cast<std::size_t>(e);
+            p.memory = memory_of(e, static_cast<int>(b));
             if (const int first = layout_.effect_branch[effect]; first >= 0) {
                 const int element = branch_of(effect, b);
                 p.branches = now_.modes + element;
@@ -271,6 +273,11 @@ void Model<S>::rates(const S* z) {
             connection_[c].ratio * signal_[static_cast<std::size_t>(at.speed[static_cast<std::size_t>(k.driven)])];
         rate_[static_cast<std::size_t>(layout_.twist[c])] =
             k.frame == TwistFrame::driver ? difference : difference / connection_[c].ratio;
+    }
+    for (const auto& memory : layout_.memories) {
+        BodyPort<S> p = port(static_cast<std::size_t>(memory.body), time_);
+        p.memory = state_ + memory.state;
+        effect_[static_cast<std::size_t>(memory.effect)]->flow(p, rate_.data() + memory.state);
     }
     for (std::size_t r = 0; r < layout_.roots.size(); ++r)
         rate_[static_cast<std::size_t>(layout_.root_angle[r])] =
