@@ -130,12 +130,14 @@ def test_mat_7_3(tmp_path: Path) -> None:
         for name in ("t", "qm", "speeds"):
             file[name] = np.asarray(VARIABLES[name]).T  # as MATLAB stores it
         file["gain"] = np.array([[35.15]])
+        file["square"] = np.outer(T**2, np.arange(len(T))).T
         file["#refs#/a"] = np.arange(7.0)
     with path.open("rb+") as raw:
         raw.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64")
     trace = read(path, MAPPING)
     np.testing.assert_allclose(trace["theta_m"], np.radians(100 * T))
     np.testing.assert_allclose(trace["omega_m"], T)
+    np.testing.assert_allclose(trace["square[4]"], 3 * T**2)
     assert dict(trace.constants) == {"gain": 35.15}
     assert trace.source.layout["format"] == "mat 7.3"
 

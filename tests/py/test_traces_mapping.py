@@ -89,6 +89,8 @@ def test_mapping_beside_the_file(tmp_path: Path) -> None:
         ({"keep": ("mode >= 1", "mode < 2")}, [1, 2]),
         ({"keep": ("mode > 0",), "drop": ("state == 'off'",)}, [2, 3]),
         ({"keep": ("state != on",)}, [0, 1]),
+        ({"keep": ("mode <= 1",)}, [0, 1, 2]),
+        ({"drop": ("mode >= 2",)}, [0, 1, 2]),
     ],
 )
 def test_row_conditions(tmp_path: Path, rows: dict[str, tuple[str, ...]], left: list[int]) -> None:

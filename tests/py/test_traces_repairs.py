@@ -154,6 +154,12 @@ def test_lone_jump_is_named_but_kept(folder: Path) -> None:
     np.testing.assert_array_equal(trace["theta_1"], values)
 
 
+def test_a_quick_move_is_no_jump(folder: Path) -> None:
+    steps = np.full(400, 0.001)
+    steps[200:212] = [0.02, 0.08, *[0.2] * 8, 0.08, 0.02]  # 3 % of the samples, 200 times faster
+    assert not mapped(folder, {"theta_1": np.cumsum(steps)}).log.troubles
+
+
 def test_a_commanded_step_is_no_reset(folder: Path) -> None:
     steps = np.r_[np.zeros(50), np.full(50, 1.0), np.zeros(50)]
     trace = mapped(folder, {"theta_ref": steps, "theta_m": np.sin(np.arange(150))})
@@ -182,6 +188,13 @@ def test_speed_that_contradicts_its_angle(folder: Path, unit: str, sign: int, ra
         found = re.search(r"changes by (\S+) times", log["rates"][0].message)
         assert found is not None
         assert float(found[1]) == pytest.approx(ratio, rel=2e-3)
+
+
+def test_angles_that_moved_during_a_pause_contradict_nothing(folder: Path) -> None:
+    t = np.r_[np.arange(200.0), np.arange(200.0) + 5000]
+    angle = np.sin(t / 20) + np.where(t > 1000, 40.0, 0.0)
+    log = mapped(folder, {"t": t, "theta_m": angle, "omega_m": np.cos(t / 20) / 20}).log
+    assert [issue.kind for issue in log] == ["gap"]
 
 
 # --- conventions of recorders ------------------------------------------------------------------

@@ -274,6 +274,16 @@ def test_a_failed_write_leaves_what_was_there(trace: Trace, tmp_path: Path, name
     assert [p.name for p in tmp_path.iterdir()] == [name]
 
 
+def test_a_new_file_takes_the_place_of_the_old_one_at_once(trace: Trace, tmp_path: Path) -> None:
+    path, other_name = tmp_path / "x.csv", tmp_path / "kept"
+    path.write_text("precious")
+    path.chmod(0o640)
+    other_name.hardlink_to(path)
+    trace.to_csv(path)
+    assert other_name.read_text() == "precious"  # whoever reads the old one reads all of it
+    assert path.stat().st_mode & 0o777 == 0o640
+
+
 def test_unwritable_paths(trace: Trace, tmp_path: Path) -> None:
     for path in (tmp_path / "no" / "such" / "x.csv", tmp_path):
         with pytest.raises(TraceError, match="cannot be written"):
