@@ -288,6 +288,10 @@ void Simulation::start() {
                                         " s is too short to integrate as a delay; use 0 or at least 1e-7 s");
         longest = longest > 0 ? std::min(longest, 0.99 * delay) : 0.99 * delay;
     }
+    for (const auto& [name, w] : inputs_) {  // a machine at rest would step over a command that comes and goes
+        const double turning = w.turning_time();
+        if (std::isfinite(turning)) longest = longest > 0 ? std::min(longest, turning) : turning;
+    }
     solver_->limit_step(longest);
     restart();
     pass_break();

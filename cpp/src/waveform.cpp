@@ -1,6 +1,7 @@
 #include "dualdrive/waveform.hpp"
 
 #include <algorithm>
+#include <numbers>
 #include <string>
 #include <utility>
 
@@ -202,6 +203,25 @@ std::vector<double> Waveform::knots() const {
     std::vector<double> times = breaks();
     for (const Track& track : tracks_) times.insert(times.end(), track.knots().begin(), track.knots().end());
     return sorted_once(std::move(times));
+}
+
+double Track::turning_time() const {
+    double shortest = std::numeric_limits<double>::infinity();
+    for (std::size_t piece = 1; piece < knots_.size(); ++piece) {  // the pieces between two knots
+        const double* c = coefficients_.data() + piece * terms_;
+        if (std::any_of(c + std::min<std::size_t>(2, terms_), c + terms_, [](double x) { return x != 0.0; }))
+            shortest = std::min(shortest, 0.5 * width(piece));
+    }
+    return shortest;
+}
+
+double Waveform::turning_time() const {
+    double shortest = std::numeric_limits<double>::infinity();
+    for (const Harmonic& h : harmonics_)
+        if (h.amplitude != 0.0 && h.angular_frequency != 0.0)
+            shortest = std::min(shortest, 0.25 * std::numbers::pi / std::abs(h.angular_frequency));
+    for (const Track& track : tracks_) shortest = std::min(shortest, track.turning_time());
+    return shortest;
 }
 
 double Waveform::end() const {

@@ -181,3 +181,14 @@ TEST_CASE("refusals name the place, the value and the rule") {
     CHECK(contains(refusal([&] { Waveform(std::nan("")); }), "pieces[0][0] = nan"));
     CHECK(contains(refusal([&] { Waveform({1.0, 1.0 + 1e-15}, {p, p, p}).shifted(1e9); }), "must increase"));
 }
+
+TEST_CASE("a signal tells how fast it may turn") {
+    using dualdrive::Waveform;
+    CHECK(std::isinf(Waveform(3.0).turning_time()));
+    const Waveform sine({dualdrive::Harmonic{1.0, 2.0 * std::numbers::pi * 5.0}});
+    CHECK(sine.turning_time() == doctest::Approx(0.2 / 8.0));
+    const dualdrive::Polynomial flat{1.0}, curved{0.0, 0.0, 3.0};
+    const Waveform bump({0.0, 0.5, 2.0}, {flat, curved, flat, flat});
+    CHECK(bump.turning_time() == doctest::Approx(0.25));
+    CHECK((bump + sine).turning_time() == doctest::Approx(0.2 / 8.0));
+}

@@ -69,6 +69,7 @@ class Track {
     const std::vector<double>& knots() const { return knots_; }
     const std::vector<double>& breaks() const { return breaks_; }
     double end() const;  // the last knot; infinite when the last piece is not constant
+    double turning_time() const;
     Track scaled(double factor) const;
     Track shifted(double delay) const;
 
@@ -149,6 +150,10 @@ class Waveform {
     std::vector<double> knots() const;
     // The last knot: from then on the signal rests. Infinite if it never does, zero for a constant.
     double end() const;
+
+    // A time within which the signal cannot swing there and back unseen: an eighth of its fastest period, half of its
+    // shortest curved piece. Infinite for steps and ramps. A solver at rest sees its inputs only where it steps.
+    double turning_time() const;
 
     Waveform scaled(double factor) const;
     Waveform shifted(double delay) const;  // later by `delay` s
