@@ -135,6 +135,11 @@ def test_row_with_too_many_cells(write: Write) -> None:
     assert error.rows == (4,)
 
 
+def test_quotation_mark_that_is_not_closed(write: Write) -> None:
+    error = refused(write('t,theta_m,note\n0,1,a\n1,2,"b\n2,3,c"\n3,4,d\n'))
+    assert "quotation mark" in str(error)
+
+
 def test_row_cut_short(write: Write) -> None:
     trace = read(write("t,theta_m,T_1\n0,1,1\n1,2,2\n2,3\n"))
     assert trace.log["missing"][0].rows == (4,)

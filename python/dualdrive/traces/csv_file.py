@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import io
 import re
+import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .csv_layout import Layout, decode, find_layout
+from .csv_layout import Layout, decode, find_layout, split_line
 from .log import Recorder
 from .mapping import FileLayout
 from .table import Table, unique_names
@@ -54,19 +55,24 @@ def _frame(lines: list[str], names: list[str], layout: Layout, recorder: Recorde
         lines = lines[:-1]  # the end of the file is no row
     trailing = ["\0"] if _ends_with_delimiter(lines[0], layout) else []
     try:
-        return pd.read_csv(
-            io.StringIO("\n".join(lines)),
-            sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
-            decimal=layout.decimal,
-            header=None,
-            names=names + trailing,
-            index_col=False,
-            na_values=_EMPTY,
-            keep_default_na=False,
-            skip_blank_lines=False,
-            skipinitialspace=True,
-            low_memory=False,
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # it would drop cells
+            frame = pd.read_csv(
+                io.StringIO("\n".join(lines)),
+                sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
+                decimal=layout.decimal,
+                header=None,
+                names=names + trailing,
+                index_col=False,
+                na_values=_EMPTY,
+                keep_default_na=False,
+                skip_blank_lines=False,
+                skipinitialspace=True,
+                low_memory=False,
+            )
+    except pd.errors.ParserWarning:
+        rule = f"rows with more cells than the {len(names)} columns of the header"
+        raise recorder.error("column", rule, "repair header or rows") from None
     except pd.errors.ParserError as error:
         found = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
         if found is None:
@@ -74,10 +80,14 @@ def _frame(lines: list[str], names: list[str], layout: Layout, recorder: Recorde
         rule = f"a row has {found[3]} cells, the header names {len(names)} columns"
         row = int(found[2]) + layout.first
         raise recorder.error("column", rule, "repair that row", [row]) from None
+    if len(frame) != len(lines):
+        rule = f"{len(lines)} lines give {len(frame)} rows: a quotation mark is not closed"
+        raise recorder.error("file", rule, "repair the file")
+    return frame
 
 
 def _ends_with_delimiter(line: str, layout: Layout) -> bool:
-    return layout.delimiter != " " and line.count(layout.delimiter) == layout.width
+    return layout.delimiter != " " and len(split_line(line, layout.delimiter)) == layout.width + 1
 
 
 def _column(series: Any) -> NDArray[Any]:

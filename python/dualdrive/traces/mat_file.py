@@ -36,11 +36,10 @@ def read_mat(path: Path, wanted: FileLayout, recorder: Recorder) -> Table:
 
 def _version_5(path: Path, recorder: Recorder) -> dict[str, Any]:
     from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
 
     try:
         variables = loadmat(path, simplify_cells=True)
-    except (MatReadError, ValueError, OSError, NotImplementedError, TypeError) as error:
+    except Exception as error:  # a damaged file makes the library raise nearly anything
         raise recorder.error("file", f"not a readable MAT file: {error}", "export again") from None
     return _flat({n: v for n, v in variables.items() if not n.startswith("__")})
 
