@@ -12,6 +12,7 @@ constexpr int settle_passes = 60;      // transitions at one instant before it i
 constexpr long crowded_limit = 400;    // transitions in a row ...
 constexpr double crowded_time = 1e-9;  // ... each within this of the one before, s
 constexpr double noise = 1e-9;         // of a guard's scale: below it, which way the guard moves decides
+constexpr double at_limit = 1e-6;      // of a limit: nearer than this a limited quantity stands on it
 
 double instant(double t) { return 1e-12 * std::max(1.0, std::abs(t)); }
 
@@ -99,8 +100,10 @@ Mode Simulation::next_limiter_mode(std::size_t b, Mode from, int which) {
     evaluate(solver_->time(), solver_->state().data());
     const Block<double>& block = model_.block(static_cast<int>(b));
     const bool integrates = layout_.blocks[b].integrator >= 0;
+    // A jump of the command carries raw away from the limit: nothing to slide along there.
     const auto rides = [&](int side) {
-        return integrates && side * held < 0 && side * (held + block.gain * block.integrand) > 0;
+        return integrates && std::abs(side * block.raw - block.limit) < at_limit * block.limit && side * held < 0 &&
+               side * (held + block.gain * block.integrand) > 0;
     };
     const auto saturated = [&](int side) {
         return static_cast<Mode>(side * (side * block.integrand >= 0 || !integrates ? 1 : 2));
