@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-__all__ = ["KINDS", "Issue", "Log", "TraceError", "row_ranges"]
+__all__ = ["KINDS", "Issue", "Log", "Recorder", "TraceError", "row_ranges"]
 
 # Kind of issue -> what it is. `note` kinds change nothing and never stop a strict reading.
 KINDS: Final[dict[str, str]] = {
