@@ -340,6 +340,7 @@ Trajectory Simulation::run() {
 void Simulation::loop() {
     long steps = 0;
     while (solver_->time() < options_.end - instant(options_.end)) {
+        record_until(solver_->time() + instant(solver_->time()));  // with the state itself, no interpolant
         const double stop = next_stop();
         const Solver::Outcome outcome = solver_->step(stop);
         const double t = solver_->time();
