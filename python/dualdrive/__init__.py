@@ -14,7 +14,18 @@ if TYPE_CHECKING:
     pass
 
 #: public name -> the module that holds it; one line per name
-_HOMES: dict[str, str] = {}
+_HOMES: dict[str, str] = {
+    "FileError": "dualdrive.files",
+    "Machine": "dualdrive.machine",
+    "MachineError": "dualdrive.machine",
+    "presets": "dualdrive.machine",
+    "Motion": "dualdrive.motion",
+    "default_motion": "dualdrive.motion",
+    "parse_motion": "dualdrive.motion",
+    "Run": "dualdrive.run",
+    "load_run": "dualdrive.run",
+    "simulate": "dualdrive.simulation",
+}
 
 __all__ = ["__version__"]
 

@@ -1,0 +1,243 @@
+"""A machine: an assembly of the core with a name, an axis, a file and a history."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from typing import Any, Self
+
+from dualdrive import _core
+from dualdrive.assembly import Structure
+from dualdrive.files import refuse_existing, write_atomically
+from dualdrive.frames import unit_on_axis
+from dualdrive.machine_file import (
+    DEFAULT,
+    Layer,
+    MachineError,
+    add_effect,
+    build,
+    history_of,
+    parse_layer,
+    preset_names,
+    read_layers,
+    set_value,
+)
+
+__all__ = ["DEFAULT", "Machine", "MachineError", "Parameter", "presets"]
+
+
+def presets() -> list[str]:
+    """Names of the machines that come with dualdrive, the default first."""
+    return preset_names()
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One declared number of a machine, in SI: path, unit, bounds, default, usual size, value."""
+
+    path: str
+    unit: str
+    low: float
+    high: float
+    low_excluded: bool
+    standard: float
+    typical: float
+    value: float
+    doc: str
+
+
+class Machine:
+    """A machine that can be changed, simulated and saved.
+
+    core:     the assembly as the C++ core has it; numbers may be set there directly
+    name:     short name, title: one line of text
+    axis:     ``rotary``, or ``linear`` where the table side counts in m, N and kg
+    history:  what was changed, oldest first: dicts with date, command, change
+    """
+
+    def __init__(
+        self,
+        core: _core.Machine,
+        structure: Structure,
+        layers: list[Layer],
+        *,
+        title: str,
+        history: tuple[dict[str, str], ...],
+    ) -> None:
+        self.core = core
+        self.title = title
+        self.history = history
+        self._structure = structure
+        self._layers = layers
+
+    # --- files ------------------------------------------------------------------------------------
+
+    @classmethod
+    def load(cls, source: str | Path = DEFAULT) -> Self:
+        """Read a machine file, or a preset by its name.
+
+        Raises MachineError or FileError: one line naming file, key, value, rule and way out.
+        """
+        return cls._of(read_layers(source))
+
+    @classmethod
+    def from_toml(cls, text: str, where: str = "machine") -> Self:
+        """Read the text of a machine file; `where` is how errors call it. Raises MachineError."""
+        layer = parse_layer(where, text)
+        below = read_layers(layer.data["base"]) if "base" in layer.data else []
+        return cls._of([*below, layer])
+
+    @classmethod
+    def _of(cls, layers: list[Layer]) -> Self:
+        core, structure = build(layers)
+        titles = [layer.data["title"] for layer in layers if "title" in layer.data]
+        title = titles[-1] if titles else core.name
+        return cls(core, structure, layers, title=title, history=history_of(layers[-1]))
+
+    def toml(self) -> str:
+        """The text of a machine file that stands on its own; reads back to the same bits."""
+        from dualdrive.machine_text import compose
+
+        return compose(
+            self._layers, self.core, name=self.name, title=self.title, history=self.history
+        )
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the machine file, whole or not at all.
+
+        Raises FileError where the file is there already (unless `overwrite`) or can't be written.
+        """
+        path = Path(path)
+        refuse_existing(path, overwrite=overwrite)
+        text = self.toml()
+        with write_atomically(path) as temporary:
+            temporary.write_text(text, "utf-8")
+
+    # --- description ------------------------------------------------------------------------------
+
+    @property
+    def name(self) -> str:
+        """Short name, the file's stem unless the file says otherwise."""
+        return self.core.name
+
+    @name.setter
+    def name(self, name: str) -> None:
+        self.core.name = name
+
+    @property
+    def axis(self) -> str:
+        """``rotary`` or ``linear``."""
+        return self._structure.axis
+
+    @property
+    def drive_train(self) -> str:
+        """How the machine is put together: dual_servo, single_motor, double_pinion or rigid."""
+        return self._structure.drive_train
+
+    @property
+    def effects(self) -> list[str]:
+        """Labels of the effects in the machine, such as ``coulomb@table``."""
+        return [str(effect["label"]) for effect in self.core.effects]
+
+    def unit_of(self, name: str, unit: str) -> str:
+        """The unit of a parameter or signal on this axis, from the one the core declares."""
+        rigid = self.drive_train == "rigid"
+        return unit_on_axis(name, unit, axis=self.axis, rigid=rigid)
+
+    def parameters(self) -> list[Parameter]:
+        """Every parameter with its declaration and value; units are those of the axis."""
+        return [self._described(p) for p in self.core.parameters()]
+
+    def parameter(self, path: str) -> Parameter:
+        """The declaration of a path or tie group (of its first member).
+
+        Raises MachineError naming near paths.
+        """
+        try:
+            return self._described(self.core.parameter(path))
+        except ValueError as error:
+            raise MachineError(f"{self.name}: {error}") from None
+
+    def _described(self, p: Any) -> Parameter:
+        return Parameter(
+            path=p.path,
+            unit=self.unit_of(p.path, p.unit),
+            low=p.low,
+            high=p.high,
+            low_excluded=p.low_excluded,
+            standard=p.standard,
+            typical=p.typical,
+            value=p.value,
+            doc=p.doc,
+        )
+
+    # --- numbers and effects ----------------------------------------------------------------------
+
+    def get(self, path: str) -> float:
+        """The SI value at a path, or the one that all members of a group agree on.
+
+        Raises MachineError naming near paths.
+        """
+        try:
+            return float(self.core.get(path))
+        except ValueError as error:
+            raise MachineError(f"{self.name}: {error}") from None
+
+    def set(self, path: str, value: float | str | Mapping[str, Any]) -> None:
+        """Set a number: SI, text with a unit (``20arcsec``), or a table for a gap's frame.
+
+        Raises MachineError naming path, value, rule and way out; nothing is changed then.
+        """
+        set_value(self.core, self._structure, path, value, self.name)
+
+    def add(self, effect: str, place: str | None = None, /, **parameters: Any) -> str:
+        """Add an effect; returns its label. ``add("coulomb", "table", torque="2 kN*m")``.
+
+        effect may carry its place: ``coulomb@table``. An expression takes `formula` and
+        `parameters` (name -> number or {value, unit}). Raises MachineError.
+        """
+        name, _, at = effect.partition("@")
+        entry = {"effect": name, "place": place or at or _usual_place(name), **parameters}
+        return add_effect(self.core, self._structure, entry, self.name)
+
+    def remove(self, label: str) -> None:
+        """Take an effect out by its label. Raises MachineError."""
+        try:
+            self.core.remove_effect(label)
+        except ValueError as error:
+            raise MachineError(f"{self.name}: {error}") from None
+
+    def note(self, change: str, command: str = "") -> None:
+        """Add a line to the history: what changed, and the command that did it."""
+        entry = {"date": date.today().isoformat(), "command": command, "change": change}
+        self.history += ({key: value for key, value in entry.items() if value},)
+
+    # --- copies -----------------------------------------------------------------------------------
+
+    def copy(self) -> Self:
+        """An independent copy."""
+        return type(self)(
+            self.core.copy(),
+            self._structure,
+            self._layers,
+            title=self.title,
+            history=self.history,
+        )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (type(self).from_toml, (self.toml(), self.name))
+
+    def __repr__(self) -> str:
+        return f"<Machine {self.name}: {self.title}>"
+
+
+def _usual_place(effect: str) -> str:
+    """The first place that an effect names for itself."""
+    if effect == "expression":
+        return "table"
+    try:
+        return str(_core.effect_type(effect).places.split(",")[0])
+    except ValueError as error:
+        raise MachineError(str(error)) from None

@@ -1,0 +1,192 @@
+"""A machine as the text of a file that stands on its own and reads back to the same bits.
+
+The text begins as the files the machine was read from, laid over each other, with their comments;
+then every number that differs from what that text says is written into it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final
+
+import tomlkit
+from tomlkit.items import AoT
+
+from dualdrive import _core
+from dualdrive.assembly import GROUPS, group_of
+from dualdrive.machine_file import SCHEMA, Layer, build, parse_layer
+
+__all__ = ["compose"]
+
+_FIRST: Final = ("schema", "name", "title")
+
+
+def compose(
+    layers: Sequence[Layer],
+    core: _core.Machine,
+    *,
+    name: str,
+    title: str,
+    history: Iterable[Mapping[str, str]],
+) -> str:
+    """Return the TOML text of a machine that was read from `layers` and may have changed since."""
+    document = _overlay(layers)
+    document = _with_header(document, {"schema": SCHEMA, "name": name, "title": title})
+    _write_effects(document, core)
+    _write_changed(document, core)
+    document.pop("history", None)
+    entries = [_table(entry) for entry in history]
+    if entries:
+        document["history"] = _tables(entries)
+    return tomlkit.dumps(document)
+
+
+def _overlay(layers: Sequence[Layer]) -> tomlkit.TOMLDocument:
+    document = tomlkit.parse(layers[0].text)
+    for layer in layers[1:]:
+        for key, item in tomlkit.parse(layer.text).items():
+            if key == "effects" and key in document:
+                for entry in item:
+                    _merge_effect(document, entry)
+            elif isinstance(item, dict) and key in document:
+                for name, value in item.items():
+                    document[key][name] = value
+                    _drop_member_values(document, key, name)
+            else:
+                document[key] = item
+                if isinstance(item, dict):
+                    for name in item:
+                        _drop_member_values(document, key, name)
+        document.pop("base", None)
+    return document
+
+
+def _drop_member_values(document: tomlkit.TOMLDocument, section: str, key: str) -> None:
+    """A group's value in a later layer holds for members that an earlier one had set apart."""
+    if section in GROUPS:
+        for member in [m for m in document if group_of(m) == section]:
+            document[member].pop(key, None)
+
+
+def _merge_effect(document: tomlkit.TOMLDocument, entry: Mapping[str, Any]) -> None:
+    for known in document["effects"]:
+        same = known["effect"] == entry["effect"] and known["place"] == entry["place"]
+        if same and entry["effect"] != "expression":
+            known.update(entry)
+            return
+    document["effects"].append(entry)
+
+
+def _with_header(document: tomlkit.TOMLDocument, header: Mapping[str, Any]) -> tomlkit.TOMLDocument:
+    """The header goes first; what is there already stays where it is."""
+    missing = [key for key in header if key not in document]
+    for key in header:
+        if key in document and document[key] != header[key]:
+            document[key] = header[key]
+    if not missing:
+        return document
+    lines = "".join(f"{key} = {tomlkit.item(header[key]).as_string()}\n" for key in missing)
+    return tomlkit.parse(lines + tomlkit.dumps(document))
+
+
+def _table(entry: Mapping[str, Any]) -> tomlkit.items.Table:
+    table = tomlkit.table()
+    table.update(entry)
+    return table
+
+
+def _tables(entries: Iterable[Any]) -> AoT:
+    array = tomlkit.aot()
+    for entry in entries:
+        array.append(entry)
+    return array
+
+
+# --- effects --------------------------------------------------------------------------------------
+
+
+def _write_effects(document: tomlkit.TOMLDocument, core: _core.Machine) -> None:
+    """Bring the entries into step with the machine's effects; those that stay keep their text."""
+    old = list(document.get("effects", []))
+    new = []
+    for effect in core.effects:
+        match = next((e for e in old if _states(e, effect)), None)
+        if match is not None:
+            old.remove(match)
+        new.append(match if match is not None else _table(_entry(core, effect)))
+    if len(new) == len(document.get("effects", [])) and not old:
+        return
+    document.pop("effects", None)
+    if new:
+        document["effects"] = _tables(new)
+
+
+def _states(entry: Mapping[str, Any], effect: Mapping[str, Any]) -> bool:
+    same = entry["effect"] == effect["effect"] and entry["place"] == effect["place"]
+    return same and entry.get("formula", "") == effect["formula"]
+
+
+def _entry(core: _core.Machine, effect: Mapping[str, Any]) -> dict[str, Any]:
+    entry: dict[str, Any] = {"effect": effect["effect"], "place": effect["place"]}
+    own = [p for p in core.parameters() if p.path.rpartition(".")[0] == effect["label"]]
+    if effect["formula"]:
+        entry["formula"] = effect["formula"]
+        entry["parameters"] = {
+            p.path.rpartition(".")[2]: _inline({"value": p.value, "unit": p.unit}) for p in own
+        }
+        return entry
+    return entry | {p.path.rpartition(".")[2]: p.value for p in own}
+
+
+def _inline(values: Mapping[str, Any]) -> tomlkit.items.InlineTable:
+    table = tomlkit.inline_table()
+    table.update(values)
+    return table
+
+
+# --- numbers --------------------------------------------------------------------------------------
+
+
+def _write_changed(document: tomlkit.TOMLDocument, core: _core.Machine) -> None:
+    """Write every value that the text as it stands would not give."""
+    written, _ = build([parse_layer("machine", tomlkit.dumps(document))])
+    was = {p.path: p.value for p in written.parameters()}
+    now = {p.path: p.value for p in core.parameters()}
+    changed = [path for path in now if was.get(path) != now[path]]
+    for path in changed:
+        part, _, key = path.rpartition(".")
+        if "@" in part:
+            _write_effect_value(document, core, part, key, now[path])
+            continue
+        group = group_of(part)
+        members = [p for p in now if p.rpartition(".")[2] == key and group_of(p) == group]
+        if group and len({now[p] for p in members}) == 1:
+            _put(document, group, key, now[path])
+            _drop_member_values(document, group, key)
+        else:
+            _put(document, part, key, now[path])
+
+
+def _write_effect_value(
+    document: tomlkit.TOMLDocument, core: _core.Machine, label: str, key: str, value: float
+) -> None:
+    row = [e["label"] for e in core.effects].index(label)
+    entry = document["effects"][row]
+    if "formula" in entry:
+        old = entry["parameters"][key]
+        unit = old.get("unit", "") if isinstance(old, dict) else ""
+        entry["parameters"][key] = _inline({"value": value, "unit": unit})
+    else:
+        _replace(entry, key, value)
+
+
+def _put(document: tomlkit.TOMLDocument, section: str, key: str, value: float) -> None:
+    if section not in document:
+        document[section] = tomlkit.table()
+    _replace(document[section], key, value)
+
+
+def _replace(table: Any, key: str, value: float) -> None:
+    """Set a number; a comment on the old one no longer holds."""
+    table[key] = value
+    table[key].trivia.comment_ws = table[key].trivia.comment = ""

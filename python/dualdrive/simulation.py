@@ -1,0 +1,104 @@
+"""simulate(machine, motion) -> Run: the core's integrator with the machine's own defaults."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dualdrive import _core
+from dualdrive.machine import Machine
+from dualdrive.motion import Motion, default_motion
+from dualdrive.run import Run
+
+__all__ = ["simulate"]
+
+#: what an input may be: a signal, a motion, a constant, or (times, values)
+Signal = _core.Waveform | Motion | float | tuple[ArrayLike, ArrayLike]
+
+
+def simulate(
+    machine: Machine,
+    motion: Motion | None = None,
+    *,
+    end: float | None = None,
+    load: Signal | None = None,
+    inputs: Mapping[str, Signal] | None = None,
+    signals: Sequence[str] | None = None,
+    initial: Mapping[str, float] | None = None,
+    sensitivities: Sequence[str] = (),
+    start: float = 0.0,
+    output_step: float = 1e-3,
+    times: ArrayLike | None = None,
+    rtol: float | None = None,
+    method: str = "auto",
+    longest_step: float = 0.0,
+    max_steps: int | None = None,
+    energy: bool = True,
+) -> Run:
+    """Integrate the machine through a motion, every switch located.
+
+    motion:         of the table; default: a move scaled to the machine (none without controller)
+    end:            s; default: the motion's own end
+    load:           torque on the table that opposes positive motion, N·m (N on a linear axis)
+    inputs:         further inputs by name: U_n or T_n of a machine without controller, columns
+                    that a formula reads
+    signals:        names to record; default: all
+    initial:        state -> value; all others are 0
+    sensitivities:  parameter paths, groups or initial.<state>
+    times:          output times in s, increasing; else every output_step from start to end
+
+    Returns a Run; a failed integration is a Run whose status says so, with all that was computed.
+    Raises ValueError for input that makes no sense, KeyboardInterrupt on Ctrl-C.
+    """
+    given = {name: _waveform(value) for name, value in (inputs or {}).items()}
+    controlled = machine.core.controller_options["kind"] != "none"
+    if motion is None and controlled and "theta_ref" not in given:
+        motion = default_motion(machine)
+    if motion is not None:
+        given["theta_ref"] = motion.waveform
+    if load is not None:
+        given["T_load"] = _waveform(load)
+    points = [] if times is None else np.asarray(times, float).tolist()
+    if end is None:
+        end = points[-1] if points else _end_of(motion)
+    options: dict[str, Any] = {}
+    if rtol is not None:
+        options["rtol"] = rtol
+    if max_steps is not None:
+        options["max_steps"] = max_steps
+    trajectory = _core.simulate(
+        machine.core,
+        given,
+        end=end,
+        start=start,
+        output_step=output_step,
+        times=points,
+        method=method,
+        longest_step=longest_step,
+        signals=list(signals or []),
+        sensitivities=list(sensitivities),
+        initial=dict(initial or {}),
+        energy=energy,
+        **options,
+    )
+    return Run.of(trajectory, machine.copy(), motion)
+
+
+def _end_of(motion: Motion | None) -> float:
+    if motion is None:
+        raise ValueError("end: missing; without a motion nothing says when to stop, give end=")
+    return motion.end
+
+
+def _waveform(value: Signal) -> _core.Waveform:
+    if isinstance(value, _core.Waveform):
+        return value
+    if isinstance(value, Motion):
+        return value.waveform
+    if isinstance(value, tuple):
+        times, values = value
+        return _core.sampled(times, values, _core.Interpolation.linear)
+    return _core.constant(float(value))
