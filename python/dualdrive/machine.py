@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import Any, Self
 
 from dualdrive import _core
-from dualdrive.assembly import Structure
 from dualdrive.files import refuse_existing, write_atomically
-from dualdrive.frames import unit_on_axis
 from dualdrive.machine_file import (
     DEFAULT,
     Layer,
     MachineError,
+    Structure,
     add_effect,
     build,
     history_of,
@@ -23,6 +22,7 @@ from dualdrive.machine_file import (
     preset_names,
     read_layers,
     set_value,
+    unit_on_axis,
 )
 
 __all__ = ["DEFAULT", "Machine", "MachineError", "Parameter", "presets"]
@@ -98,7 +98,7 @@ class Machine:
 
     def toml(self) -> str:
         """The text of a machine file that stands on its own; reads back to the same bits."""
-        from dualdrive.machine_text import compose
+        from dualdrive.machine_file.text import compose
 
         return compose(
             self._layers, self.core, name=self.name, title=self.title, history=self.history

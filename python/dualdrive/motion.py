@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dualdrive import _core
-from dualdrive.frames import linear_unit
+from dualdrive.machine_file.frames import linear_unit
 from dualdrive.units import UnitError, parse
 
 if TYPE_CHECKING:
@@ -112,7 +112,15 @@ def move(
     begins at `start`, ends `settle` after it has arrived unless `end` is given, s.
     Raises ValueError naming argument, value and rule.
     """
-    arguments = dict(distance=distance, v=v, a=a, j=j, start=start, settle=settle, end=end)
+    arguments = {
+        "distance": distance,
+        "v": v,
+        "a": a,
+        "j": j,
+        "start": start,
+        "settle": settle,
+        "end": end,
+    }
     waveform = _core.jerk_limited_move(distance, v, a, j, start=start)
     return _motion("move", waveform, waveform.end() + settle if end is None else end, arguments)
 
@@ -132,9 +140,16 @@ def cycle(
     targets: angles in rad, shape (n,); limits and errors as for `move`.
     """
     places = _floats(targets)
-    arguments = dict(
-        targets=places, v=v, a=a, j=j, dwell=dwell, start=start, repeats=int(repeats), end=end
-    )
+    arguments = {
+        "targets": places,
+        "v": v,
+        "a": a,
+        "j": j,
+        "dwell": dwell,
+        "start": start,
+        "repeats": int(repeats),
+        "end": end,
+    }
     waveform = _core.cycle_of_moves(list(places), v, a, j, dwell, start, int(repeats))
     over = waveform.end() + dwell if end is None else end
     return _motion("cycle", waveform, over, arguments)
@@ -142,7 +157,7 @@ def cycle(
 
 def step(height: float, at: float = 0.0, settle: float = 10.0, end: float | None = None) -> Motion:
     """A jump of the commanded angle by `height` rad at `at`, s."""
-    arguments = dict(height=height, at=at, settle=settle, end=end)
+    arguments = {"height": height, "at": at, "settle": settle, "end": end}
     return _motion("step", _core.step(height, at), at + settle if end is None else end, arguments)
 
 
@@ -155,7 +170,14 @@ def sine(
     end: float | None = None,
 ) -> Motion:
     """A sine of `amplitude` rad at `f` Hz from `start` on, for `periods`. Raises ValueError."""
-    arguments = dict(amplitude=amplitude, f=f, phase=phase, start=start, periods=periods, end=end)
+    arguments = {
+        "amplitude": amplitude,
+        "f": f,
+        "phase": phase,
+        "start": start,
+        "periods": periods,
+        "end": end,
+    }
     waveform = _core.sine(amplitude, f, phase, 0.0, start)
     return _motion("sine", waveform, start + periods / f if end is None else end, arguments)
 
@@ -173,9 +195,15 @@ def multisine(
 
     rms in rad, base frequency f in Hz, `lines` harmonics. Raises ValueError.
     """
-    arguments = dict(
-        rms=rms, f=f, lines=int(lines), seed=int(seed), start=start, periods=periods, end=end
-    )
+    arguments = {
+        "rms": rms,
+        "f": f,
+        "lines": int(lines),
+        "seed": int(seed),
+        "start": start,
+        "periods": periods,
+        "end": end,
+    }
     waveform = _core.odd_multisine(rms, f, int(lines), int(seed), start=start, from_zero=True)
     return _motion("multisine", waveform, start + periods / f if end is None else end, arguments)
 
@@ -191,7 +219,7 @@ def sampled(t: ArrayLike, values: ArrayLike, interpolation: str = "cubic") -> Mo
         raise MotionError(f"sampled: interpolation = {interpolation!r}: choose one of {ways}")
     times, points = np.array(t, float), np.array(values, float)
     waveform = _core.sampled(times, points, kinds[interpolation])
-    arguments = dict(t=times, values=points, interpolation=interpolation)
+    arguments = {"t": times, "values": points, "interpolation": interpolation}
     text = f"sampled: {times.size} points from {times[0]:g} s to {times[-1]:g} s"
     return _motion("sampled", waveform, float(times[-1]), arguments, text)
 

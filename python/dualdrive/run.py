@@ -143,7 +143,7 @@ class Run:
         return self.modes[:, self.elements.index(element)]
 
     def sensitivity(self, signal: str, parameter: str) -> Floats:
-        """d signal / d parameter over time, shape (n,).
+        """Derivative of a signal by a parameter over time, shape (n,).
 
         Raises KeyError where the signal wasn't recorded or the parameter not asked for.
         """

@@ -146,26 +146,26 @@ def fields_of(group: h5py.Group, machine: Machine) -> dict[str, Any]:
         values[:, k] = item[()]
     none = np.empty((0, len(names), 0))
     extra = {part: group[part] for part in ("work", "sensitivities") if part in group}
-    return dict(
-        t=group["t"][()],
-        values=values,
-        names=names,
-        units={name: item.attrs["unit"] for name, item in columns.items()},
-        long_names={name: item.attrs["long_name"] for name, item in columns.items()},
-        elements=tuple(json.loads(group["modes"].attrs["elements"])),
-        modes=group["modes"][()],
-        events=tuple(_event(row) for row in group["events"][()]),
-        parameters=_list(extra, "sensitivities", "parameters"),
-        sensitivities=extra["sensitivities"][()] if "sensitivities" in extra else none,
-        work=extra["work"][()] if "work" in extra else np.empty((0, 0)),
-        work_names=_list(extra, "work", "paths"),
-        final_state=json.loads(group.attrs["final_state"]),
-        status=group.attrs["status"],
-        message=group.attrs["message"],
-        statistics=json.loads(group.attrs["statistics"]),
-        machine=machine,
-        motion=_read_motion(group, machine),
-    )
+    return {
+        "t": group["t"][()],
+        "values": values,
+        "names": names,
+        "units": {name: item.attrs["unit"] for name, item in columns.items()},
+        "long_names": {name: item.attrs["long_name"] for name, item in columns.items()},
+        "elements": tuple(json.loads(group["modes"].attrs["elements"])),
+        "modes": group["modes"][()],
+        "events": tuple(_event(row) for row in group["events"][()]),
+        "parameters": _list(extra, "sensitivities", "parameters"),
+        "sensitivities": extra["sensitivities"][()] if "sensitivities" in extra else none,
+        "work": extra["work"][()] if "work" in extra else np.empty((0, 0)),
+        "work_names": _list(extra, "work", "paths"),
+        "final_state": json.loads(group.attrs["final_state"]),
+        "status": group.attrs["status"],
+        "message": group.attrs["message"],
+        "statistics": json.loads(group.attrs["statistics"]),
+        "machine": machine,
+        "motion": _read_motion(group, machine),
+    }
 
 
 def _list(items: Mapping[str, Any], part: str, attribute: str) -> tuple[str, ...]:

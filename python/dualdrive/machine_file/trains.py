@@ -27,7 +27,7 @@ GROUPS: Final = {
 def group_of(part: str) -> str | None:
     """The tie group of a part: ``meshes`` for ``mesh_2``; None for the table."""
     for group, prefix in GROUPS.items():
-        if part.startswith(prefix):
+        if part.startswith(prefix) and part.removeprefix(prefix).isdigit():
             return group
     return None
 
@@ -38,7 +38,7 @@ class Structure:
 
     kinds:       part or group -> rigid, compliant, gap (connections); armature, direct (motors)
     locked:      bodies or groups that are held fast
-    controller:  arguments of the core's set_controller
+    controller:  arguments of the core's set_controller; empty without a controller
     """
 
     axis: str = "rotary"
@@ -133,5 +133,8 @@ def assemble(structure: Structure) -> _core.Machine:
     core = _core.Machine()
     build, _ = TRAINS[structure.drive_train]
     build(core, structure)
-    core.set_controller(**structure.controller)
+    if structure.controller:
+        # a controller that is switched off keeps its numbers, for a file that rests on another
+        core.set_controller("master_slave")
+        core.set_controller(**structure.controller)
     return core

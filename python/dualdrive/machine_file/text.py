@@ -7,18 +7,18 @@ then every number that differs from what that text says is written into it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Final
+from typing import Any
 
 import tomlkit
 from tomlkit.items import AoT
 
 from dualdrive import _core
-from dualdrive.assembly import GROUPS, group_of
-from dualdrive.machine_file import SCHEMA, Layer, build, parse_layer
+
+from .build import build
+from .layers import SCHEMA, Layer, parse_layer
+from .trains import GROUPS, group_of
 
 __all__ = ["compose"]
-
-_FIRST: Final = ("schema", "name", "title")
 
 
 def compose(
@@ -82,7 +82,7 @@ def _with_header(document: tomlkit.TOMLDocument, header: Mapping[str, Any]) -> t
     missing = [key for key in header if key not in document]
     for key in header:
         if key in document and document[key] != header[key]:
-            document[key] = header[key]
+            _replace(document, key, header[key])
     if not missing:
         return document
     lines = "".join(f"{key} = {tomlkit.item(header[key]).as_string()}\n" for key in missing)
@@ -122,8 +122,8 @@ def _write_effects(document: tomlkit.TOMLDocument, core: _core.Machine) -> None:
 
 
 def _states(entry: Mapping[str, Any], effect: Mapping[str, Any]) -> bool:
-    same = entry["effect"] == effect["effect"] and entry["place"] == effect["place"]
-    return same and entry.get("formula", "") == effect["formula"]
+    known = (entry["effect"], entry["place"], entry.get("formula", ""))
+    return known == (effect["effect"], effect["place"], effect["formula"])
 
 
 def _entry(core: _core.Machine, effect: Mapping[str, Any]) -> dict[str, Any]:
@@ -186,7 +186,7 @@ def _put(document: tomlkit.TOMLDocument, section: str, key: str, value: float) -
     _replace(document[section], key, value)
 
 
-def _replace(table: Any, key: str, value: float) -> None:
-    """Set a number; a comment on the old one no longer holds."""
+def _replace(table: Any, key: str, value: Any) -> None:
+    """Set a value; a comment on the old one no longer holds."""
     table[key] = value
     table[key].trivia.comment_ws = table[key].trivia.comment = ""

@@ -1,0 +1,96 @@
+"""The entries [[effects]] of a machine file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from dualdrive import _core
+from dualdrive.units import UnitError, parse
+
+from .layers import Layer, MachineError, expect
+from .numbers import set_value
+from .trains import Structure
+
+__all__ = ["add_effect", "add_effects"]
+
+
+def add_effects(core: _core.Machine, s: Structure, layer: Layer) -> None:
+    """Add a layer's effects; one that a lower layer has at the same place is changed instead.
+
+    Raises MachineError naming file, entry, key, value and rule.
+    """
+    entries = layer.data.get("effects", [])
+    if not isinstance(entries, list) or not all(isinstance(e, Mapping) for e in entries):
+        raise MachineError(f"{layer.where}: effects: write each one under its own [[effects]]")
+    inherited = {effect["label"] for effect in core.effects}
+    for row, entry in enumerate(entries, 1):
+        where = f"{layer.where}: effects {row}"
+        label = f"{entry.get('effect')}@{entry.get('place')}"
+        if label in inherited and entry["effect"] != "expression":
+            _set_values(core, s, label, entry, where)
+        else:
+            add_effect(core, s, entry, where)
+
+
+def add_effect(core: _core.Machine, s: Structure, entry: Mapping[str, Any], where: str) -> str:
+    """Add one effect, as a machine file states it; returns its label.
+
+    entry:  effect, place and its parameters; for an expression formula and parameters
+            {name = number or {value, unit}}
+
+    Raises MachineError naming file, key, value and rule; nothing is added then.
+    """
+    for key in ("effect", "place"):
+        if key not in entry:
+            raise MachineError(f"{where}: {key} is missing; give effect and place")
+        expect(entry[key], str, where, key, "text")
+    try:
+        if entry["effect"] == "expression":
+            parameters = _formula_parameters(entry, where)
+            formula = expect(entry.get("formula"), str, where, "formula", "text, e.g. 'c*omega_m'")
+            label = core.add_expression(entry["place"], formula, parameters)
+        else:
+            label = core.add_effect(entry["effect"], entry["place"])
+    except MachineError:
+        raise
+    except ValueError as error:
+        raise MachineError(f"{where}: {error}") from None
+    try:
+        _set_values(core, s, label, entry, where)
+        core.signals()  # compiles the machine, formulas included
+    except ValueError as error:
+        core.remove_effect(label)
+        raise (
+            error if isinstance(error, MachineError) else MachineError(f"{where}: {error}")
+        ) from None
+    return label
+
+
+def _set_values(
+    core: _core.Machine, s: Structure, label: str, entry: Mapping[str, Any], where: str
+) -> None:
+    own = {"effect", "place"}
+    if entry["effect"] == "expression":
+        own |= {"formula", "parameters"}
+    for key, value in entry.items():
+        if key not in own:
+            set_value(core, s, f"{label}.{key}", value, where)
+
+
+def _formula_parameters(entry: Mapping[str, Any], where: str) -> list[tuple[str, str, float]]:
+    table = expect(entry.get("parameters", {}), Mapping, where, "parameters", "a table")
+    found = []
+    for name, value in table.items():
+        item = value if isinstance(value, Mapping) else {"value": value}
+        for key in item:
+            if key not in ("value", "unit"):
+                raise MachineError(f"{where}: parameters.{name}.{key}: unknown; give value, unit")
+        if "value" not in item:
+            raise MachineError(f"{where}: parameters.{name}: value is missing; give value, unit")
+        unit = expect(item.get("unit", ""), str, where, f"parameters.{name}.unit", "text")
+        try:
+            found.append((name, unit, parse(item["value"], unit, key=f"parameters.{name}")))
+        except UnitError as error:
+            raise MachineError(f"{where}: {error}") from None
+    return found
