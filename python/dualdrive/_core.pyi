@@ -1,7 +1,429 @@
 """The C++ core of dualdrive."""
 
+from collections.abc import Mapping, Sequence
+import enum
+from typing import Annotated, Any, Final
+
+import numpy
+import numpy.typing
+from numpy.typing import NDArray
 
 
 __sundials_version__: str = '6.4.1'
+
+class Waveform:
+    """
+    An input signal over time: polynomial pieces plus harmonics. Immutable.
+
+    A commanded motion is an angle of the table in rad (a position in m on a linear axis); times are in s.
+    Build one with the functions beside this class; add signals with +, scale them with *.
+    """
+
+    def __init__(self, knots: numpy.typing.ArrayLike, pieces: numpy.typing.ArrayLike) -> None:
+        """
+        Polynomial pieces.
+
+        knots: shape (n,), increasing, s. pieces: shape (n + 1, degree + 1), degree at most 5: row 0 before the first
+        knot, row k from knot k - 1 to knot k, the last row from the last knot on; coefficients of rising powers of the
+        time since the piece's own first knot (row 0: since the first knot).
+        Raises ValueError naming index, value and rule.
+        """
+
+    def value(self, times: numpy.typing.ArrayLike) -> Any:
+        """
+        The signal at times in s: a float for a float, else an array of the same shape.
+
+        At a breakpoint the value is that of the side which follows it.
+        """
+
+    def rate(self, times: numpy.typing.ArrayLike) -> Any:
+        """Its first derivative, per s; shapes as for value()."""
+
+    def acceleration(self, times: numpy.typing.ArrayLike) -> Any:
+        """Its second derivative, per s^2; shapes as for value()."""
+
+    def breaks(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Times in s, increasing, where value, rate or acceleration jumps; shape (n,).
+        """
+
+    def knots(self) -> numpy.typing.NDArray[numpy.float64]:
+        """
+        Times in s, increasing, where the formula changes, smoothly or not; shape (n,).
+        """
+
+    def end(self) -> float:
+        """
+        The time in s from which the signal rests; infinite if it never does, 0 for a constant.
+        """
+
+    def __add__(self, arg: Waveform, /) -> Waveform: ...
+
+    def __mul__(self, factor: float) -> Waveform: ...
+
+    def __rmul__(self, factor: float) -> Waveform: ...
+
+def constant(value: float) -> Waveform:
+    """The same value at all times."""
+
+def step(height: float, at: float = 0.0) -> Waveform:
+    """Zero before `at` (s), `height` from there on."""
+
+def ramp(rate: float, start: float = 0.0, end: float = float('inf')) -> Waveform:
+    """
+    Zero before `start` (s), rising by `rate` per s until `end`, then held. Raises ValueError unless end > start.
+    """
+
+def sine(amplitude: float, frequency_hz: float, phase: float = 0.0, offset: float = 0.0, start: float = 0.0) -> Waveform:
+    """
+    offset + amplitude sin(2 pi f (t - start) + phase) from `start` (s) on, before it the offset alone.
+
+    phase in rad. Raises ValueError unless frequency_hz > 0 and all numbers are finite.
+    """
+
+def sum(waveforms: Sequence[Waveform]) -> Waveform:
+    """The sum of a list of signals; of none: zero."""
+
+def scale(waveform: Waveform, factor: float) -> Waveform:
+    """The signal times a number."""
+
+def shift(waveform: Waveform, delay: float) -> Waveform:
+    """The same signal, later by `delay` s."""
+
+def multisine(amplitudes: numpy.typing.ArrayLike, frequencies_hz: numpy.typing.ArrayLike, phases: numpy.typing.ArrayLike, start: float = 0.0) -> Waveform:
+    """
+    Sum of amplitudes[k] sin(2 pi frequencies_hz[k] (t - start) + phases[k]) from `start` (s) on, zero before.
+
+    Three lists of one length >= 1, phases in rad. Raises ValueError naming argument, value and rule.
+    """
+
+class Phases(enum.Enum):
+    """How the lines of a multisine stand to each other."""
+
+    random = 0
+    """uniform, from the seed; the same on every computer"""
+
+    schroeder = 1
+    """a low peak for the same RMS value"""
+
+def odd_multisine(rms: float, base_frequency_hz: float, lines: int, seed: int = 0, phases: Phases = Phases.random, start: float = 0.0, from_zero: bool = False) -> Waveform:
+    """
+    A flat multisine on `lines` odd harmonics f, 3f, 5f, ... of the base frequency, with the given RMS value.
+
+    What a machine answers at even harmonics is then its even nonlinearity. The signal begins with its own value at
+    `start` (s); from_zero subtracts that value, so that a commanded position does not jump.
+    Raises ValueError unless rms, base_frequency_hz and lines are positive.
+    """
+
+def jerk_limited_move(distance: float, speed: float, acceleration: float, jerk: float, start: float = 0.0, from_: float = 0.0) -> Waveform:
+    """
+    The fastest move from rest at `from_` to rest at `from_ + distance`, beginning at `start` (s).
+
+    distance in rad at the table (or m), of either sign; limits speed, acceleration and jerk positive, in rad/s,
+    rad/s^2, rad/s^3; jerk = inf gives a trapezoid of speed. Short moves reach less than the limits.
+    Raises ValueError naming argument, value and rule. Source: Biagiotti & Melchiorri 2008, section 3.4.
+    """
+
+def cycle_of_moves(targets: numpy.typing.ArrayLike, speed: float, acceleration: float, jerk: float, dwell: float = 0.0, start: float = 0.0, repeats: int = 1, from_: float = 0.0) -> Waveform:
+    """
+    Moves from `from_` to each target in turn, a dwell (s) after each, all `repeats` times.
+
+    targets: shape (n,), rad at the table (or m); limits as for jerk_limited_move. Ends with the last dwell.
+    Raises ValueError naming argument, value and rule.
+    """
+
+def dwells_of_cycle(targets: numpy.typing.ArrayLike, speed: float, acceleration: float, jerk: float, dwell: float = 0.0, start: float = 0.0, repeats: int = 1, from_: float = 0.0) -> numpy.typing.NDArray[numpy.float64]:
+    """
+    When that cycle stands at its targets: shape (moves, 3), columns target, begin (s), end (s).
+
+    Arguments and errors as for cycle_of_moves.
+    """
+
+def bidirectional_targets(positions: numpy.typing.ArrayLike, overrun: float) -> numpy.typing.NDArray[numpy.float64]:
+    """
+    Targets of one bidirectional cycle after ISO 230-2, for cycle_of_moves.
+
+    Below the first position by `overrun` > 0, up through all, beyond the last by `overrun`, down through all.
+    positions: shape (n,), n >= 2, increasing; the result has shape (2 n + 2,). Raises ValueError.
+    """
+
+class Interpolation(enum.Enum):
+    """What a recorded signal does between its samples."""
+
+    hold = 0
+    """the last sample's value"""
+
+    linear = 1
+    """straight lines"""
+
+    cubic = 2
+    """a not-a-knot spline with continuous acceleration"""
+
+def sampled(times: numpy.typing.ArrayLike, values: numpy.typing.ArrayLike, interpolation: Interpolation = ...) -> Waveform:
+    """
+    A recorded signal through `values` at increasing `times` (s), even or not; shapes (n,), n >= 2 (hold: 1).
+
+    Before the first and after the last sample the end values are held. Each change of value (hold) or of slope
+    (linear) is a break, where a solver stops; cubic has none but its ends, and overshoots at steps.
+    Raises ValueError naming argument, index, value and rule.
+    """
+
+class Parameter:
+    """
+    One declared number of a machine: path, unit (SI), bounds, default, doc, value.
+    """
+
+    @property
+    def path(self) -> str: ...
+
+    @property
+    def unit(self) -> str: ...
+
+    @property
+    def doc(self) -> str: ...
+
+    @property
+    def low(self) -> float: ...
+
+    @property
+    def high(self) -> float: ...
+
+    @property
+    def low_excluded(self) -> bool:
+        """True where the lower bound itself is not allowed."""
+
+    @property
+    def standard(self) -> float:
+        """The default."""
+
+    @property
+    def typical(self) -> float:
+        """A usual size: prior width, step scale."""
+
+    @property
+    def value(self) -> float: ...
+
+class EffectType:
+    """A physical effect of the registry: what can be added to a machine."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def equation(self) -> str: ...
+
+    @property
+    def source(self) -> str: ...
+
+    @property
+    def validity(self) -> str: ...
+
+    @property
+    def confused_with(self) -> str: ...
+
+    @property
+    def places(self) -> str: ...
+
+    @property
+    def affine(self) -> bool: ...
+
+    @property
+    def acts_on(self) -> str: ...
+
+    @property
+    def parameters(self) -> list[Parameter]: ...
+
+def effect_types() -> list[EffectType]:
+    """Every registered effect, in registry order."""
+
+def effect_type(name: str) -> EffectType:
+    """
+    The effect of that name.
+
+    Raises ValueError naming the nearest known effects.
+    """
+
+class Machine:
+    """
+    A machine as an assembly: bodies, connections, motors, a controller, effects.
+
+    Every number has a stable path (mesh_1.gap, table.J, controller.K_v) in SI units; tie groups (meshes.gap)
+    reach all members. Eq. 22/23 of the source paper is one instance. Raises ValueError naming part, value, rule.
+    """
+
+    def __init__(self) -> None: ...
+
+    @property
+    def name(self) -> str: ...
+
+    @name.setter
+    def name(self, arg: str, /) -> None: ...
+
+    def copy(self) -> Machine:
+        """An independent copy."""
+
+    def __copy__(self) -> Machine: ...
+
+    def __deepcopy__(self, memo: object) -> Machine: ...
+
+    def add_body(self, name: str, locked: bool = False) -> None:
+        """Add a body with parameters J and b."""
+
+    def connect(self, name: str, driver: str, driven: str, kind: str = 'gap', frame: str = 'driver') -> None:
+        """
+        Join two bodies: rigid, compliant or gap. frame says in whose angle twist, stiffness and gap are given.
+        """
+
+    def add_motor(self, name: str, body: str = '', kind: str = 'armature') -> None:
+        """Put a motor on a body (default: the body of the same name)."""
+
+    def set_controller(self, kind: str = 'master_slave', equaliser: str = 'both', tension: str = 'constant', current: str = 'cascade', speed_samples: int = 0) -> None:
+        """
+        Choose the controller's structure; its numbers are parameters controller.*.
+
+        equaliser: both, slave or master gets the correction. tension: constant, falling with the load, off. current: cascade, or
+        voltage for a drive without current loop. speed_samples n: speed from the mean of the last n encoder samples, differenced.
+        """
+
+    @property
+    def controller_options(self) -> dict: ...
+
+    @staticmethod
+    def choices() -> dict:
+        """What each choice may be set to."""
+
+    def add_effect(self, name: str, place: str) -> str:
+        """
+        Add an effect at a place or group of places; returns its label, the prefix of its parameters.
+        """
+
+    def add_expression(self, place: str, formula: str, parameters: Sequence[tuple[str, str, float]] = []) -> str:
+        """
+        Add a user's formula as a torque on a body. parameters: (name, unit, value).
+        """
+
+    def remove_effect(self, label: str) -> None: ...
+
+    @property
+    def effects(self) -> list: ...
+
+    def get(self, path: str) -> float:
+        """The value at a path, or that all members of a group agree on."""
+
+    def set(self, path: str, value: float) -> None:
+        """Set a value (SI) by path or group; checks bounds."""
+
+    def parameter(self, path: str) -> Parameter: ...
+
+    def members(self, path: str) -> list[str]:
+        """The paths that a path or tie group stands for."""
+
+    def parameters(self) -> list[Parameter]:
+        """Every parameter with its declaration and value."""
+
+    @property
+    def bodies(self) -> list[str]: ...
+
+    @property
+    def connections(self) -> list[str]: ...
+
+    @property
+    def motors(self) -> list[str]: ...
+
+    def kind(self, name: str) -> str: ...
+
+    def validate(self) -> None:
+        """Check what no single parameter shows. Raises ValueError."""
+
+    def states(self) -> list[tuple[str, str]]:
+        """Names and units of the state vector."""
+
+    def signals(self) -> list[tuple[str, str, str]]:
+        """(name, unit, long name) of every signal a run can record."""
+
+class Trajectory:
+    """
+    What a simulation leaves. Arrays have one row per output time; units are SI.
+    """
+
+    @property
+    def t(self) -> Annotated[NDArray[numpy.float64], dict(writable=False)]:
+        """Output times in s, shape (n,)."""
+
+    @property
+    def names(self) -> list[str]: ...
+
+    @property
+    def units(self) -> list[str]: ...
+
+    @property
+    def long_names(self) -> list[str]: ...
+
+    @property
+    def values(self) -> Annotated[NDArray[numpy.float64], dict(writable=False)]:
+        """Signals, shape (n, signals)."""
+
+    @property
+    def elements(self) -> list[str]:
+        """Switching elements: meshes, dry friction, limiters, signs of formulas."""
+
+    @property
+    def modes(self) -> Annotated[NDArray[numpy.int8], dict(writable=False)]:
+        """Modes, shape (n, elements), int8."""
+
+    @property
+    def events(self) -> list:
+        """(time, element, from, to) of every located switch."""
+
+    @property
+    def parameters(self) -> list[str]:
+        """Of the sensitivities."""
+
+    @property
+    def sensitivities(self) -> Annotated[NDArray[numpy.float64], dict(writable=False)]:
+        """d signal / d parameter, shape (n, signals, parameters)."""
+
+    @property
+    def work(self) -> Annotated[NDArray[numpy.float64], dict(writable=False)]:
+        """
+        Energy put in since the start by each path of work_names, J, shape (n, 7); dissipation is negative.
+        """
+
+    work_names: Final[list[str]] = ...
+    """(arg: object, /) -> list[str]"""
+
+    @property
+    def state_names(self) -> list[str]: ...
+
+    @property
+    def final_state(self) -> Annotated[NDArray[numpy.float64], dict(writable=False)]: ...
+
+    @property
+    def status(self) -> str: ...
+
+    @property
+    def message(self) -> str:
+        """What went wrong and what to try; empty on success."""
+
+    @property
+    def statistics(self) -> dict: ...
+
+def simulate(machine: Machine, inputs: Mapping[str, Waveform], *, end: float, start: float = 0.0, output_step: float = 0.001, times: Sequence[float] = [], rtol: float = 1e-10, method: str = 'auto', longest_step: float = 0.0, max_steps: int = 50000000, signals: Sequence[str] = [], sensitivities: Sequence[str] = [], initial: Mapping[str, float] = {}, energy: bool = True) -> Trajectory:
+    """
+    Integrate a machine with every switch located.
+
+    inputs: name -> Waveform (theta_ref, T_load, U_n or T_n of an uncontrolled machine, columns a formula reads). Times in s.
+    sensitivities: parameter paths or groups, or initial.<state>. initial: state -> value, others 0. The GIL is released.
+    Raises ValueError for input that makes no sense, KeyboardInterrupt on Ctrl-C; a failed integration is a status.
+    """
+
+def torque_balance(machine: Machine, channels: Mapping[str, Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]], parameters: Sequence[str] = [], standstill: float = 0.0) -> dict:
+    """
+    Evaluate the machine's laws on recorded motion, against recorded motor torque.
+
+    channels: t, theta_*, omega_*, alpha_* per body, T_n per motor, all SI and of one length. Returns a dict: equations (names;
+    'total' first), residual (eq, rows) = J alpha + losses - motor torque, jacobian (eq, rows, parameters), standstill (eq, rows)
+    1 where dry friction is set-valued (table speed below `standstill`), effects (effects, rows). Raises ValueError.
+    """
 
 __version__: str
