@@ -1,0 +1,139 @@
+"""Fit a machine to measured traces: through its closed loop, or through its torque balance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from dualdrive.identify.balance import torque_balance
+from dualdrive.identify.closed_loop import Problem, channels_to_fit
+from dualdrive.identify.evaluation import state_unknowns
+from dualdrive.identify.fit_summary import summary
+from dualdrive.identify.search import Progress, Search
+from dualdrive.identify.unknowns import default_free, unknowns
+from dualdrive.replay import RTOL, Record, core_of, named, records
+from dualdrive.traces import Trace
+
+MODES = ("auto", "closed_loop", "balance")
+
+
+def fit(
+    machine: Any,
+    traces: Trace | Sequence[Trace] | Mapping[str, Trace],
+    free: Sequence[str] | None = None,
+    mode: str = "auto",
+    *,
+    tolerance: float | Mapping[str, float] | None = None,
+    offsets: str = "all",
+    channels: Sequence[str] | None = None,
+    motion: Any = None,
+    interpolation: str = "auto",
+    start: str = "auto",
+    starts: int = 1,
+    seed: int = 0,
+    confidence: float = 0.95,
+    max_simulations: int = 1000,
+    rtol: float = RTOL,
+    progress: Callable[[Progress], None] | None = None,
+) -> Any:
+    """Fit parameters of a machine to traces.
+
+    Closed loop (controller and commanded motion known): the loop is simulated along each record,
+    and parameters, sensor constants and initial states move until simulated and measured agree
+    (trust-region reflective least squares, SciPy; exact sensitivities from the solver). Torque
+    balance (controller unknown): see :func:`dualdrive.identify.torque_balance`.
+
+    Args:
+        machine: a machine, or the core's.
+        traces: one trace, several, or name -> trace; each is a record with constants of its own.
+        free: parameter paths or tie groups. Left out: inertias, friction, stiffness and play that
+            the machine has, and every number of its effects.
+        mode: ``closed_loop``, ``balance``, or ``auto``: closed loop where the machine has a
+            controller and every trace a commanded motion.
+        tolerance: relative one-sigma width of the prior about each nominal value, for all or by
+            path; unless told 0.1 for inertias, 0.2 for stiffness and play, 0.5 for viscous
+            friction. An effect's number that stands at zero has no prior, others 1.0.
+        offsets: which sensors may have a constant: ``all`` headline channels but the following
+            error, ``encoders`` of the drives, ``none``.
+        channels: compared channels to fit; those of the headline error unless given.
+        motion: commanded motion where the traces carry none.
+        interpolation: see :func:`dualdrive.replay.records`.
+        start: see :func:`dualdrive.replay.records`.
+        starts: number of starting points; the first is the nominal machine, others are drawn from
+            the priors (effects between a tenth and ten times their usual size).
+        seed: of those draws.
+        confidence: of the intervals.
+        max_simulations: limit on simulated records; the best point so far is returned.
+        rtol: local tolerance of the simulations.
+        progress: told where the fit stands after each simulation of all records; whatever it
+            raises ends the fit, KeyboardInterrupt with the best point so far.
+
+    Returns:
+        :class:`Fit`, or :class:`~dualdrive.identify.BalanceFit` from the torque balance.
+
+    Raises:
+        ValueError: unknown path or option, or a trace that can't be played.
+        FitError: the simulation fails at every starting point.
+
+    """
+    if mode not in MODES:
+        raise ValueError(f"mode = {mode!r}; choose one of {', '.join(MODES)}")
+    core, recorded = core_of(machine), named(traces)
+    if mode == "auto":
+        mode = which_mode(core, recorded, motion)
+    if mode == "balance":
+        width = tolerance if tolerance is not None or free is not None else 0.3
+        return torque_balance(
+            machine,
+            recorded,
+            free=free,
+            prior=width,
+            offsets=offsets != "none",
+            confidence=confidence,
+        )
+    played = records(machine, recorded, motion=motion, interpolation=interpolation, start=start)
+    paths = default_free(core) if free is None else list(free)
+    if not paths:
+        raise ValueError("free: nothing to fit; name parameters or add an effect")
+    problem = Problem(
+        core,
+        played,
+        unknowns(core, paths, tolerance, _sizes(core, played)),
+        state_unknowns(core, played),
+        channels=channels_to_fit(played, channels),
+        offsets=offsets,
+        rtol=rtol,
+    )
+    search = Search(problem, max_simulations, progress)
+    search.run(starts, seed)
+    return summary(machine, problem, search, confidence)
+
+
+def which_mode(core: Any, traces: Mapping[str, Trace], motion: Any) -> str:
+    """Closed loop where controller and commanded motion are known, else the balance."""
+    controlled = core.controller_options["kind"] != "none"
+    commanded = motion is not None or all("theta_ref" in trace for trace in traces.values())
+    return "closed_loop" if controlled and commanded else "balance"
+
+
+def _sizes(core: Any, played: Sequence[Record]) -> dict[str, float]:
+    """A tenth of the drives' mean-free torque, seen at the table, and the same over the speed."""
+    torque, speed = 0.0, 0.0
+    for record in played:
+        speed = max(speed, float(np.std(np.gradient(record.reference, record.t))))
+        for motor in core.motors:
+            n = motor.rpartition("_")[2]
+            train = [c for c in (f"gearbox_{n}", f"mesh_{n}") if c in core.connections]
+            ratio = math.prod(core.get(f"{c}.ratio") for c in train)
+            for name, factor in ((f"T_{n}", 1.0), (f"I_{n}", core.get(f"{motor}.K_d"))):
+                if name in record.trace:
+                    torque = max(torque, factor * ratio * float(np.std(record.trace[name])))
+    sizes = {}
+    if torque > 0:
+        sizes["N*m"] = 0.1 * torque
+        if speed > 0:
+            sizes["N*m*s/rad"] = 0.1 * torque / speed
+    return sizes

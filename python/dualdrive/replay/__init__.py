@@ -1,0 +1,28 @@
+"""A recorded trace played through a machine's closed loop, channel beside channel."""
+
+from __future__ import annotations
+
+from dualdrive.replay.channels import HEADLINE, Compared, compared_channels
+from dualdrive.replay.errors import best_offsets, errors, headline
+from dualdrive.replay.record import Record, ReplayError, core_of, named, records
+from dualdrive.replay.run import RTOL, Recorder, Replay, play, play_all, recorders
+
+__all__ = [
+    "HEADLINE",
+    "RTOL",
+    "Compared",
+    "Record",
+    "Recorder",
+    "Replay",
+    "ReplayError",
+    "best_offsets",
+    "compared_channels",
+    "core_of",
+    "errors",
+    "headline",
+    "named",
+    "play",
+    "play_all",
+    "recorders",
+    "records",
+]

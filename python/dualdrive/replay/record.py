@@ -1,0 +1,267 @@
+"""One stretch of a trace, made ready to be played through a machine's closed loop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive import _core
+from dualdrive.replay.channels import Compared, compared_channels
+from dualdrive.traces import CHANNELS, Trace
+
+Array = NDArray[np.float64]
+
+#: how the machine stands when a record begins
+STARTS = ("auto", "rest", "settled")
+INTERPOLATIONS = ("auto", "cubic", "linear", "hold")
+_SHORTEST = 16  # samples; a shorter stretch between two breaks says nothing
+
+
+class ReplayError(ValueError):
+    """A trace that can't be played through this machine; the message says what is missing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """A stretch without pauses: inputs, initial state and the channels it is held against.
+
+    t:         times of the samples, s
+    inputs:    name -> waveform, as `_core.simulate` takes them
+    initial:   state -> value at `begin`, others zero
+    begin:     time at which the simulation starts: t[0], or earlier to let the loop settle
+    start:     rest | settled: how the machine stood before
+    reference: commanded table angle at t
+    """
+
+    name: str
+    t: Array
+    inputs: Mapping[str, Any]
+    initial: Mapping[str, float]
+    begin: float
+    start: str
+    reference: Array
+    channels: tuple[Compared, ...]
+    trace: Trace
+
+    def channel(self, name: str) -> Compared:
+        """The compared channel of that name."""
+        return next(c for c in self.channels if c.name == name)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the compared channels."""
+        return tuple(c.name for c in self.channels)
+
+
+def core_of(machine: Any) -> Any:
+    """The core's machine behind a machine."""
+    return getattr(machine, "core", machine)
+
+
+def records(
+    machine: Any,
+    traces: Mapping[str, Trace],
+    *,
+    motion: Any = None,
+    interpolation: str = "auto",
+    start: str = "auto",
+) -> list[Record]:
+    """Make every stretch of every trace ready.
+
+    Args:
+        machine: with a controller.
+        traces: name -> trace.
+        motion: the commanded motion (a waveform, or anything with a ``waveform``) where the traces
+            carry no ``theta_ref``.
+        interpolation: of recorded inputs between samples: ``cubic`` where the reference is smooth
+            and ``linear`` where it is not, unless told; a sampled loop reads it at its ticks.
+        start: ``rest`` (drives switched on at the first sample), ``settled`` (the loop held the
+            first position for long), or ``auto``: whichever meets the first second better.
+
+    Raises:
+        ReplayError: no controller, no commanded motion, or nothing recorded to compare with.
+
+    """
+    core = core_of(machine)
+    for value, known, what in (
+        (interpolation, INTERPOLATIONS, "interpolation"),
+        (start, STARTS, "start"),
+    ):
+        if value not in known:
+            raise ReplayError(f"{what} = {value!r}; choose one of {', '.join(known)}")
+    if core.controller_options["kind"] == "none":
+        raise ReplayError(
+            "the machine has no controller to close the loop with; use the torque balance"
+        )
+    found = []
+    for name, trace in traces.items():
+        parts = trace.segments(_SHORTEST)
+        if not parts:
+            raise ReplayError(f"{name}: no stretch of {_SHORTEST} samples without a pause")
+        for k, part in enumerate(parts, 1):
+            label = name if len(parts) == 1 else f"{name} ({k})"
+            found.append(_record(core, label, part, motion, interpolation, start))
+    return found
+
+
+def _record(
+    core: Any, name: str, trace: Trace, motion: Any, interpolation: str, start: str
+) -> Record:
+    inputs = _inputs(core, name, trace, motion, interpolation)
+    reference = np.asarray(inputs["theta_ref"].value(trace.t))
+    channels = compared_channels(core, trace, reference)
+    if not channels:
+        raise ReplayError(
+            f"{name}: no channel that the machine simulates varies; "
+            f"there are {', '.join(trace) or 'none'}"
+        )
+    begin = float(trace.t[0])
+    record = Record(name, trace.t, inputs, {}, begin, "rest", reference, tuple(channels), trace)
+    at_rest = replace(record, initial=_state_at_start(core, record))
+    if start == "rest":
+        return at_rest
+    settled = replace(
+        record,
+        begin=begin - _settling_time(core),
+        start="settled",
+        initial={"theta_m": float(reference[0])} if _has_state(core, "theta_m") else {},
+    )
+    return settled if start == "settled" else _better_start(core, at_rest, settled)
+
+
+def _better_start(core: Any, *candidates: Record) -> Record:
+    """The one whose first second lies nearer to the record; the first where neither runs."""
+    from dualdrive.replay.run import play
+
+    best, least = candidates[0], math.inf
+    for record in candidates:
+        first = replace(
+            record, t=record.t[: max(_SHORTEST, int(np.sum(record.t < record.t[0] + 1.0)))]
+        )
+        replay = play(core, first)
+        if not replay.ok:
+            continue
+        n = len(first.t)
+        off = [
+            float(np.mean((r - c.floating * np.median(r)) ** 2)) / c.spread**2
+            for c in record.channels
+            if c.headline
+            for r in [replay.simulated[c.name] - c.measured[:n]]
+        ]
+        if (size := float(np.mean(off)) if off else 0.0) < 0.9 * least:
+            best, least = record, size
+    return best
+
+
+def _has_state(core: Any, name: str) -> bool:
+    return name in dict(core.states())
+
+
+def _settling_time(core: Any) -> float:
+    """Twenty times the slowest of the loop's own times, at least 2 s, in whole sample times."""
+    slow = max(core.get(f"controller.{n}") for n in ("T_N", "T_E", "tau_t"))
+    samples: list[float] = [
+        core.get(f"controller.{n}_sample") for n in ("position", "tension", "speed", "current")
+    ]
+    whole = max([s for s in samples if s > 0], default=1e-3)
+    return float(whole * math.ceil(max(2.0, 20.0 * slow) / whole))
+
+
+def _state_at_start(core: Any, record: Record) -> dict[str, float]:
+    """Angle and, where the record begins in motion, speeds and currents from its first samples."""
+    trace, states = record.trace, {name for name, _ in core.states()}
+    steps = np.abs(np.diff(record.reference))
+    moving = bool(steps[0] > 1e-3 * np.max(steps))
+    initial: dict[str, float] = {}
+    if "theta_m" in trace and "theta_m" in states:
+        initial["theta_m"], speed = _first(trace.t, trace["theta_m"], moving)
+    else:
+        speed = _first(record.t, record.reference, moving)[1]
+    if not moving:
+        return initial
+    for state in states:
+        if state.startswith("omega_"):
+            initial[state] = speed * _ratio(core, state.removeprefix("omega_"))
+        if state.startswith("I_") and state in trace:
+            initial[state] = float(trace[state][0])
+    return initial
+
+
+def _first(t: Array, values: Array, moving: bool) -> tuple[float, float]:
+    """Value and slope at the first sample, from a parabola through the first ten; at rest, 0."""
+    n = min(10, len(t))
+    if not moving:
+        return float(np.mean(values[: min(5, n)])), 0.0
+    _, slope, value = np.polyfit(t[:n] - t[0], values[:n], 2)
+    return float(value), float(slope)
+
+
+def _ratio(core: Any, suffix: str) -> float:
+    """Speed of a body over that of the table: suffix m, c1 (pinion 1), 1 (motor 1)."""
+    n, ratio = suffix.lstrip("c"), 1.0
+    if suffix == "m":
+        return ratio
+    if f"mesh_{n}" in core.connections:
+        ratio *= core.get(f"mesh_{n}.ratio")
+    if not suffix.startswith("c") and f"gearbox_{n}" in core.connections:
+        ratio *= core.get(f"gearbox_{n}.ratio")
+    return float(ratio)
+
+
+def _inputs(core: Any, name: str, trace: Trace, motion: Any, interpolation: str) -> dict[str, Any]:
+    """Commanded motion, recorded load, and the columns that a formula may read."""
+    inputs: dict[str, Any] = {}
+    if motion is not None:
+        inputs["theta_ref"] = getattr(motion, "waveform", motion)
+    elif "theta_ref" in trace:
+        inputs["theta_ref"] = waveform(trace.t, trace["theta_ref"], interpolation)
+    else:
+        raise ReplayError(
+            f"{name}: no commanded motion; record theta_ref, give a motion, or use the torque "
+            "balance"
+        )
+    formulas = any(effect["formula"] for effect in core.effects)
+    for channel in trace:
+        if channel == "T_load" or (formulas and channel not in CHANNELS):
+            inputs[channel] = _core.sampled(trace.t, trace[channel], _core.Interpolation.linear)
+    return inputs
+
+
+def waveform(t: Array, values: Array, interpolation: str = "auto") -> Any:
+    """A recorded signal between its samples; see `records` for the choices."""
+    if interpolation == "auto":
+        interpolation = "cubic" if _is_smooth(t, values) else "linear"
+    if (
+        interpolation == "hold"
+    ):  # a tick that falls on a sample, rounding included, reads that sample
+        t = t - 1e-6 * np.min(np.diff(t))
+    return _core.sampled(t, values, getattr(_core.Interpolation, interpolation))
+
+
+def _is_smooth(t: Array, values: Array) -> bool:
+    """Whether every other sample is foretold by its neighbours: no steps, no coarse rounding."""
+    from scipy.interpolate import CubicSpline
+
+    if len(t) < 9 or np.ptp(values) == 0.0:
+        return True
+    odd = values[1 : len(t) - 1 : 2]
+    foretold = CubicSpline(t[::2], values[::2])(t[1 : len(t) - 1 : 2])
+    return bool(np.max(np.abs(foretold - odd)) < 0.2 * np.max(np.abs(np.diff(values))))
+
+
+def named(traces: Any) -> dict[str, Trace]:
+    """Name -> trace, names unique; one trace, several, or a mapping."""
+    if isinstance(traces, Mapping):
+        return dict(traces)
+    several: Sequence[Trace] = [traces] if isinstance(traces, Trace) else list(traces)
+    if not several:
+        raise ReplayError("no trace given; give at least one")
+    names = [trace.name for trace in several]
+    if len(set(names)) < len(names):
+        names = [f"{name} ({k})" for k, name in enumerate(names, 1)]
+    return dict(zip(names, several, strict=True))

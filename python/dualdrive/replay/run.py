@@ -1,0 +1,207 @@
+"""Playing a record through a machine: simulate, and read the result as the recorder would."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive import _core
+from dualdrive.replay.record import Record
+from dualdrive.traces import CHANNELS
+
+Array = NDArray[np.float64]
+
+#: local tolerance; an error of 1e-6 of the signal, far below any sensor's noise
+RTOL = 1e-8
+_FLANKS = ("mesh_1.flank", "mesh_2.flank")
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """What the machine did on one record.
+
+    simulated: compared channel -> values at the record's times, shape (n,)
+    slopes:    compared channel -> derivative by each unknown asked for, shape (n, unknowns)
+    flanks:    mesh -> contact at the record's times: -1 back, 0 in the gap, 1 front
+    """
+
+    record: Record
+    status: str
+    message: str
+    simulated: Mapping[str, Array] = field(default_factory=dict)
+    slopes: Mapping[str, Array] = field(default_factory=dict)
+    flanks: Mapping[str, Array] = field(default_factory=dict)
+    statistics: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def ok(self) -> bool:
+        """Whether the simulation reached the end of the record."""
+        return self.status == "success"
+
+    def residual(self, name: str) -> Array:
+        """Simulated minus measured of one channel, shape (n,)."""
+        result: Array = self.simulated[name] - self.record.channel(name).measured
+        return result
+
+
+@dataclass(frozen=True)
+class Recorder:
+    """What a recorder does to one channel outside the loop: it reads late, or adds a constant."""
+
+    delay: float = 0.0
+    offset: float = 0.0
+
+
+def recorders(core: Any) -> dict[str, Recorder]:
+    """Effects that sit at a recorded channel, by channel."""
+    found: dict[str, Recorder] = {}
+    for effect in core.effects:
+        for channel in effect["members"]:
+            if channel not in CHANNELS:
+                continue
+            old = found.get(channel, Recorder())
+            if effect["effect"] == "sensor_delay":
+                late = old.delay + core.get(f"{effect['label']}.time")
+                found[channel] = Recorder(late, old.offset)
+            if effect["effect"] == "sensor_offset":
+                added = old.offset + core.get(f"{effect['label']}.value")
+                found[channel] = Recorder(old.delay, added)
+    return found
+
+
+def play(
+    core: Any,
+    record: Record,
+    sensitivities: Sequence[str] = (),
+    initial: Mapping[str, float] | None = None,
+    rtol: float = RTOL,
+    flanks: bool = False,
+) -> Replay:
+    """Simulate the closed loop along one record.
+
+    Args:
+        core: the core's machine.
+        record: inputs and times.
+        sensitivities: parameter paths or groups, those of recorder effects too, or
+            ``initial.<state>``.
+        initial: state -> value, over those of the record.
+        rtol: local tolerance of the integration.
+        flanks: whether to keep the contacts.
+
+    Raises:
+        ValueError: what the core refuses. A simulation that fails is a status, not an exception.
+
+    """
+    heard = recorders(core)
+    raw = sorted({channel for c in record.channels for channel, _ in c.parts})
+    times = _times(record, {heard[channel].delay for channel in raw if channel in heard})
+    outside = {path: moves for path in sensitivities if (moves := _recorder_slope(core, path))}
+    known = {name for name, _, _ in core.signals()}
+    contacts = [name for name in _FLANKS if flanks and name in known]
+    run = _core.simulate(
+        core,
+        dict(record.inputs),
+        start=record.begin,
+        end=float(times[-1]),
+        times=times.tolist(),
+        rtol=rtol,
+        signals=raw + contacts,
+        sensitivities=[path for path in sensitivities if path not in outside],
+        initial={**record.initial, **(initial or {})},
+        energy=False,
+    )
+    if run.status != "success":
+        return Replay(record, run.status, run.message, statistics=run.statistics)
+    column = {name: k for k, name in enumerate(run.names)}
+    seen: dict[str, Array] = {}
+    slopes: dict[str, Array] = {}
+    for channel in raw:
+        recorder = heard.get(channel, Recorder())
+        rows = np.searchsorted(times, np.maximum(record.t - recorder.delay, record.begin))
+        seen[channel] = run.values[rows, column[channel]] + recorder.offset
+        if sensitivities:
+            inside = iter(run.sensitivities[rows, column[channel]].T if run.parameters else ())
+            slopes[channel] = np.column_stack(
+                [
+                    _outside(record.t, seen[channel], channel, outside[path])
+                    if path in outside
+                    else next(inside)
+                    for path in sensitivities
+                ]
+            )
+    whole = np.searchsorted(times, record.t)
+    return Replay(
+        record,
+        run.status,
+        "",
+        _derived(record, seen),
+        _derived(record, slopes) if slopes else {},
+        {name.partition(".")[0]: run.values[whole, column[name]] for name in contacts},
+        run.statistics,
+    )
+
+
+def _derived(record: Record, raw: Mapping[str, Array]) -> dict[str, Array]:
+    """Compared channels from recorded ones; values or slopes alike, for all of them are sums."""
+    found = {}
+    for c in record.channels:
+        first, *others = (factor * raw[name] for name, factor in c.parts)
+        found[c.name] = sum(others, first)
+    return found
+
+
+def _outside(t: Array, seen: Array, channel: str, moves: tuple[str, frozenset[str]]) -> Array:
+    """Slope of a recorded channel by a recorder's delay or constant."""
+    what, channels = moves
+    if channel not in channels:
+        return np.zeros(len(t))
+    return np.ones(len(t)) if what == "offset" else -_rate(t, seen)
+
+
+def play_all(
+    core: Any,
+    several: Sequence[Record],
+    sensitivities: Sequence[str] = (),
+    initial: Sequence[Mapping[str, float]] | None = None,
+    **options: Any,
+) -> list[Replay]:
+    """Play records side by side; the core computes without holding the interpreter.
+
+    A single record runs in the calling thread, where Ctrl-C reaches it at once.
+    """
+    states = initial or [{}] * len(several)
+    if len(several) == 1:
+        return [play(core, several[0], sensitivities, states[0], **options)]
+    with ThreadPoolExecutor() as pool:
+        jobs = [
+            pool.submit(play, core, record, sensitivities, state, **options)
+            for record, state in zip(several, states, strict=True)
+        ]
+        return [job.result() for job in jobs]
+
+
+def _times(record: Record, delays: set[float]) -> Array:
+    """Times at which any channel is read."""
+    late = [np.maximum(record.t - delay, record.begin) for delay in delays if delay > 0]
+    return np.unique(np.concatenate([record.t, *late]))
+
+
+def _recorder_slope(core: Any, path: str) -> tuple[str, frozenset[str]] | None:
+    """What a recorder's parameter moves: (delay | offset, channels); None for all others."""
+    for effect in core.effects:
+        channels = frozenset(effect["members"]) & CHANNELS.keys()
+        if channels and path.startswith(f"{effect['label']}."):
+            return ("delay" if effect["effect"] == "sensor_delay" else "offset"), channels
+    return None
+
+
+def _rate(t: Array, values: Array) -> Array:
+    from scipy.interpolate import CubicSpline
+
+    result: Array = CubicSpline(t, values)(t, 1)
+    return result
