@@ -1,0 +1,215 @@
+"""Which missing effect would explain what a fitted machine leaves: a score, without refitting.
+
+Every candidate is put into the machine at zero strength, where it changes nothing, and one run with
+sensitivities tells how the channels would move if it had any. What the nominal parameters, sensor
+constants and initial states could imitate is projected out, within their priors; what is left of
+the candidate's signature is regressed on what is left of the residual. The score is a shortlist:
+once an effect changes which flanks carry, its derivative at zero is no longer the whole story, and
+a refit decides.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive import _core
+from dualdrive.identify.closed_loop import Problem, channels_to_fit
+from dualdrive.identify.evaluation import state_unknowns
+from dualdrive.identify.unknowns import Unknown, default_free, unknowns
+from dualdrive.replay import RTOL, core_of, named, records
+from dualdrive.traces import Trace
+
+Array = NDArray[np.float64]
+
+#: laws that take the place of a simpler one already scored: no signature of their own at zero
+_WHOLE_LAWS = ("stribeck", "lugre")
+_DELAY_PROBE = 2e-3  # s: a delay is part of the structure, so it is probed at a size, not at zero
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect at a place and how much of the weighted residual it could explain, 0 .. 1."""
+
+    effect: str
+    place: str
+    explained: float
+    expected: Mapping[str, float]
+    unit: str
+
+    @property
+    def label(self) -> str:
+        """``coulomb@table``."""
+        return f"{self.effect}@{self.place}"
+
+
+def candidates_of(core: _core.Machine) -> list[tuple[str, str]]:
+    """Every effect at every usual place this machine has and does not carry it at yet."""
+    there = {(e["effect"], e["place"]) for e in core.effects}
+    found = []
+    for kind in _core.effect_types():
+        if kind.name in _WHOLE_LAWS:
+            continue
+        for place in kind.places.split(","):
+            if (kind.name, place) in there:
+                continue
+            trial = core.copy()
+            try:
+                trial.add_effect(kind.name, place)
+            except ValueError:
+                continue  # no such part here
+            found.append((kind.name, place))
+    return found
+
+
+def screen(
+    machine: Any,
+    traces: Trace | Sequence[Trace] | Mapping[str, Trace],
+    candidates: Iterable[tuple[str, str]] | None = None,
+    *,
+    motion: Any = None,
+    interpolation: str = "auto",
+    start: str = "auto",
+    rtol: float = RTOL,
+) -> list[Candidate]:
+    """Score candidate effects on traces, best first. The machine should be refitted before.
+
+    Args:
+        machine: a machine with a controller, fitted to the traces as far as it goes.
+        traces: one trace, several, or name -> trace.
+        candidates: pairs of effect and place; every usual one unless given.
+        motion, interpolation, start, rtol: as for :func:`dualdrive.identify.fit`.
+
+    Raises:
+        ValueError: unknown effect or place, or a trace that can't be played.
+        FitError: the machine does not simulate.
+
+    """
+    core = core_of(machine)
+    played = records(
+        machine, named(traces), motion=motion, interpolation=interpolation, start=start
+    )
+    wanted = list(candidates_of(core) if candidates is None else candidates)
+    probed = core.copy()
+    probes = [probe for pair in wanted for probe in _put_in(probed, *pair)]
+    nominal = unknowns(core, default_free(core), None, {})
+    smooth = [p for p in probes if not p.delay]
+    problem = Problem(
+        probed,
+        played,
+        [*nominal, *(p.unknown for p in smooth)],
+        state_unknowns(core, played),
+        channels=channels_to_fit(played, None),
+        rtol=rtol,
+    )
+    at = problem.start
+    problem.reweigh(at)
+    replays = problem.replays(at)
+    assert replays is not None  # reweigh has simulated them
+    left = _stack(problem, problem.unweighted(replays, at))
+    slopes = _stack(problem, problem.slopes(at))
+    split = range(len(nominal), len(nominal) + len(smooth))
+    others = np.delete(slopes, split, axis=1)
+    signatures = {p.key: slopes[:, len(nominal) + k] for k, p in enumerate(smooth)}
+    for p in probes:
+        if p.delay:
+            signatures[p.key] = _delayed(problem, p, at, left)
+    sigma = np.delete(problem.prior.sigma, split)
+    rest = _Projection(others, sigma)
+    residual = rest.remove(left)
+    scored = []
+    for effect, place in wanted:
+        own = [p for p in probes if (p.effect, p.place) == (effect, place)]
+        columns = np.stack([rest.remove(signatures[p.key]) for p in own], axis=1)
+        explained, strengths = _regress(columns, residual)
+        expected = {p.path: s * p.unknown.scale for p, s in zip(own, strengths, strict=True)}
+        scored.append(Candidate(effect, place, explained, expected, own[0].unknown.unit))
+    return sorted(scored, key=lambda c: -c.explained)
+
+
+@dataclass(frozen=True)
+class _Probe:
+    """One strength of a candidate: a second one where a phase is unknown, a quarter turn later."""
+
+    effect: str
+    place: str
+    path: str
+    unknown: Unknown
+    delay: bool
+
+    @property
+    def key(self) -> str:
+        return self.path
+
+
+def _put_in(core: _core.Machine, effect: str, place: str) -> list[_Probe]:
+    kind = _core.effect_type(effect)
+    names = [p.path for p in kind.parameters]
+    delay = "delay" in kind.acts_on
+    probes = []
+    for phase in (0.0, 0.5 * math.pi) if "phase" in names else (0.0,):
+        label = core.add_effect(effect, place)
+        if "phase" in names:
+            core.set(f"{label}.phase", phase)
+        strength = kind.parameters[0]
+        path = f"{label}.{names[0]}"
+        free = Unknown(
+            path, strength.unit, 0.0, -math.inf, math.inf, strength.typical, False, 0.0, 0.0, math.inf
+        )
+        probes.append(_Probe(effect, place, path, free, delay))
+    return probes
+
+
+def _stack(problem: Problem, own: Mapping[tuple[int, str], Array]) -> Array:
+    return np.concatenate([problem.weights[row] * own[row] for row in problem.rows])
+
+
+def _delayed(problem: Problem, probe: _Probe, at: Array, left: Array) -> Array:
+    """Signature of a delay: the difference a small one makes, per usual size."""
+    core = problem.core.copy()
+    core.set(probe.path, _DELAY_PROBE)
+    late = Problem(
+        core,
+        problem.records,
+        problem.parameters,
+        problem.states,
+        channels=sorted({name for _, name in problem.rows}),
+        rtol=problem.rtol,
+    )
+    late.weights = problem.weights
+    replays = late.replays(at)
+    if replays is None:
+        return np.zeros(len(left))
+    moved = _stack(problem, late.unweighted(replays, at)) - left
+    scale: Array = moved * (probe.unknown.scale / _DELAY_PROBE)
+    return scale
+
+
+class _Projection:
+    """Takes out what other unknowns could imitate, within their priors (ridge regression)."""
+
+    def __init__(self, columns: Array, sigma: Array) -> None:
+        size = np.linalg.norm(columns, axis=0)
+        self._rows = columns[:, size > 0]
+        believed = np.where(np.isfinite(sigma), 1.0 / sigma, 0.0)[size > 0]
+        normal = self._rows.T @ self._rows + np.diag(believed**2)
+        self._inverse = np.linalg.pinv(normal, rcond=1e-12, hermitian=True)
+
+    def remove(self, values: Array) -> Array:
+        result: Array = values - self._rows @ (self._inverse @ (self._rows.T @ values))
+        return result
+
+
+def _regress(columns: Array, residual: Array) -> tuple[float, Array]:
+    """Share of the residual's square that the columns explain, and their strengths."""
+    if not np.any(columns):
+        return 0.0, np.zeros(columns.shape[1])
+    strengths, *_ = np.linalg.lstsq(columns, -residual, rcond=1e-10)
+    after = residual + columns @ strengths
+    total = float(residual @ residual)
+    return max(0.0, 1.0 - float(after @ after) / total) if total > 0 else 0.0, strengths
