@@ -8,17 +8,21 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-__all__ = ["FileError", "refuse_existing", "write_atomically"]
+__all__ = ["FileError", "WriteError", "refuse_existing", "write_atomically"]
 
 
 class FileError(ValueError):
     """A file that can't be read or written. The message is one line."""
 
 
+class WriteError(FileError):
+    """A file that can't be written; what stood there is untouched."""
+
+
 def refuse_existing(path: Path, *, overwrite: bool) -> None:
     """Raise FileError when `path` is there already and may not be replaced."""
     if path.exists() and not overwrite:
-        raise FileError(f"{path}: exists already; choose another name or allow it to be replaced")
+        raise WriteError(f"{path}: exists already; choose another name, or allow overwriting it")
 
 
 @contextmanager
@@ -26,7 +30,7 @@ def write_atomically(path: Path) -> Iterator[Path]:
     """Give a temporary path beside `path`; on success it takes the place of `path`.
 
     On any failure the temporary file is removed and what stood at `path` is untouched. Trouble
-    with the disk (no permission, no space, no folder) is raised as FileError.
+    with the disk (no permission, no space, no folder) is raised as WriteError.
     """
     temporary: Path | None = None
     try:
@@ -53,7 +57,7 @@ def write_atomically(path: Path) -> Iterator[Path]:
 def _refuse_special(path: Path) -> None:
     """A device or folder must not be replaced by a file, not even by root."""
     if path.exists() and not path.is_file():
-        raise FileError(f"{path}: cannot be written: not a regular file; name a file to write")
+        raise WriteError(f"{path}: cannot be written: not a regular file; name a file to write")
 
 
 def _flush(path: Path) -> None:

@@ -18,10 +18,12 @@ from dualdrive.machine_file import (
     add_effect,
     build,
     history_of,
+    is_choice,
     parse_layer,
     preset_names,
     read_layers,
     set_value,
+    spoken_choice,
     unit_on_axis,
 )
 
@@ -188,9 +190,22 @@ class Machine:
     def set(self, path: str, value: float | str | Mapping[str, Any]) -> None:
         """Set a number: SI, text with a unit (``20arcsec``), or a table for a gap's frame.
 
+        A choice can be set too: ``meshes.kind``, ``controller.equaliser``, ``drives``.
         Raises MachineError naming path, value, rule and way out; nothing is changed then.
         """
-        set_value(self.core, self._structure, path, value, self.name)
+        if is_choice(path):
+            self._choose(path, value)
+        else:
+            set_value(self.core, self._structure, path, value, self.name)
+
+    def _choose(self, path: str, value: Any) -> None:
+        """Put the machine together anew: a choice decides which parts and numbers there are."""
+        from dualdrive.machine_file.text import choose
+
+        text = choose(self.toml(), path, spoken_choice(value))
+        layers = [parse_layer(self.name, text)]
+        self.core, self._structure = build(layers)
+        self._layers = layers
 
     def add(self, effect: str, place: str | None = None, /, **parameters: Any) -> str:
         """Add an effect; returns its label. ``add("coulomb", "table", torque="2 kN*m")``.

@@ -5,6 +5,7 @@ group (``[meshes]``) comes before its members (``[mesh_1]``).
 """
 
 from .build import build
+from .choices import is_choice, spoken_choice
 from .effects import add_effect
 from .frames import unit_on_axis
 from .history import history_of
@@ -23,9 +24,11 @@ __all__ = [
     "build",
     "group_of",
     "history_of",
+    "is_choice",
     "parse_layer",
     "preset_names",
     "read_layers",
     "set_value",
+    "spoken_choice",
     "unit_on_axis",
 ]

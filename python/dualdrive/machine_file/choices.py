@@ -11,7 +11,7 @@ from dualdrive import _core
 from .layers import Layer, MachineError, expect
 from .trains import GROUPS, TRAINS, Structure, group_of
 
-__all__ = ["choice_keys", "sections", "structure_of"]
+__all__ = ["choice_keys", "is_choice", "sections", "spoken_choice", "structure_of"]
 
 AXES: Final = ("rotary", "linear")
 TOP: Final = ("schema", "name", "title", "base", "axis", "drive_train", "drives")
@@ -69,6 +69,23 @@ def choice_keys(section: str) -> tuple[str, ...]:
     if section == "table" or section.startswith("pinion"):
         return ("locked",)
     return ("kind", "locked") if section.startswith("motor") else ("kind",)
+
+
+def is_choice(path: str) -> bool:
+    """Whether a path names a choice: ``drives``, ``meshes.kind``, ``controller.equaliser``."""
+    section, _, key = path.rpartition(".")
+    if not section:
+        return key in ("axis", "drive_train", "drives")
+    return "@" not in section and key in choice_keys(section)
+
+
+def spoken_choice(value: str | bool | int) -> str | bool | int:
+    """What a choice written as text means: true, false, a whole number, or a word."""
+    if not isinstance(value, str):
+        return value
+    if value in ("true", "false"):
+        return value == "true"
+    return int(value) if value.isdigit() else value
 
 
 def _read_section(s: Structure, name: str, section: Mapping[str, Any], where: str) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 from dualdrive import _core
 from dualdrive.units import UnitError, parse
@@ -13,6 +14,8 @@ from .numbers import set_value
 from .trains import Structure
 
 __all__ = ["add_effect", "add_effects"]
+
+_NUMBER: Final = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
 def add_effects(core: _core.Machine, s: Structure, layer: Layer) -> None:
@@ -78,11 +81,19 @@ def _set_values(
             set_value(core, s, f"{label}.{key}", value, where)
 
 
+def _stated(value: Any) -> dict[str, Any]:
+    """A parameter of a formula has the unit that it is given in: ``"3 N*m*s/rad"``."""
+    match = _NUMBER.match(value) if isinstance(value, str) else None
+    if match is None:
+        return {"value": value}
+    return {"value": match[0], "unit": value[match.end() :].strip()}
+
+
 def _formula_parameters(entry: Mapping[str, Any], where: str) -> list[tuple[str, str, float]]:
     table = expect(entry.get("parameters", {}), Mapping, where, "parameters", "a table")
     found = []
     for name, value in table.items():
-        item = value if isinstance(value, Mapping) else {"value": value}
+        item = value if isinstance(value, Mapping) else _stated(value)
         for key in item:
             if key not in ("value", "unit"):
                 raise MachineError(f"{where}: parameters.{name}.{key}: unknown; give value, unit")

@@ -18,7 +18,7 @@ from .build import build
 from .layers import SCHEMA, Layer, parse_layer
 from .trains import GROUPS, group_of
 
-__all__ = ["compose"]
+__all__ = ["choose", "compose"]
 
 
 def compose(
@@ -38,6 +38,18 @@ def compose(
     entries = [_table(entry) for entry in history]
     if entries:
         document["history"] = _tables(entries)
+    return tomlkit.dumps(document)
+
+
+def choose(text: str, path: str, value: str | bool | int) -> str:
+    """Return the text with one choice changed: ``meshes.kind``, ``controller.equaliser``."""
+    document = tomlkit.parse(text)
+    section, _, key = path.rpartition(".")
+    if not section:
+        _replace(document, key, value)
+        return tomlkit.dumps(document)
+    _put(document, section, key, value)
+    _drop_member_values(document, section, key)
     return tomlkit.dumps(document)
 
 
@@ -173,14 +185,13 @@ def _write_effect_value(
     row = [e["label"] for e in core.effects].index(label)
     entry = document["effects"][row]
     if "formula" in entry:
-        old = entry["parameters"][key]
-        unit = old.get("unit", "") if isinstance(old, dict) else ""
+        unit = core.parameter(f"{label}.{key}").unit
         entry["parameters"][key] = _inline({"value": value, "unit": unit})
     else:
         _replace(entry, key, value)
 
 
-def _put(document: tomlkit.TOMLDocument, section: str, key: str, value: float) -> None:
+def _put(document: tomlkit.TOMLDocument, section: str, key: str, value: Any) -> None:
     if section not in document:
         document[section] = tomlkit.table()
     _replace(document[section], key, value)

@@ -1,0 +1,107 @@
+"""What the verbs share: how they fail, how they write JSON, how they take a machine.
+
+Exit codes: 0 done; 1 a computation failed or a result could not be written; 2 the command line or
+an input file makes no sense, and nothing was computed; 130 stopped with Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import shlex
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NoReturn, ParamSpec, TypeVar
+
+import click
+from rich.console import Console
+
+from dualdrive.files import WriteError, write_atomically
+from dualdrive.machine import DEFAULT, Machine
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+FAILED, USAGE, STOPPED = 1, 2, 130
+
+
+def give_up(message: object, code: int) -> NoReturn:
+    """End the command with one line on stderr."""
+    click.echo(f"dualdrive: {' '.join(str(message).split())}", err=True)
+    raise SystemExit(code)
+
+
+def verb(function: Callable[P, R]) -> Callable[P, R]:
+    """Turn what a verb can raise into one line and an exit code."""
+
+    @functools.wraps(function)
+    def guarded(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return function(*args, **kwargs)
+        except KeyboardInterrupt:
+            give_up("stopped", STOPPED)
+        except WriteError as error:
+            give_up(error, FAILED)
+        except (ValueError, KeyError) as error:
+            give_up(error.args[0] if error.args else error, USAGE)
+
+    return guarded
+
+
+def console(*, err: bool = False) -> Console:
+    """A console; wide where no terminal cuts the lines."""
+    screen = Console(stderr=err, highlight=False)
+    return screen if screen.is_terminal else Console(stderr=err, highlight=False, width=160)
+
+
+def command_line() -> str:
+    """The command as it was typed, for histories and result files."""
+    return shlex.join(["dualdrive", *sys.argv[1:]])
+
+
+def write_json(destination: str | None, content: Any) -> None:
+    """Write figures as JSON to a file, whole or not at all, or to standard output for "-"."""
+    if destination is None:
+        return
+    text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
+    if destination == "-":
+        click.echo(text)
+        return
+    with write_atomically(Path(destination)) as temporary:
+        temporary.write_text(text + "\n", "utf-8")
+
+
+def load(machine: str, settings: tuple[str, ...] = ()) -> Machine:
+    """The machine of this name or file, with the settings key=value applied in their order."""
+    m = Machine.load(machine)
+    for path, value in pairs(settings):
+        m.set(path, value)
+    return m
+
+
+def pairs(settings: tuple[str, ...]) -> list[tuple[str, str]]:
+    """Split key=value. Raises click.BadParameter."""
+    found = []
+    for text in settings:
+        key, sign, value = text.partition("=")
+        if not sign or not key.strip():
+            raise click.BadParameter(f"{text!r} is not key=value, e.g. meshes.gap=20arcsec")
+        found.append((key.strip(), value.strip()))
+    return found
+
+
+machine_argument = click.argument("machine", default=DEFAULT)
+set_option = click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Change a parameter or choice; repeatable. Units welcome: --set meshes.gap=20arcsec",
+)
+json_option = click.option(
+    "--json", "json_to", metavar="FILE|-", help="Write the figures as JSON; - for standard output."
+)
+overwrite_option = click.option(
+    "--overwrite", is_flag=True, help="Replace an output file that is there already."
+)

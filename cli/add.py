@@ -1,0 +1,58 @@
+"""dualdrive add: one physical effect into a machine file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from dualdrive_cli._shared import (
+    command_line,
+    load,
+    overwrite_option,
+    pairs,
+    set_option,
+    verb,
+)
+
+
+@click.command(
+    epilog="Example: dualdrive add heavy-table-100t coulomb@motors --set torque=2N*m -o rig.toml",
+)
+@click.argument("machine")
+@click.argument("effect", metavar="EFFECT[@PLACE]")
+@set_option
+@click.option("--formula", help="Of the effect 'expression': a torque over named signals.")
+@click.option("-o", "--output", type=Path, required=True, help="The new machine file.")
+@overwrite_option
+@verb
+def command(
+    machine: str,
+    effect: str,
+    settings: tuple[str, ...],
+    formula: str | None,
+    output: Path,
+    overwrite: bool,
+) -> None:
+    """Write a new machine file that has one more effect, and says so in its history.
+
+    --set takes the effect's own parameters (torque=300) or any path of the machine. Without a
+    place the effect goes where it usually sits. See `dualdrive effects`.
+    """
+    m = load(machine)
+    own, others = _sorted(settings)
+    for path, value in others:
+        m.set(path, value)
+    if formula is not None:
+        own = {"formula": formula, "parameters": own}
+    label = m.add(effect, **own)
+    m.note(f"added {label}", command_line())
+    m.save(output, overwrite=overwrite)
+    click.echo(f"{output}: {m.name} with {label}")
+
+
+def _sorted(settings: tuple[str, ...]) -> tuple[dict[str, Any], list[tuple[str, str]]]:
+    """The effect's own parameters, and those of the machine, which have a dot."""
+    given = pairs(settings)
+    return {k: v for k, v in given if "." not in k}, [(k, v) for k, v in given if "." in k]

@@ -1,0 +1,63 @@
+"""dualdrive effects: the physical effects that can be added to a machine."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+from rich.table import Table
+
+from dualdrive import describe
+from dualdrive_cli._shared import console, json_option, verb, write_json
+
+
+@click.command(
+    epilog="Example: dualdrive effects coulomb",
+)
+@click.argument("name", required=False)
+@json_option
+@verb
+def command(name: str | None, json_to: str | None) -> None:
+    """Show what can be added: equation, parameters, units, source, what it is confused with.
+
+    Without a NAME all effects are listed. Add one with `dualdrive add`.
+    """
+    found: Any = describe.effect(name) if name else describe.effects()
+    write_json(json_to, found)
+    if json_to == "-":
+        return
+    console().print(_all(found) if name is None else _one(found))
+
+
+def _all(effects: list[dict[str, Any]]) -> Table:
+    table = Table("effect", "acts on", "places", "equation", "parameters", box=None)
+    for effect in effects:
+        names = ", ".join(f"{p['name']} [{p['unit'] or '1'}]" for p in effect["parameters"])
+        places = ", ".join(effect["places"])
+        table.add_row(effect["name"], effect["acts_on"], places, effect["equation"], _plain(names))
+    return table
+
+
+def _one(effect: dict[str, Any]) -> Table:
+    table = Table.grid(padding=(0, 2))
+    for key in ("name", "equation", "acts_on", "places"):
+        value = effect[key]
+        text = ", ".join(value) if isinstance(value, list) else value
+        table.add_row(key.replace("_", " "), _plain(text))
+    for p in effect["parameters"]:
+        table.add_row("parameter", _plain(f"{p['name']} [{p['unit'] or '1'}]: {p['doc']}"))
+        table.add_row("", f"{_bounds(p)}, default {p['default']:g}, usual size {p['typical']:g}")
+    table.add_row("valid", _plain(effect["validity"]))
+    table.add_row("confused with", ", ".join(effect["confused_with"]) or "-")
+    table.add_row("source", _plain(effect["source"]))
+    return table
+
+
+def _bounds(p: dict[str, Any]) -> str:
+    low = "any" if p["low"] is None else f"{'>' if p['low_excluded'] else '>='} {p['low']:g}"
+    return low if p["high"] is None else f"{low}, <= {p['high']:g}"
+
+
+def _plain(text: str) -> str:
+    """Brackets mean units here, not styles."""
+    return text.replace("[", "\\[")

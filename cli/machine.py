@@ -1,0 +1,99 @@
+"""dualdrive machine: list, show and write machine files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+from rich.console import Group
+from rich.table import Table
+
+from dualdrive import describe
+from dualdrive.machine import DEFAULT, Machine, presets
+from dualdrive_cli._shared import (
+    command_line,
+    console,
+    json_option,
+    load,
+    machine_argument,
+    overwrite_option,
+    set_option,
+    verb,
+    write_json,
+)
+
+
+@click.group(epilog="Example: dualdrive machine show heavy-table-100t")
+def command() -> None:
+    """List, show and write machines. A MACHINE is a file or a preset's name."""
+
+
+@command.command("list", epilog="Example: dualdrive machine list --json -")
+@json_option
+@verb
+def list_(json_to: str | None) -> None:
+    """Show the machines that come with dualdrive."""
+    machines = [Machine.load(name) for name in presets()]
+    keys = ("name", "title", "axis", "drive_train")
+    write_json(json_to, [{key: getattr(m, key) for key in keys} for m in machines])
+    if json_to == "-":
+        return
+    table = Table("name", "title", "axis", "drive train", box=None)
+    for m in machines:
+        name = f"{m.name} (default)" if m.name == DEFAULT else m.name
+        table.add_row(name, m.title, m.axis, m.drive_train)
+    console().print(table)
+
+
+@command.command(epilog="Example: dualdrive machine show bench --set meshes.gap=2mrad")
+@machine_argument
+@set_option
+@click.option("--toml", is_flag=True, help="Print the machine file instead.")
+@json_option
+@verb
+def show(machine: str, settings: tuple[str, ...], toml: bool, json_to: str | None) -> None:
+    """Show every number of a machine with its unit, meaning and bounds."""
+    m = load(machine, settings)
+    write_json(json_to, describe.machine(m))
+    if toml:
+        click.echo(m.toml(), nl=False)
+    elif json_to != "-":
+        console().print(_page(m))
+
+
+def _page(m: Machine) -> Group:
+    head = Table.grid(padding=(0, 2))
+    head.add_row("machine", f"{m.name}: {m.title}")
+    head.add_row("axis", f"{m.axis}, {m.drive_train}")
+    kinds = (f"{part} {m.core.kind(part)}" for part in (*m.core.connections, *m.core.motors))
+    head.add_row("parts", ", ".join(kinds))
+    choices = (f"{key} {value}" for key, value in m.core.controller_options.items())
+    head.add_row("controller", ", ".join(choices))
+    head.add_row("effects", ", ".join(m.effects) or "none")
+    for entry in m.history:
+        head.add_row("history", "  ".join(entry.values()).replace("[", "\\["))
+    numbers = Table("parameter", "value", "SI", "bounds", "meaning", box=None)
+    for p in describe.tied(m):
+        si = f"{p.value:.10g} {p.unit}".rstrip()
+        numbers.add_row(p.path, describe.reading(p), si, describe.bounds(p), p.doc)
+    return Group(head, "", numbers)
+
+
+@command.command(
+    epilog="Example: dualdrive machine new --preset bench --set table.J=0.3 -o rig.toml"
+)
+@click.option("--preset", default=DEFAULT, show_default=True, help="What to begin with.")
+@click.option("--name", help="Name of the new machine; else the file's.")
+@set_option
+@click.option("-o", "--output", type=Path, required=True, help="The machine file to write.")
+@overwrite_option
+@verb
+def new(
+    preset: str, name: str | None, settings: tuple[str, ...], output: Path, overwrite: bool
+) -> None:
+    """Write a machine file that stands on its own, to be edited."""
+    m = load(preset, settings)
+    m.name = name or output.stem
+    m.note(f"made from {preset}" + "".join(f", {text}" for text in settings), command_line())
+    m.save(output, overwrite=overwrite)
+    click.echo(f"{output}: {m.title}")

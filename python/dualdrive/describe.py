@@ -1,0 +1,129 @@
+"""Machines and effects in rows: what a table on the screen or a JSON file shows of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+from dualdrive import _core
+from dualdrive.machine import Machine, MachineError, Parameter
+from dualdrive.machine_file import group_of
+from dualdrive.units import human
+
+__all__ = ["bounds", "effect", "effects", "machine", "reading", "tied", "value_and_unit"]
+
+
+def tied(machine: Machine) -> Iterator[Parameter]:
+    """Every parameter once: members of a group that agree are one row under the group's path.
+
+    What a rigid connection doesn't use (its stiffness, its play) is left out.
+    """
+    parameters = [p for p in machine.parameters() if not _idle(machine, p)]
+    shown: set[str] = set()
+    for p in parameters:
+        part, _, key = p.path.rpartition(".")
+        group = group_of(part)
+        if group is None or "@" in part:
+            yield p
+            continue
+        path = f"{group}.{key}"
+        members = [q for q in parameters if _member(q, group, key)]
+        if len(members) < 2 or len({q.value for q in members}) > 1:
+            yield p
+        elif path not in shown:
+            shown.add(path)
+            yield replace(p, path=path)
+
+
+def _idle(machine: Machine, p: Parameter) -> bool:
+    part, _, key = p.path.rpartition(".")
+    core = machine.core
+    return part in core.connections and core.kind(part) == "rigid" and key != "ratio"
+
+
+def _member(p: Parameter, group: str, key: str) -> bool:
+    part, _, own = p.path.rpartition(".")
+    return own == key and group_of(part) == group
+
+
+def reading(p: Parameter) -> str:
+    """The value as people read it: ``1.1 mrad``; no limit is said in words."""
+    return "no limit" if math.isinf(p.value) else human(p.value, p.unit)
+
+
+def bounds(p: Parameter) -> str:
+    """The declared bounds in words: ``> 0``, ``>= 0``, ``0 to 1``, or nothing."""
+    if math.isfinite(p.low) and math.isfinite(p.high):
+        return f"{p.low:g} to {p.high:g}"
+    if math.isfinite(p.low):
+        return f"{'>' if p.low_excluded else '>='} {p.low:g}"
+    return f"<= {p.high:g}" if math.isfinite(p.high) else ""
+
+
+def value_and_unit(p: Parameter) -> dict[str, Any]:
+    """For JSON: a value that is no limit is None."""
+    return {"value": p.value if math.isfinite(p.value) else None, "unit": p.unit}
+
+
+def machine(m: Machine) -> dict[str, Any]:
+    """A machine for JSON: header, parts and their kinds, parameters with units, effects."""
+    parts = [*m.core.connections, *m.core.motors]
+    return {
+        "name": m.name,
+        "title": m.title,
+        "axis": m.axis,
+        "drive_train": m.drive_train,
+        "bodies": list(m.core.bodies),
+        "kinds": {part: m.core.kind(part) for part in parts},
+        "controller": dict(m.core.controller_options),
+        "effects": [dict(effect) for effect in m.core.effects],
+        "parameters": {p.path: value_and_unit(p) | {"doc": p.doc} for p in m.parameters()},
+        "history": list(m.history),
+    }
+
+
+def effects() -> list[dict[str, Any]]:
+    """Every effect of the registry, as `effect` has it."""
+    return [_of(kind) for kind in _core.effect_types()]
+
+
+def effect(name: str) -> dict[str, Any]:
+    """One effect: equation, places, parameters with units and bounds, source, validity, rivals.
+
+    Raises MachineError naming the nearest effects.
+    """
+    try:
+        return _of(_core.effect_type(name))
+    except ValueError as error:
+        raise MachineError(str(error)) from None
+
+
+def _of(kind: Any) -> dict[str, Any]:
+    return {
+        "name": kind.name,
+        "equation": kind.equation,
+        "acts_on": kind.acts_on,
+        "places": kind.places.split(","),
+        "parameters": [_declared(p) for p in kind.parameters],
+        "source": kind.source,
+        "validity": kind.validity,
+        "confused_with": [name.strip() for name in kind.confused_with.split(",") if name.strip()],
+    }
+
+
+def _declared(p: Any) -> dict[str, Any]:
+    def finite(value: float) -> float | None:
+        return value if math.isfinite(value) else None
+
+    return {
+        "name": p.path,
+        "unit": p.unit,
+        "low": finite(p.low),
+        "high": finite(p.high),
+        "low_excluded": p.low_excluded,
+        "default": finite(p.standard),
+        "typical": finite(p.typical),
+        "doc": p.doc,
+    }
