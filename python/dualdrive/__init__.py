@@ -25,6 +25,9 @@ _HOMES: dict[str, str] = {
     "Run": "dualdrive.run",
     "load_run": "dualdrive.run",
     "simulate": "dualdrive.simulation",
+    "Sweep": "dualdrive.sweeps",
+    "load_sweep": "dualdrive.sweeps",
+    "sweep": "dualdrive.sweeps",
 }
 
 __all__ = ["__version__"]

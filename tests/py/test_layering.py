@@ -19,8 +19,8 @@ CLI = ROOT / "cli"
 #: what a bare `import dualdrive` must not load; NumPy comes with the core
 HEAVY = {"h5py", "matplotlib", "pandas", "pint", "rich", "scipy", "xarray"}
 PLOTTING = {"matplotlib"}
-#: the one writer of results, and the one writer of traces
-HDF5_WRITERS = {"store.py", "traces/export.py"}
+#: the writers of runs, of sweeps, of traces
+HDF5_WRITERS = {"store.py", "sweeps/grid_file.py", "traces/export.py"}
 
 
 def imported(path: Path) -> Iterator[tuple[str, int, bool]]:
@@ -79,7 +79,11 @@ def breaches(
 
 
 def test_hdf5_is_known_to_the_store_and_the_traces_alone() -> None:
-    assert not breaches(PACKAGE, forbidden={"h5py", "h5netcdf"}, allowed=("store.py", "traces/"))
+    assert not breaches(
+        PACKAGE,
+        forbidden={"h5py", "h5netcdf"},
+        allowed=("store.py", "sweeps/grid_file.py", "traces/"),
+    )
 
 
 def test_hdf5_is_opened_for_reading_only_outside_its_writers() -> None:

@@ -1,0 +1,214 @@
+"""What a sweep computes: one machine, one motion, a grid; and whether a file is about the same."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dualdrive import __version__, units
+from dualdrive.figures import Figure, declared, figures, is_controlled, signals
+from dualdrive.machine import Machine
+
+from .grid import Grid, GridError
+from .grid_file import Kept, Outcome
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from dualdrive.motion import Motion
+
+__all__ = ["Plan", "machine_differences"]
+
+#: the one figure that is measured, not computed: it differs from computer to computer
+SPEED = Figure("speed", "", "simulated seconds per second of computing, this run alone")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One sweep, checked. load in N·m, times in s; keep: signals to store whole."""
+
+    machine: Machine
+    motion: Motion
+    grid: Grid
+    load: float
+    end: float
+    output_step: float
+    rtol: float
+    method: str
+    keep: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not is_controlled(self.machine):
+            raise GridError(
+                f"{self.machine.name}: has no controller, so that it follows no motion; give it one"
+            )
+        known = [name for name, _, _ in self.machine.core.signals()]
+        for name in self.keep:
+            if name not in known:
+                raise GridError(
+                    f"keep = {name!r}: no such signal of this machine; there are {', '.join(known)}"
+                )
+        if not math.isfinite(self.load):
+            raise GridError(f"load = {self.load}: must be finite")
+        if not (math.isfinite(self.end) and self.end > 0):
+            raise GridError(f"end = {self.end}: must be a time in s after 0")
+        if not (math.isfinite(self.output_step) and 0 < self.output_step <= self.end):
+            raise GridError(f"output_step = {self.output_step}: must be above 0, at most the end")
+
+    @property
+    def figures(self) -> tuple[Figure, ...]:
+        """Every figure of a run, the measured speed last."""
+        return (*declared(self.machine), SPEED)
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """Output times in s, from 0 to the end, shape (n,)."""
+        count = max(1, round(self.end / self.output_step))
+        return np.linspace(0.0, self.end, count + 1)
+
+    @property
+    def kept(self) -> Kept | None:
+        """Description of the signals kept whole; None when there are none."""
+        if not self.keep:
+            return None
+        known = {name: (unit, text) for name, unit, text in self.machine.core.signals()}
+        described = [
+            (name, self.machine.unit_of(name, known[name][0]), known[name][1]) for name in self.keep
+        ]
+        return Kept(self.times, described)
+
+    def attributes(self, command: str) -> dict[str, Any]:
+        """What the file says about where its numbers come from."""
+        return {
+            "version": __version__,
+            "machine": self.machine.toml(),
+            "machine_name": self.machine.name,
+            "motion": self.motion.text,
+            "motion_digest": _digest(self.motion, self.times),
+            "command": command,
+            "axes": json.dumps([axis.path for axis in self.grid.axes]),
+            "figures": json.dumps([figure.name for figure in self.figures]),
+            "keep": json.dumps(list(self.keep)),
+            "load": self.load,
+            "end": self.end,
+            "output_step": self.output_step,
+            "solver": f"CVODES, {self.method}",
+            "method": self.method,
+            "rtol": self.rtol,
+            "error": "energy_error holds the error reached, per run; rtol is the local tolerance",
+        }
+
+    def run(self, number: int) -> Outcome:
+        """Compute one run; a machine or integration that fails is an outcome too."""
+        from dualdrive.simulation import simulate
+
+        try:
+            machine = self.grid.machine(self.machine, number)
+            begin = time.perf_counter()
+            run = simulate(
+                machine,
+                self.motion,
+                load=self.load or None,
+                times=self.times,
+                signals=sorted({*signals(machine), *self.keep}),
+                rtol=self.rtol,
+                method=self.method,
+            )
+            elapsed = time.perf_counter() - begin
+        except (ValueError, MemoryError) as error:
+            text = str(error) or "not enough memory; keep fewer signals or use fewer jobs"
+            return Outcome(number, {}, "refused", text)
+        speed = self.end / elapsed if run.ok else math.nan
+        kept = {name: np.array(run[name]) for name in self.keep} or None
+        found = {**figures(run), SPEED.name: speed}
+        return Outcome(number, found, run.status, run.message, kept)
+
+    def differences(self, attributes: Mapping[str, Any], axes: Mapping[str, Any]) -> list[str]:
+        """What of a file is not this plan: one text per difference, empty when it is the same."""
+        found = [
+            *_axes_differences(self.grid, axes),
+            *self._machine_differences(Machine.from_toml(attributes["machine"])),
+        ]
+        if attributes["motion_digest"] != _digest(self.motion, self.times):
+            found.append(f"motion: {attributes['motion']} there, {self.motion.text} here")
+        if json.loads(attributes["keep"]) != list(self.keep):
+            there = ", ".join(json.loads(attributes["keep"])) or "none"
+            found.append(f"keep: {there} there, {', '.join(self.keep) or 'none'} here")
+        here = {
+            "version": __version__,
+            "load": self.load,
+            "end": self.end,
+            "output_step": self.output_step,
+            "method": self.method,
+            "rtol": self.rtol,
+        }
+        for name, value in here.items():
+            if attributes[name] != value:
+                found.append(f"{name}: {attributes[name]} there, {value} here")
+        return found
+
+    def _machine_differences(self, there: Machine) -> list[str]:
+        """Differences that matter: the value a swept parameter has in the file does not."""
+        machine = there.copy()
+        with suppress(ValueError):  # not even the parameters agree: said below
+            for path in self.grid.point(0):
+                machine.core.set(path, self.machine.core.get(path))
+        return machine_differences(machine, self.machine)
+
+
+def _digest(motion: Motion, times: NDArray[np.float64]) -> str:
+    """A fingerprint of the commanded angle itself: sampled motions have no telling text."""
+    return hashlib.sha256(np.asarray(motion.waveform.value(times)).tobytes()).hexdigest()
+
+
+def _axes_differences(grid: Grid, there: Mapping[str, Any]) -> list[str]:
+    names = [axis.path for axis in grid.axes]
+    if list(there) != names:
+        return [f"axes: {', '.join(there)} there, {', '.join(names)} here"]
+    found = []
+    for axis in grid.axes:
+        values = np.asarray(there[axis.path])
+        if len(values) != len(axis.values):
+            found.append(f"{axis.path}: {len(values)} values there, {len(axis.values)} here")
+        elif (different := np.flatnonzero(values != axis.values)).size:
+            a, b = float(values[different[0]]), float(axis.values[different[0]])
+            found.append(f"{axis.path}: {_both(a, b, axis.unit)}")
+    return found
+
+
+def machine_differences(there: Machine, here: Machine) -> list[str]:
+    """Parts, effects, choices and numbers in which two machines differ, one text each."""
+    views: Sequence[tuple[str, Callable[[Machine], Any]]] = (
+        ("bodies", lambda m: m.core.bodies),
+        ("connections", lambda m: {c: m.core.kind(c) for c in m.core.connections}),
+        ("motors", lambda m: {c: m.core.kind(c) for c in m.core.motors}),
+        ("controller", lambda m: m.core.controller_options),
+        ("effects", lambda m: m.core.effects),
+    )
+    found = [
+        f"machine.{name}: {view(there)} there, {view(here)} here"
+        for name, view in views
+        if view(there) != view(here)
+    ]
+    if found:
+        return found
+    old = {p.path: p for p in there.parameters()}
+    return [
+        f"{p.path}: {_both(old[p.path].value, p.value, p.unit)}"
+        for p in here.parameters()
+        if old[p.path].value != p.value
+    ]
+
+
+def _both(there: float, here: float, unit: str) -> str:
+    """Two values as people write them, or in full where that would hide the difference."""
+    a, b = units.human(there, unit), units.human(here, unit)
+    return f"{a} there, {b} here" if a != b else f"{there!r} there, {here!r} here, {unit}"

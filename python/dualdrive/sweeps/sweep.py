@@ -1,0 +1,160 @@
+"""Run a sweep on all cores, into a file that any kill leaves whole."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dualdrive.files import FileError, refuse_existing
+from dualdrive.machine import DEFAULT, Machine
+
+from .grid import GridError, lay_out
+from .grid_file import GridFile, Outcome, attributes_of, axes_of
+from .parallel import as_finished, cores, interrupt
+from .plan import Plan
+from .result import Sweep
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from dualdrive.motion import Motion
+
+__all__ = ["Progress", "resume", "sweep"]
+
+#: called with the numbers of runs done and of all, and the outcomes that just came in
+Progress = Callable[[int, int, list[Outcome]], None]
+
+
+def sweep(
+    machine: Machine | str | Path = DEFAULT,
+    axes: Mapping[str, str | ArrayLike] | None = None,
+    *,
+    motion: Motion | str | None = None,
+    load: float = 0.0,
+    end: float | None = None,
+    output_step: float = 1e-3,
+    rtol: float = 1e-10,
+    method: str = "auto",
+    jobs: int | None = None,
+    output: str | Path | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    keep: Iterable[str] = (),
+    progress: Progress | None = None,
+    command: str = "dualdrive.sweep",
+) -> Sweep:
+    """Run the same motion on every machine of a grid; return the grid of figures.
+
+    axes:      parameter path or tie group -> values: numbers in SI, texts with units, or one text
+               ``start:stop:count`` (ends included) or ``a,b,c``; several axes make a grid
+    motion:    what the table is commanded to do; the default motion without one
+    load:      constant torque on the table that opposes positive motion, N·m (N)
+    jobs:      threads; all cores without it. Results do not depend on it
+    output:    HDF5 file; without one the grid lives as long as the returned object
+    resume:    complete a file that a killed or interrupted sweep of the same things left
+    keep:      signals to store whole, beside the figures
+
+    A run that fails carries its status and message and stops no other. After Ctrl-C the runs under
+    way are finished and written, then KeyboardInterrupt is raised.
+
+    Raises GridError (axes), MachineError (machine), FileError (file there already, of something
+    else, disk refuses), each one line naming the way out.
+    """
+    plan = _plan(machine, axes or {}, motion, load, end, output_step, rtol, method, tuple(keep))
+    folder = None
+    if output is None:
+        folder = tempfile.TemporaryDirectory(prefix="dualdrive-")
+        output = Path(folder.name) / "sweep.h5"
+    path = Path(output)
+    with _open(path, plan, resume=resume, overwrite=overwrite, command=command) as file:
+        _work(plan, file, jobs, progress)
+    return Sweep(path, folder)
+
+
+def resume(path: str | Path, *, jobs: int | None = None, progress: Progress | None = None) -> Sweep:
+    """Complete the sweep that a file holds, with the machine, axes and motion stored there.
+
+    Raises FileError when it is no sweep, GridError when the motion cannot be read from its text:
+    then call `sweep` with the motion and ``resume=True``.
+    """
+    path = Path(path)
+    found = attributes_of(path)
+    if str(found["motion"]).startswith("sampled"):
+        raise GridError(f"{path}: its motion was sampled; call sweep() with it and resume=True")
+    return sweep(
+        Machine.from_toml(found["machine"], str(path)),
+        axes_of(path),
+        motion=str(found["motion"]),
+        load=float(found["load"]),
+        end=float(found["end"]),
+        output_step=float(found["output_step"]),
+        rtol=float(found["rtol"]),
+        method=str(found["method"]),
+        keep=json.loads(found["keep"]),
+        jobs=jobs,
+        output=path,
+        resume=True,
+        progress=progress,
+    )
+
+
+def _plan(
+    machine: Machine | str | Path,
+    axes: Mapping[str, str | ArrayLike],
+    motion: Motion | str | None,
+    load: float,
+    end: float | None,
+    output_step: float,
+    rtol: float,
+    method: str,
+    keep: tuple[str, ...],
+) -> Plan:
+    from dualdrive.motion import default_motion, parse_motion
+
+    if not isinstance(machine, Machine):
+        machine = Machine.load(machine)
+    grid = lay_out(machine, axes)
+    if isinstance(motion, str):
+        motion = parse_motion(motion, axis=machine.axis)
+    elif motion is None:
+        motion = default_motion(machine)
+    if keep == ("all",):
+        keep = tuple(name for name, _, _ in machine.core.signals())
+    end = motion.end if end is None else end
+    return Plan(machine, motion, grid, load, end, output_step, rtol, method, keep)
+
+
+def _open(path: Path, plan: Plan, *, resume: bool, overwrite: bool, command: str) -> GridFile:
+    """The file to write to: the one to go on with, or a new one."""
+    if resume and path.exists():
+        differences = plan.differences(attributes_of(path), axes_of(path))
+        if differences:
+            more = f" (and {len(differences) - 1} more)" if len(differences) > 1 else ""
+            raise FileError(
+                f"{path}: is a sweep of something else: {differences[0]}{more}; "
+                "give the same again, or another file with -o"
+            )
+        return GridFile.reopen(path)
+    refuse_existing(path, overwrite=overwrite)
+    return GridFile.create(path, plan.grid, plan.figures, plan.attributes(command), plan.kept)
+
+
+def _work(plan: Plan, file: GridFile, jobs: int | None, progress: Progress | None) -> None:
+    jobs = cores() if jobs is None else jobs
+    if jobs < 1:
+        raise GridError(f"jobs = {jobs}: must be at least 1; leave it out for all cores")
+    pending = file.pending().tolist()
+    done = plan.grid.size - len(pending)
+    if progress is not None:
+        progress(done, plan.grid.size, [])
+    with interrupt() as stop:
+        for outcomes in as_finished(plan.run, pending, jobs, stop):
+            file.write(outcomes)
+            done += len(outcomes)
+            if progress is not None:
+                progress(done, plan.grid.size, outcomes)
+        if stop.is_set() and done < plan.grid.size:
+            raise KeyboardInterrupt
