@@ -262,11 +262,10 @@ void Simulation::start() {
         }
 
     const std::size_t guards = layout_.switches.size() * guards_per_switch;
-    std::vector<int> direction(guards, -1);
-    for (std::size_t e = 0; e < layout_.switches.size(); ++e) direction[e * guards_per_switch + watch] = 0;
+    for (auto* g : {&guard_begin_, &guard_middle_, &guard_end_, &guard_probe_}) g->assign(guards, 1.0);
+    const std::vector<int> direction(guards, -1);
     std::vector<double> parameter_scale;
     for (const auto& p : parameters_) parameter_scale.push_back(p.scale);
-    set_watch_floors();
     const Method method = choose_method();
     out_.statistics.method = method == Method::bdf ? "bdf" : "adams";
     solver_ = std::make_unique<Solver>(
@@ -299,31 +298,13 @@ void Simulation::start() {
     energy_start_ = model_.signals()[static_cast<std::size_t>(layout_.at.stored_energy)];
 }
 
-// Rates below a ten-millionth of what the machine shows are noise where an extremum is concerned.
-void Simulation::set_watch_floors() {
-    constexpr double quiet = 1e-7;
-    watch_floor_.assign(layout_.switches.size(), 0.0);
-    for (std::size_t e = 0; e < watch_floor_.size(); ++e) {
-        const Switch& s = layout_.switches[e];
-        const auto k = static_cast<std::size_t>(s.index);
-        if (s.kind == SwitchKind::flank) {
-            const auto driver = static_cast<std::size_t>(machine_.connections()[k].driver);
-            watch_floor_[e] = quiet * scale_[static_cast<std::size_t>(layout_.group_of[driver])];
-        }
-        if (s.kind == SwitchKind::stick)
-            watch_floor_[e] = quiet * (model_.friction_limit(s.index, 1) + model_.friction_limit(s.index, -1)) /
-                              model_.group_inertia(s.index);
-    }
-}
-
 void Simulation::restart() {
     const auto z = solver_->state();
     for (std::size_t k = 0; k < scale_.size(); ++k) scale_[k] = std::max(scale_[k], std::abs(z[k]));
-    evaluate(solver_->time(), z.data());
-    set_watch_floors();
     solver_->restart(solver_->time() == 0.0 && out_.statistics.restarts == 0 ? options_.start : solver_->time(),
                      tolerances(), options_.rtol * energy_scale_);
     ++out_.statistics.restarts;
+    guards(solver_->time(), z.data(), guard_begin_.data());
 }
 
 Trajectory Simulation::run() {
@@ -343,7 +324,6 @@ void Simulation::loop() {
         record_until(solver_->time() + instant(solver_->time()));  // with the state itself, no interpolant
         const double stop = next_stop();
         const Solver::Outcome outcome = solver_->step(stop);
-        const double t = solver_->time();
         if (outcome == Solver::Outcome::failed) {
             const bool finite = std::all_of(solver_->state().begin(), solver_->state().end(),
                                             [](double v) { return std::isfinite(v); });
@@ -353,11 +333,13 @@ void Simulation::loop() {
             return fail(Status::too_many_steps, "more than max_steps = " + std::to_string(options_.max_steps) +
                                                     " steps; raise it, shorten the run, or use a larger rtol");
         if (steps % interrupt_period == 0 && stop_now()) return;
+        const std::vector<int> fallen = fallen_guards(outcome);
+        const double t = solver_->time();
         record_until(t - instant(t));
         if (history_) remember(solver_->previous_time(), t);
-        if (outcome == Solver::Outcome::root) switch_at_root();
+        if (!fallen.empty()) switch_at(fallen);
         if (out_.status != Status::success) return;
-        if (outcome == Solver::Outcome::stopped || t >= stop - instant(t)) pass_break();
+        if (t >= stop - instant(t)) pass_break();
         if (out_.status != Status::success) return;
     }
     record_until(options_.end + instant(options_.end));

@@ -1,6 +1,7 @@
 // One run in progress: the loop of steps, switches, ticks and breaks around the solver.
 #pragma once
 
+#include <limits>
 #include <map>
 #include <memory>
 #include <queue>
@@ -32,12 +33,11 @@ class Simulation final : public Problem {
     void finish();
     Method choose_method();
     std::vector<double> tolerances() const;
-    void set_watch_floors();
 
     // simulation_events.cpp: everything that changes modes or state at an instant
     void classify();
     bool settle(bool after_break);
-    void switch_at_root();
+    void switch_at(const std::vector<int>& fallen);
     bool transition(int element, int which, bool event_time_moves);
     Mode next_mode(int element, int which);
     Mode next_limiter_mode(std::size_t block, Mode from, int which);
@@ -50,13 +50,23 @@ class Simulation final : public Problem {
     void slave_riding();
     void add_delayed_breaks(double t, const std::vector<double>& time_slope);
 
+    // simulation_crossing.cpp: which guards fell in the last step, and when first
+    std::vector<int> fallen_guards(Solver::Outcome outcome);
+    struct Crossing {
+        double t;
+        int guard;
+    };
+    void find_missed(std::size_t guard, Crossing& first);
+    double guard_at(std::size_t guard, double t);
+    double locate(std::size_t guard, double above, double under);
+
     // simulation_problem.cpp: what the solver asks
     bool rhs(double t, const double* z, double* rate) override;
     bool guards(double t, const double* z, double* g) override;
     bool jacobian(double t, const double* z, double* column_major) override;
     bool sensitivity(double t, const double* z, const double* const* s, double* const* rate) override;
     bool quadrature(double t, const double* z, double* rate) override;
-    void evaluate(double t, const double* z) { model_.evaluate(t, z, now()); }
+    void evaluate(double t, const double* z);
     Model<double>::Now now() const { return {modes_.data(), cell_, past_ ? past_.get() : nullptr, nullptr}; }
     // Directional derivative of the model along (dt, dz): evaluates `along_` with one slope.
     void evaluate_along(double t, const double* z, double dt, const double* dz);
@@ -87,6 +97,12 @@ class Simulation final : public Problem {
 
     Modes modes_;
     Cell cell_;
+    struct Evaluated {  // what the model was last asked, for the many questions about one point
+        double t = std::numeric_limits<double>::quiet_NaN();
+        std::vector<double> z;
+        Modes modes;
+        Cell cell;
+    } evaluated_;
     std::vector<double> breaks_;  // of the inputs, sorted
     std::size_t next_break_ = 0;
     struct DelayedBreak {
@@ -104,8 +120,8 @@ class Simulation final : public Problem {
     std::unique_ptr<Solver> solver_;
     std::map<Modes, std::vector<double>> jacobians_;  // of an affine machine: one per mode
     bool affine_ = false;
-    std::vector<double> watch_floor_;  // per switching element
-    std::vector<double> scale_;        // typical size of each state, growing with what was seen
+    std::vector<double> guard_begin_, guard_middle_, guard_end_, guard_probe_;  // of the last step
+    std::vector<double> scale_;  // typical size of each state, growing with what was seen
     double energy_scale_ = 0.0, energy_start_ = 0.0, energy_worst_ = 0.0;
     std::vector<double> z_scratch_, rate_scratch_, block_rate_, work_scratch_;
     std::vector<Gradient> z_along_;

@@ -217,7 +217,7 @@ bool Simulation::settle(bool event_time_moves) {
         for (std::size_t k = 0; k < g.size() && fallen < 0; ++k) {
             const int element = static_cast<int>(k) / guards_per_switch,
                       which = static_cast<int>(k) % guards_per_switch;
-            if (which == watch || !(g[k] < 0)) continue;
+            if (!(g[k] < 0)) continue;
             bool falls = g[k] < -noise * guard_scale(element, which);
             const Switch& s = layout_.switches[static_cast<std::size_t>(element)];
             const bool rides =
@@ -241,18 +241,14 @@ bool Simulation::settle(bool event_time_moves) {
     return false;
 }
 
-void Simulation::switch_at_root() {
-    const std::vector<int> root(solver_->roots().begin(), solver_->roots().end());
+void Simulation::switch_at(const std::vector<int>& fallen) {
     const Modes flagged = modes_;
-    bool switched = false;
     slave_riding();
-    for (std::size_t k = 0; k < root.size(); ++k) {
-        const auto e = k / guards_per_switch;
-        if (root[k] == 0 || k % guards_per_switch == watch || modes_[e] != flagged[e]) continue;
-        if (!transition(static_cast<int>(e), static_cast<int>(k % guards_per_switch), true)) return;
-        switched = true;
+    for (const int k : fallen) {
+        const int element = k / guards_per_switch;
+        if (modes_[static_cast<std::size_t>(element)] != flagged[static_cast<std::size_t>(element)]) continue;
+        if (!transition(element, k % guards_per_switch, true)) return;
     }
-    if (!switched) return;  // only a watch: the solver has stopped at an extremum, nothing else
     if (settle(true)) restart();
 }
 

@@ -12,6 +12,19 @@ bool finite(const double* v, std::size_t n) {
 }
 }  // namespace
 
+// Rates, guards, work and records ask for the same points again and again; with delays the past counts too.
+void Simulation::evaluate(double t, const double* z) {
+    Evaluated& last = evaluated_;
+    if (!history_ && t == last.t && cell_.low == last.cell.low && cell_.high == last.cell.high &&
+        modes_ == last.modes && std::equal(last.z.begin(), last.z.end(), z))
+        return;
+    last.t = t;
+    last.z.assign(z, z + layout_.size());
+    last.modes = modes_;
+    last.cell = cell_;
+    model_.evaluate(t, last.z.data(), now());
+}
+
 bool Simulation::rhs(double t, const double* z, double* rate) {
     evaluate(t, z);
     std::copy(model_.rate().begin(), model_.rate().end(), rate);
@@ -28,11 +41,6 @@ bool Simulation::guards(double t, const double* z, double* g) {
     const double* rates = riding() ? block_rates(t, z) : nullptr;
     evaluate(t, z);
     model_.guards(g, rates);
-    // A watch that only shows rounding noise (a machine at rest) counts as not crossing; else it would stop every step.
-    for (std::size_t e = 0; e < modes_.size(); ++e) {
-        double& w = g[e * guards_per_switch + watch];
-        if (std::abs(w) < watch_floor_[e]) w = watch_floor_[e];
-    }
     return finite(g, modes_.size() * guards_per_switch);
 }
 

@@ -226,6 +226,14 @@ std::span<double> Solver::quadrature() {
     return {N_VGetArrayPointer(h_->q), static_cast<std::size_t>(h_->size.quadratures)};
 }
 
+void Solver::go_back(double t) {
+    Hidden& h = *h_;
+    CVodeGetDky(h.memory, t, 0, h.y);
+    if (h.size.sensitivities > 0) CVodeGetSensDky(h.memory, t, 0, h.s);
+    if (h.size.quadratures > 0) CVodeGetQuadDky(h.memory, t, 0, h.q);
+    h.t = t;
+}
+
 void Solver::state_at(double t, double* z) const {
     Hidden& h = *h_;
     const double* from = N_VGetArrayPointer(h.y);

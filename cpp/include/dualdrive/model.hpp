@@ -115,7 +115,7 @@ class Model {
     const S* state_ = nullptr;
     std::vector<S> signal_, rate_;
     std::vector<S> body_torque_, torque_, limit_forward_, limit_backward_, acceleration_;
-    std::vector<S> elongation_, elongation_rate_, stiffness_, deflection_rate_, gap_, contact_torque_;
+    std::vector<S> elongation_, stiffness_, gap_, contact_torque_;
     std::vector<S> sensed_, motor_torque_, voltage_, torque_ref_, correction_;
     std::vector<Block<S>> block_;
     S derivative_rate_{}, tension_rate_{}, tension_sum_{}, tension_left_{};

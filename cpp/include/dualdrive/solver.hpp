@@ -51,6 +51,10 @@ class Solver {
     std::span<double> sensitivity(int k);
     std::span<double> quadrature();
 
+    // Take back the last step from `t` on: time, state, sensitivities and quadratures are then those at t. Needs a
+    // restart before the next step.
+    void go_back(double t);
+
     // State, sensitivity and quadrature inside the last step.
     void state_at(double t, double* z) const;
     void sensitivity_at(double t, int k, double* s) const;

@@ -50,10 +50,8 @@ struct Switch {
     std::string name;  // as events report it
 };
 
-// Two guards that end a mode, and a watch: a derivative whose zero makes the solver stop at an extremum, so that a
-// guard crossed twice within one step is seen (CVODE looks at the ends of a step only).
-inline constexpr int guards_per_switch = 3;
-inline constexpr int watch = 2;
+// Each mode ends in at most two ways.
+inline constexpr int guards_per_switch = 2;
 
 const char* mode_name(SwitchKind kind, Mode mode);
 

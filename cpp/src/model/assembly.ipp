@@ -9,8 +9,7 @@ Model<S>::Model(const Machine& machine, const Inputs& inputs, const Layout& layo
     const auto resize = [](std::size_t n, auto&... v) { (v.assign(n, S(0.0)), ...); };
     resize(machine.bodies().size(), body_torque_, ratio_);
     resize(static_cast<std::size_t>(layout.groups), torque_, limit_forward_, limit_backward_, acceleration_, inertia_);
-    resize(machine.connections().size(), elongation_, elongation_rate_, stiffness_, deflection_rate_, gap_,
-           contact_torque_);
+    resize(machine.connections().size(), elongation_, stiffness_, gap_, contact_torque_);
     resize(machine.motors().size(), motor_torque_, voltage_, torque_ref_, correction_, i_, i_m_);
     resize(machine.motors().size() + 1, sensed_);
     resize(layout.switches.size(), branch_argument_);

@@ -18,7 +18,6 @@ S Model<S>::guard(int element, int which, const S* block_rate) const {
     const S unused(1.0);
     switch (s.kind) {
         case SwitchKind::flank: {
-            if (which == watch) return deflection_rate_[k];
             const S& x = signal_[static_cast<std::size_t>(layout_.at.deflection[k])];
             const double side = flank::side(m);
             if (m == flank::gap) return which == 0 ? gap_[k] - x : x + gap_[k];
@@ -26,17 +25,14 @@ S Model<S>::guard(int element, int which, const S* block_rate) const {
             return which == 0 ? side * elongation_[k] : -side * contact_torque_[k];
         }
         case SwitchKind::stick: {
-            if (m == stick::stuck) {
-                if (which == watch) return unused;
+            if (m == stick::stuck)
                 return which == 0 ? limit_forward_[k] - torque_[k] : torque_[k] + limit_backward_[k];
-            }
-            if (which == watch) return acceleration_[k];
             return which == 0 ? double(m) * state_[s.index] : unused;
         }
         case SwitchKind::limiter: {
             const Block<S>& b = block_[k];
             const double side = limiter::side(m);
-            if (which == watch || value_of(b.limit) == infinity) return unused;
+            if (value_of(b.limit) == infinity) return unused;
             if (m == limiter::linear) return which == 0 ? b.limit - b.raw : b.raw + b.limit;
             if (limiter::riding(m)) {
                 if (!block_rate) return unused;

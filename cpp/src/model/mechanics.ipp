@@ -100,7 +100,6 @@ void Model<S>::connection_torques() {
         stiffness_[c] = K.value;
         elongation_[c] = open ? S(0.0) : xi.value;
         contact_torque_[c] = contact;
-        deflection_rate_[c] = x.slope[0] * speed_a + x.slope[1] * speed_b;
         signal_[static_cast<std::size_t>(at.deflection[c])] = x.value;
         signal_[static_cast<std::size_t>(at.torque[c])] = torque;
         signal_[static_cast<std::size_t>(at.flank[c])] = S(element >= 0 ? double(carries ? flank::side(m) : 0) : 0.0);
