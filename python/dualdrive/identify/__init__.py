@@ -4,11 +4,10 @@ from dualdrive.identify.balance import torque_balance
 from dualdrive.identify.closed_loop import FitError
 from dualdrive.identify.evaluation import Evaluation, evaluate
 from dualdrive.identify.filtering import Processing
-from dualdrive.identify.fit import fit, which_mode
+from dualdrive.identify.fit import fit, which_mode, with_torques
 from dualdrive.identify.fit_result import Direction, Fit, Fitted
 from dualdrive.identify.model import Balance, BalanceModel, Declared
 from dualdrive.identify.play import estimate_play
-from dualdrive.identify.play_drawing import draw_play
 from dualdrive.identify.play_result import PlayEstimate
 from dualdrive.identify.result import BalanceFit, Estimate
 from dualdrive.identify.search import Progress
@@ -31,10 +30,10 @@ __all__ = [
     "Progress",
     "Standstill",
     "default_free",
-    "draw_play",
     "estimate_play",
     "evaluate",
     "fit",
     "torque_balance",
     "which_mode",
+    "with_torques",
 ]

@@ -86,9 +86,10 @@ def fit(
         mode = which_mode(core, recorded, motion)
     if mode == "balance":
         width = tolerance if tolerance is not None or free is not None else 0.3
+        measured = {name: with_torques(core, trace) for name, trace in recorded.items()}
         return torque_balance(
             machine,
-            recorded,
+            measured,
             free=free,
             prior=width,
             offsets=offsets != "none",
@@ -117,6 +118,15 @@ def which_mode(core: Any, traces: Mapping[str, Trace], motion: Any) -> str:
     controlled = core.controller_options["kind"] != "none"
     commanded = motion is not None or all("theta_ref" in trace for trace in traces.values())
     return "closed_loop" if controlled and commanded else "balance"
+
+
+def with_torques(core: Any, trace: Trace) -> Trace:
+    """The trace with motor torques from its currents where only those were recorded."""
+    for motor in core.motors:
+        n = motor.rpartition("_")[2]
+        if f"I_{n}" in trace and f"T_{n}" not in trace:
+            trace = trace.with_channel(f"T_{n}", core.get(f"{motor}.K_d") * trace[f"I_{n}"])
+    return trace
 
 
 def _sizes(core: Any, played: Sequence[Record]) -> dict[str, float]:

@@ -40,8 +40,10 @@ class Search:
         problem: Problem,
         limit: int = 1000,
         progress: Callable[[Progress], None] | None = None,
+        precision: float = 1e-6,
     ) -> None:
         self.problem, self.limit, self.progress = problem, limit, progress
+        self.precision = precision  # relative, of cost and unknowns
         self.best, self.status, self.message = problem.start, "success", ""
         self._cost, self._number = math.inf, 1
 
@@ -98,8 +100,8 @@ class Search:
                 bounds=self.problem.bounds,
                 method="trf",
                 x_scale="jac",
-                ftol=1e-6,
-                xtol=1e-6,
+                ftol=self.precision,
+                xtol=self.precision,
                 gtol=1e-12,
                 max_nfev=40,
             )

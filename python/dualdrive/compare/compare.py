@@ -1,0 +1,176 @@
+"""Hold a machine against measured traces as it is: nothing about the machine is fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive.compare.comparison import Comparison, Quantity
+from dualdrive.compare.noise import NoiseFloor, noise_floor
+from dualdrive.compare.where import Situation, standing, where_it_fails
+from dualdrive.identify import Evaluation, evaluate, torque_balance, which_mode, with_torques
+from dualdrive.replay import RTOL, Record, core_of, named
+from dualdrive.traces import Trace
+
+Array = NDArray[np.float64]
+MODES = ("auto", "closed_loop", "balance")
+
+
+def compare(
+    machine: Any,
+    traces: Trace | Sequence[Trace] | Mapping[str, Trace],
+    mode: str = "auto",
+    *,
+    offsets: str = "all",
+    motion: Any = None,
+    interpolation: str = "auto",
+    start: str = "auto",
+    rtol: float = RTOL,
+) -> Comparison:
+    """Compare a machine with measured traces.
+
+    Closed loop: the controller gets the recorded command, and every channel that both have is
+    compared. What belongs to a record and not to the machine is found first: constants of its
+    sensors, its initial state. Torque balance: the recorded motion and torques must close the
+    equations of motion; for traces whose controller is unknown.
+
+    Args:
+        machine: a machine, or the core's.
+        traces: one trace, several, or name -> trace.
+        mode: ``closed_loop``, ``balance``, or ``auto``: closed loop where the machine has a
+            controller and every trace a commanded motion.
+        offsets: which sensors may have a constant: ``all`` headline channels but the following
+            error, ``encoders`` of the drives, ``none``.
+        motion: commanded motion (a waveform or :class:`dualdrive.Motion`) where traces carry none.
+        interpolation: ``auto``, ``cubic``, ``linear`` or ``hold``, of recorded inputs.
+        start: ``rest``, ``settled`` or ``auto``, see :func:`dualdrive.replay.records`.
+        rtol: local tolerance of the simulation.
+
+    Raises:
+        ValueError: a trace that can't be held against this machine, or an unknown option.
+        FitError: the simulation fails on a record; the message carries its status.
+
+    """
+    if mode not in MODES:
+        raise ValueError(f"mode = {mode!r}; choose one of {', '.join(MODES)}")
+    core, recorded = core_of(machine), named(traces)
+    if mode == "auto":
+        mode = which_mode(core, recorded, motion)
+    if mode == "balance":
+        return _balance(machine, recorded, offsets)
+    found = evaluate(
+        machine,
+        recorded,
+        offsets=offsets,
+        motion=motion,
+        interpolation=interpolation,
+        start=start,
+        rtol=rtol,
+    )
+    return of_evaluation(machine, found)
+
+
+def of_evaluation(machine: Any, found: Evaluation) -> Comparison:
+    """The comparison behind an evaluation, such as ``Fit.fitted``."""
+    quantities, situations = [], []
+    unit_of = getattr(machine, "unit_of", lambda _, unit: unit)
+    for replay in found.replays:
+        record = replay.record
+        still = standing(record.t, record.reference)
+        own = [
+            Quantity(
+                record.name,
+                c.name,
+                c.kind,
+                unit_of(c.name, c.unit),
+                c.long_name,
+                c.headline,
+                record.t,
+                c.measured,
+                replay.simulated[c.name] + found.offsets.get((record.name, c.name), 0.0),
+                np.ones(len(record.t), dtype=bool),
+                found.offsets.get((record.name, c.name), 0.0),
+                noise_floor(record.t, c.measured, still),
+            )
+            for c in record.channels
+        ]
+        quantities += own
+        situations.append(_situation(record, own, replay.flanks))
+    records = [replay.record for replay in found.replays]
+    return Comparison(
+        core_of(machine).name,
+        "closed_loop",
+        quantities,
+        where_it_fails(situations),
+        {record.name: record.start for record in records},
+        found.initial,
+        _notes(quantities),
+    )
+
+
+def _situation(record: Record, own: Sequence[Quantity], flanks: Mapping[str, Array]) -> Situation:
+    kinds: dict[str, list[Array]] = {}
+    counted = [q for q in own if q.headline] or own
+    for q in counted:
+        kinds.setdefault(q.kind, []).append((q.residual / q.spread) ** 2)
+    square = np.mean([np.mean(squares, axis=0) for squares in kinds.values()], axis=0)
+    speed = np.gradient(record.reference, record.t)
+    return Situation(record.name, record.t, square, speed, flanks)
+
+
+def _notes(quantities: Sequence[Quantity]) -> list[str]:
+    how = dict.fromkeys(q.noise.how for q in quantities if q.headline)
+    notes = [f"noise floor from single records ({'; '.join(how)}): an estimate"]
+    for record in dict.fromkeys(q.record for q in quantities):
+        constants = [
+            f"{q.name} {q.offset:+.3g} {q.unit}"
+            for q in quantities
+            if q.record == record and q.headline and q.offset != 0.0
+        ]
+        if constants:
+            notes.append(f"{record}: constants granted to sensors: {', '.join(constants)}")
+    return notes
+
+
+def _balance(machine: Any, recorded: Mapping[str, Trace], offsets: str) -> Comparison:
+    """Every equation of motion on the recorded kinematics, with a constant torque per record."""
+    traces = {name: with_torques(core_of(machine), trace) for name, trace in recorded.items()}
+    found = torque_balance(machine, traces, free=[], offsets=offsets != "none")
+    unit_of = getattr(machine, "unit_of", lambda _, unit: unit)
+    quantities, situations = [], []
+    for (record, equation), left in found.residuals.items():
+        unit = unit_of("T_load", "N*m")
+        own = Quantity(
+            record,
+            equation,
+            "equation",
+            unit,
+            f"torque balance of {equation}: what the model asks for, against what was measured",
+            True,
+            left.t,
+            left.measured,
+            left.measured + left.residual,
+            left.fitted,
+            found.offsets[record, equation].value if (record, equation) in found.offsets else 0.0,
+            NoiseFloor(float("nan"), "not estimated in a torque balance"),
+        )
+        quantities.append(own)
+        situations.append(_balance_situation(traces[record], own))
+    notes = [found.processing, "samples near standstill do not count: dry friction is open there"]
+    return Comparison(
+        core_of(machine).name, "balance", quantities, where_it_fails(situations), {}, {}, notes
+    )
+
+
+def _balance_situation(trace: Trace, own: Quantity) -> Situation:
+    for angle in ("theta_m", "theta_c1", "theta_1", "theta_ref"):
+        if angle in trace:
+            speed = np.gradient(np.interp(own.t, trace.t, trace[angle]), own.t)
+            break
+    else:
+        speed = np.interp(own.t, trace.t, trace["omega_m" if "omega_m" in trace else "omega_1"])
+    square = np.where(own.counted, own.residual / own.spread, 0.0) ** 2
+    return Situation(own.record, own.t, square, speed, {})
