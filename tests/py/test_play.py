@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from balance_stand_in import Recorded
-from dualdrive.identify import draw_play, estimate_play
+from dualdrive.identify import estimate_play
+from dualdrive.plots import play
 from measured import rig
 
 PLAY, SKEW, COMPLIANCE, ZERO = 0.9, 0.03, 0.004, 0.2
@@ -153,14 +154,14 @@ def test_a_drive_that_never_pushes_is_refused() -> None:
 
 
 def test_the_play_can_be_drawn(tmp_path: Path) -> None:
-    figure = draw_play(estimate_play(driven(), 1), estimate_play(driven(flanks=(1,)), 1))
+    figure = play(estimate_play(driven(), 1), estimate_play(driven(flanks=(1,)), 1))
     path = tmp_path / "play.png"
     figure.savefig(path)
     assert path.stat().st_size > 10_000
-    titles = [axes.get_title() for axes in figure.axes]
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
     assert titles[3].startswith("at least ")
     with pytest.raises(ValueError, match="nothing to draw"):
-        draw_play()
+        play()
 
 
 @pytest.mark.parametrize("drive", [1, 2])

@@ -1,0 +1,32 @@
+"""Pictures an engineer looks at: each function returns a matplotlib `Figure`, drawn off screen.
+
+They take what the rest of dualdrive returns (a `Run`, a `Trace`, a comparison, an estimate) and, if
+given, axes to draw in. Units are those people read: arc seconds, mrad, N·m, ms.
+
+    from dualdrive import Machine, simulate
+    from dualdrive.plots import overview
+
+    overview(simulate(Machine.load())).savefig("run.png")
+"""
+
+from dualdrive.plots.friction import torque_speed
+from dualdrive.plots.ladder import Step, ladder
+from dualdrive.plots.overview import overview
+from dualdrive.plots.play import play
+from dualdrive.plots.record import PlotError
+from dualdrive.plots.reversal import reversal_window, reversal_zoom
+from dualdrive.plots.timeline import following_error, mesh_deflection, torques
+
+__all__ = [
+    "PlotError",
+    "Step",
+    "following_error",
+    "ladder",
+    "mesh_deflection",
+    "overview",
+    "play",
+    "reversal_window",
+    "reversal_zoom",
+    "torque_speed",
+    "torques",
+]

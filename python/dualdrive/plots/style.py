@@ -1,0 +1,180 @@
+"""How every picture looks: colours, line weights, and the units a person reads.
+
+Nothing here touches a global setting or a window: a picture is a `Figure` of its own, drawn under a
+temporary style, so that it works without a screen and leaves a caller's own style alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import wraps
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, ParamSpec, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dualdrive.units import conversion
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "BAND",
+    "COMMAND",
+    "FIRST",
+    "LIMIT",
+    "MEASURED",
+    "MODEL",
+    "NOISE",
+    "PAPER",
+    "SECOND",
+    "TABLE",
+    "Scale",
+    "drive_colour",
+    "figure_of",
+    "new_axes",
+    "picture",
+    "scale",
+    "single",
+]
+
+Array = NDArray[np.float64]
+P = ParamSpec("P")
+R = TypeVar("R")
+
+# Okabe and Ito's palette: told apart by every kind of colour vision.
+FIRST: Final = "#0072B2"
+SECOND: Final = "#D55E00"
+TABLE: Final = "#009E73"
+_FURTHER: Final = ("#CC79A7", "#56B4E9", "#E69F00", "#8C6D31", "#666666")
+
+COMMAND: Final = "#555555"
+MEASURED: Final = "#1A1A1A"
+MODEL: Final = SECOND
+LIMIT: Final = "#999999"
+BAND: Final = "#E3E7EA"
+NOISE: Final = "#B9BEC2"
+PAPER: Final = "#FFFFFF"
+
+_STYLE: Final[dict[str, Any]] = {
+    "figure.facecolor": PAPER,
+    "savefig.facecolor": PAPER,
+    "figure.dpi": 110,
+    "savefig.dpi": 150,
+    "font.size": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#444444",
+    "axes.linewidth": 0.8,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "axes.xmargin": 0.0,
+    "grid.color": "#D9DCDE",
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.2,
+    "legend.frameon": False,
+    "legend.fontsize": 8.0,
+    "legend.handlelength": 1.6,
+    "legend.columnspacing": 1.2,
+    "agg.path.chunksize": 20000,
+}
+
+
+def picture(draw: Callable[P, R]) -> Callable[P, R]:
+    """Draw under the house style, whatever the caller's own settings are."""
+
+    @wraps(draw)
+    def styled(*args: P.args, **kwargs: P.kwargs) -> R:
+        from matplotlib import rc_context
+
+        with rc_context(_STYLE):  # type: ignore[arg-type]
+            return draw(*args, **kwargs)
+
+    return styled
+
+
+def drive_colour(number: int) -> str:
+    """The colour of a drive, the same in every picture; `number` counts from 1."""
+    colours = (FIRST, SECOND, *_FURTHER)
+    return colours[(number - 1) % len(colours)]
+
+
+def single(axes: Axes | None, width: float = 8.0, height: float = 3.4) -> Axes:
+    """The axes to draw in: the caller's, or those of a new figure (inches)."""
+    if axes is not None:
+        return axes
+    return new_axes(1, width, height)[0]
+
+
+def new_axes(
+    rows: int, width: float, height: float, ratios: Sequence[float] | None = None
+) -> list[Axes]:
+    """Panels below each other with one common x axis."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    grid = figure.subplots(rows, 1, sharex=True, squeeze=False, height_ratios=ratios)
+    panels = [row[0] for row in grid]
+    for panel in panels[:-1]:
+        panel.tick_params(labelbottom=False)
+    return panels
+
+
+def figure_of(axes: Axes) -> Figure:
+    """The whole figure that axes belong to."""
+    from matplotlib.figure import Figure
+
+    figure = axes.get_figure(root=True)
+    assert isinstance(figure, Figure)
+    return figure
+
+
+class Scale(NamedTuple):
+    """A unit to read: ``shown = si / factor``, and how the unit is printed."""
+
+    factor: float
+    unit: str
+
+    def __call__(self, si: ArrayLike) -> Array:
+        """SI values as they are drawn."""
+        return np.asarray(si, dtype=np.float64) / self.factor
+
+    def label(self, what: str) -> str:
+        """The axis label: what it is and in which unit."""
+        return f"{what} [{self.unit}]" if self.unit else what
+
+
+# SI unit -> (peak up to which it is used, unit), rising; the last one takes the rest.
+_READABLE: Final[dict[str, tuple[tuple[float, str], ...]]] = {
+    "rad": ((1e-2, "arcsec"), (0.2, "mrad"), (np.inf, "deg")),
+    "m": ((2e-4, "um"), (1.0, "mm"), (np.inf, "m")),
+    "rad/s": ((0.5, "mrad/s"), (np.inf, "rad/s")),
+    "m/s": ((1.0, "mm/s"), (np.inf, "m/s")),
+    "N*m": ((1.0, "mN*m"), (2e4, "N*m"), (2e7, "kN*m"), (np.inf, "MN*m")),
+    "N": ((2e4, "N"), (np.inf, "kN")),
+    "s": ((0.5, "ms"), (np.inf, "s")),
+}
+
+
+def scale(unit: str, values: ArrayLike = (), prefer: str | None = None) -> Scale:
+    """The unit in which values read best: arc seconds for small angles, ms for short times.
+
+    values: SI, to judge the size by
+    prefer: a unit to take whatever the size
+    """
+    if prefer is None:
+        peak = float(np.max(np.abs(np.asarray(values, dtype=np.float64)), initial=0.0))
+        prefer = next((name for top, name in _READABLE.get(unit, ()) if peak < top), unit)
+    return Scale(conversion(prefer, unit).scale, _printed(prefer))
+
+
+def _printed(unit: str) -> str:
+    for written, shown in (("*", "·"), ("^2", "²"), ("um", "µm"), ("ohm", "Ω")):
+        unit = unit.replace(written, shown)
+    return unit
