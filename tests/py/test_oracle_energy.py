@@ -1,0 +1,83 @@
+"""Oracle 4: energy closes to integration error in every machine, and nothing passive gives any."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from core_machines import Array, Run
+from core_random import RandomMachine
+from dualdrive import _core
+
+MACHINES, BLOCK = 200, 20
+LOSSES = ("copper", "viscous", "mesh")  # of the ledger: these never give
+DISSIPATIVE = ("viscous", "coulomb", "stribeck", "mesh_damping", "sensor_delay", "sensor_offset",
+               "eccentricity")  # fmt: skip
+
+
+def run(machine: RandomMachine, rtol: float) -> Run:
+    trajectory = _core.simulate(
+        machine.machine, machine.inputs, end=0.3, rtol=rtol, initial=machine.initial
+    )
+    assert trajectory.status == "success", (machine.notes, trajectory.message)
+    return Run(trajectory)
+
+
+def stored(machine: _core.Machine, run: Run) -> Array:
+    """Return kinetic, elastic and magnetic energy from speeds, deflections and currents alone."""
+    suffix = (
+        {"table": "m"} | {f"pinion_{n}": f"c{n}" for n in "123"} | {f"motor_{n}": n for n in "123"}
+    )
+    energy = sum(
+        0.5 * machine.get(f"{b}.J") * run[f"omega_{suffix[b]}"] ** 2 for b in machine.bodies
+    )
+    for connection in machine.connections:
+        kind, x = machine.kind(connection), run[f"{connection}.deflection"]
+        if kind == "gap":
+            gap = machine.get(f"{connection}.gap")
+            x = x - np.clip(x, -gap, gap)
+        if kind != "rigid":
+            energy = energy + 0.5 * machine.get(f"{connection}.stiffness") * x**2
+        if kind == "compliant":
+            energy = energy + machine.get(f"{connection}.preload") * x
+    for motor in machine.motors:
+        if machine.kind(motor) == "armature":
+            energy = energy + 0.5 * machine.get(f"{motor}.L") * run[f"I_{suffix[motor]}"] ** 2
+    return np.asarray(energy)
+
+
+@pytest.mark.parametrize("first", range(0, MACHINES, BLOCK))
+def test_energy_closes_and_losses_only_lose(first: int) -> None:
+    for seed in range(first, first + BLOCK):
+        machine = RandomMachine(seed)
+        rough, fine = run(machine, 1e-6), run(machine, 1e-9)
+        errors = [r.raw.statistics["energy_error"] for r in (rough, fine)]
+        assert errors[0] < 5e-3, machine.notes
+        assert errors[1] < 5e-6, machine.notes
+        assert errors[1] < max(errors[0] / 10, 1e-10), machine.notes
+        check_ledger(machine, fine)
+
+
+def check_ledger(machine: RandomMachine, run: Run) -> None:
+    work, names = run.raw.work, run.raw.work_names
+    energy = stored(machine.machine, run)
+    moved = max(np.abs(work).max(), np.abs(energy).max())
+    np.testing.assert_allclose(run["energy.stored"], energy, atol=1e-12 * moved, rtol=1e-9)
+    assert np.abs(energy - energy[0] - work.sum(axis=1)).max() < 1e-5 * moved, machine.notes
+    losses = list(LOSSES)
+    if all(effect["effect"] in DISSIPATIVE for effect in machine.machine.effects):
+        losses.append("effects")
+    for name in losses:
+        gained = np.diff(work[:, names.index(name)])
+        assert gained.max() < 1e-7 * moved, (name, machine.notes)
+
+
+def test_the_suite_meets_every_effect_and_structure() -> None:
+    machines = [RandomMachine(seed) for seed in range(MACHINES)]
+    effects = {effect["effect"] for m in machines for effect in m.machine.effects}
+    assert effects == {kind.name for kind in _core.effect_types()} | {"expression"}
+    notes = {note for m in machines for note in m.notes}
+    assert {"1 drives", "2 drives", "3 drives", "direct", "rigid", "compliant", "gap", "no gap",
+            "slave lag", "latency", "tight T_max", "tight U_max", "falling", "voltage",
+            "moving start"} <= notes  # fmt: skip
+    assert {f"sampled {loop}" for loop in ("position", "tension", "speed", "current")} <= notes
