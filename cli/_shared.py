@@ -38,7 +38,14 @@ def verb(function: Callable[P, R]) -> Callable[P, R]:
     @functools.wraps(function)
     def guarded(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
-            return function(*args, **kwargs)
+            result = function(*args, **kwargs)
+            sys.stdout.flush()  # here, where a full disk can still be told
+            return result
+        except BrokenPipeError:  # the reader, `head` say, has seen enough
+            sys.stdout = None
+            raise SystemExit(0) from None
+        except OSError as error:
+            give_up(f"standard output cannot be written: {error.strerror}", FAILED)
         except KeyboardInterrupt:
             give_up("stopped", STOPPED)
         except WriteError as error:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-__all__ = ["FileError", "WriteError", "refuse_existing", "write_atomically"]
+__all__ = ["FileError", "WriteError", "make_folder", "refuse_existing", "write_atomically"]
 
 
 class FileError(ValueError):
@@ -20,9 +20,27 @@ class WriteError(FileError):
 
 
 def refuse_existing(path: Path, *, overwrite: bool) -> None:
-    """Raise FileError when `path` is there already and may not be replaced."""
+    """Look before a long computation whether its result could be written to `path`.
+
+    Raises WriteError when something is there that may not be replaced, or no folder to write in.
+    """
+    _refuse_special(path)
     if path.exists() and not overwrite:
         raise WriteError(f"{path}: exists already; choose another name, or allow overwriting it")
+    folder = path.absolute().parent
+    if not folder.is_dir():
+        raise WriteError(f"{path}: cannot be written: there is no folder {folder}; make it first")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        rule = f"the folder {folder} may not be written to"
+        raise WriteError(f"{path}: cannot be written: {rule}; choose another place")
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder and those above it. Raises WriteError where that can't be."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise WriteError(f"{path}: no folder can be made here: {error.strerror}") from error
 
 
 @contextmanager
@@ -46,7 +64,7 @@ def write_atomically(path: Path) -> Iterator[Path]:
         temporary.replace(path)
     except OSError as error:
         reason = error.strerror or str(error).splitlines()[0]
-        raise FileError(
+        raise WriteError(
             f"{path}: cannot be written: {reason}; nothing was changed there"
         ) from error
     finally:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -41,13 +42,19 @@ _PARTS: Final = ("t", "modes", "events", "sensitivities", "work", "motion")
 
 
 def write_run(run: Any, path: Path, *, overwrite: bool = False, command: str = "") -> None:
-    """Write a dualdrive.Run, whole or not at all. Raises FileError naming file and way out."""
+    """Write a dualdrive.Run, whole or not at all. Raises WriteError naming file and way out.
+
+    The file is composed in memory: HDF5 itself does not fail in one piece when a disk is full.
+    """
     import h5py
 
     refuse_existing(path, overwrite=overwrite)
-    with write_atomically(path) as temporary, h5py.File(temporary, "w") as file:
+    image = BytesIO()
+    with h5py.File(image, "w") as file:
         root_attributes(file, machine=run.machine, command=command)
         write_into(file.create_group("run"), run)
+    with write_atomically(path) as temporary:
+        temporary.write_bytes(image.getbuffer())
 
 
 def root_attributes(file: h5py.File, *, machine: Machine, command: str) -> None:

@@ -160,23 +160,38 @@ def _inline(values: Mapping[str, Any]) -> tomlkit.items.InlineTable:
 
 
 def _write_changed(document: tomlkit.TOMLDocument, core: _core.Machine) -> None:
-    """Write every value that the text as it stands would not give."""
-    written, _ = build([parse_layer("machine", tomlkit.dumps(document))])
-    was = {p.path: p.value for p in written.parameters()}
+    """Write every value that the text as it stands would not give.
+
+    A ratio or rating written so moves play or percentages that lean on it; they come out next.
+    """
     now = {p.path: p.value for p in core.parameters()}
-    changed = [path for path in now if was.get(path) != now[path]]
-    for path in changed:
-        part, _, key = path.rpartition(".")
-        if "@" in part:
-            _write_effect_value(document, core, part, key, now[path])
-            continue
-        group = group_of(part)
-        members = [p for p in now if p.rpartition(".")[2] == key and group_of(p) == group]
-        if group and len({now[p] for p in members}) == 1:
-            _put(document, group, key, now[path])
-            _drop_member_values(document, group, key)
-        else:
-            _put(document, part, key, now[path])
+    while True:
+        written, _ = build([parse_layer("machine", tomlkit.dumps(document))])
+        was = {p.path: p.value for p in written.parameters()}
+        changed = [path for path in now if was[path] != now[path]]
+        if not changed:
+            return
+        for path in changed:
+            _write_value(document, core, path, now)
+
+
+def _write_value(
+    document: tomlkit.TOMLDocument, core: _core.Machine, path: str, values: Mapping[str, float]
+) -> None:
+    """Write one value, under its group where the members agree."""
+    part, _, key = path.rpartition(".")
+    if "@" in part:
+        _write_effect_value(document, core, part, key, values[path])
+        return
+    group = group_of(part)
+    members = [
+        p for p in values if p.endswith(f".{key}") and group_of(p.rpartition(".")[0]) == group
+    ]
+    if group and len({values[p] for p in members}) == 1:
+        _put(document, group, key, values[path])
+        _drop_member_values(document, group, key)
+    else:
+        _put(document, part, key, values[path])
 
 
 def _write_effect_value(
