@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,18 +29,25 @@ Array = NDArray[np.float64]
 
 #: laws that take the place of a simpler one already scored: no signature of their own at zero
 _WHOLE_LAWS = ("stribeck", "lugre")
+_TWIN = 1.0 - 1e-6  # squared cosine above which two signatures are one
 _DELAY_PROBE = 2e-3  # s: a delay is part of the structure, so it is probed at a size, not at zero
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect at a place and how much of the weighted residual it could explain, 0 .. 1."""
+    """An effect at a place and how much of the weighted residual it could explain, 0 .. 1.
+
+    expected: parameter path -> strength it would have, SI, as far as the score can tell
+    same_as:  label of an earlier candidate with the same signature, which this machine and record
+        can't tell from it (friction at a motor and at its pinion, rigidly joined); "" if none
+    """
 
     effect: str
     place: str
     explained: float
     expected: Mapping[str, float]
     unit: str
+    same_as: str = ""
 
     @property
     def label(self) -> str:
@@ -122,14 +129,15 @@ def screen(
     sigma = np.delete(problem.prior.sigma, split)
     rest = _Projection(others, sigma)
     residual = rest.remove(left)
-    scored = []
+    scored: list[tuple[Candidate, Array]] = []
     for effect, place in wanted:
         own = [p for p in probes if (p.effect, p.place) == (effect, place)]
         columns = np.stack([rest.remove(signatures[p.key]) for p in own], axis=1)
         explained, strengths = _regress(columns, residual)
         expected = {p.path: s * p.unknown.scale for p, s in zip(own, strengths, strict=True)}
-        scored.append(Candidate(effect, place, explained, expected, own[0].unknown.unit))
-    return sorted(scored, key=lambda c: -c.explained)
+        found = Candidate(effect, place, explained, expected, own[0].unknown.unit)
+        scored.append((found, columns))
+    return _name_twins(sorted(scored, key=lambda item: -item[0].explained))
 
 
 @dataclass(frozen=True)
@@ -159,7 +167,16 @@ def _put_in(core: _core.Machine, effect: str, place: str) -> list[_Probe]:
         strength = kind.parameters[0]
         path = f"{label}.{names[0]}"
         free = Unknown(
-            path, strength.unit, 0.0, -math.inf, math.inf, strength.typical, False, 0.0, 0.0, math.inf
+            path,
+            strength.unit,
+            0.0,
+            -math.inf,
+            math.inf,
+            strength.typical,
+            False,
+            0.0,
+            0.0,
+            math.inf,
         )
         probes.append(_Probe(effect, place, path, free, delay))
     return probes
@@ -203,6 +220,24 @@ class _Projection:
     def remove(self, values: Array) -> Array:
         result: Array = values - self._rows @ (self._inverse @ (self._rows.T @ values))
         return result
+
+
+def _name_twins(scored: Sequence[tuple[Candidate, Array]]) -> list[Candidate]:
+    """Candidates in order, each told which earlier one spans the same signature."""
+    found: list[Candidate] = []
+    spans: list[tuple[str, Array]] = []
+    for candidate, columns in scored:
+        own, size = np.linalg.qr(columns)[0], columns.shape[1]
+        same = ""
+        if np.any(columns):
+            for label, other in spans:
+                if other.shape[1] == size and np.linalg.norm(own.T @ other) ** 2 > size * _TWIN:
+                    same = label
+                    break
+            else:
+                spans.append((candidate.label, own))
+        found.append(replace(candidate, same_as=same))
+    return found
 
 
 def _regress(columns: Array, residual: Array) -> tuple[float, Array]:
