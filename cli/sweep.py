@@ -9,6 +9,7 @@ import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from difflib import get_close_matches
 from pathlib import Path
 from typing import NoReturn
 
@@ -36,9 +37,10 @@ class Axes(click.Command):
             if not name.startswith("--") or name == "--" or name in own:
                 rest.append(word)
                 continue
+            check_axis(name, own)
             if not given:
                 values = next(words, "")
-            if not values or values.startswith("--"):
+            if not values or values.startswith("--") or values in own:
                 refuse(f"{name}: needs values: start:stop:count or a,b,c, e.g. {name} 0:1e-3:20")
             axes.append((name.removeprefix("--"), values))
         ctx.meta["axes"] = axes
@@ -58,6 +60,15 @@ def refuse(message: str, code: int = 2) -> NoReturn:
     raise Refusal(message, code)
 
 
+def check_axis(name: str, options: set[str]) -> None:
+    """A parameter has a point in its name: anything else is a slip."""
+    if "." in name or name.removeprefix("--") in sweeps.ALIASES:
+        return
+    near = get_close_matches(name, [*options, *(f"--{alias}" for alias in sweeps.ALIASES)], 1)
+    hint = f"did you mean {near[0]}?" if near else "parameters are such as --controller.K_v"
+    refuse(f"{name}: no such option, nor a parameter; {hint}")
+
+
 @click.command(cls=Axes, options_metavar="[OPTIONS] --PARAMETER VALUES...")
 @click.argument("machine", required=False)
 @click.option("--motion", metavar="TEXT", help="What the table is told to do, e.g. move:0.02,...")
@@ -67,7 +78,7 @@ def refuse(message: str, code: int = 2) -> NoReturn:
 @click.option("-o", "--output", type=click.Path(path_type=Path), default=OUTPUT, show_default=True)
 @click.option("--resume", is_flag=True, help="Complete a sweep that was stopped.")
 @click.option("--overwrite", is_flag=True, help="Replace the file if it is there already.")
-@click.option("--jobs", type=click.IntRange(1), metavar="N", help="Threads; default: all cores.")
+@click.option("--jobs", type=int, metavar="N", help="Threads; default: all cores.")
 @click.option(
     "--keep",
     is_flag=False,
@@ -121,7 +132,7 @@ def command(
             result = sweeps.resume(output, jobs=jobs, progress=progress)
         else:
             result = sweeps.sweep(
-                changed(Machine.load(machine) if machine else Machine.load(), changes),
+                changed(Machine.load(machine) if machine else Machine.load(), changes, axes),
                 axes,
                 motion=motion,
                 load=parse(load, "N*m", key="load") if load else 0.0,
@@ -148,18 +159,21 @@ def dict_of(pairs: list[tuple[str, str]]) -> dict[str, str]:
     axes: dict[str, str] = {}
     for name, values in pairs:
         if name in axes:
-            refuse(f"--{name}: given twice; join the values: --{name} {axes[name]},{values}")
+            refuse(f"--{name}: given twice; give all its values at once")
         axes[name] = values
     return axes
 
 
-def changed(machine: Machine, changes: tuple[str, ...]) -> Machine:
-    """The machine with --set applied."""
+def changed(machine: Machine, changes: tuple[str, ...], axes: dict[str, str]) -> Machine:
+    """The machine with --set applied; what an axis sets cannot be set besides."""
     for change in changes:
-        key, equals, value = change.partition("=")
+        key, equals, value = (part.strip() for part in change.partition("="))
         if not equals:
             refuse(f"--set {change}: write KEY=VALUE, e.g. --set meshes.gap=20arcsec")
-        machine.set(key.strip(), value.strip())
+        machine.set(key, value)
+        for axis in sweeps.lay_out(machine, axes).axes:
+            if set(axis.members) & set(machine.core.members(key)):
+                refuse(f"--set {change}: the axis {axis.path} sets it too; give one of them")
     return machine
 
 

@@ -50,11 +50,12 @@ def is_controlled(machine: Machine) -> bool:
 def declared(machine: Machine) -> tuple[Figure, ...]:
     """Every figure a run of this machine has, in the order they are shown."""
     angle = machine.unit_of("e", "rad")
-    rest = f"the last {STANDSTILL:g} s at rest"
     errors = (
         Figure("peak_error", angle, "largest following error of the run, table frame"),
         Figure("rms_error", angle, "RMS following error over the run, table frame"),
-        Figure("standstill_amplitude", angle, f"peak to peak of the following error in {rest}"),
+        Figure(
+            "standstill_amplitude", angle, "peak to peak of the following error at the end, at rest"
+        ),
     )
     motors, meshes = machine.core.motors, _plays(machine)
     return (

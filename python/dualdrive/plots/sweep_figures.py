@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -11,11 +11,35 @@ from dualdrive.plots.record import PlotError
 from dualdrive.plots.style import BAND, LIMIT, drive_colour, figure_of, new_axes, picture, scale
 
 if TYPE_CHECKING:
+    import xarray as xr
     from matplotlib.figure import Figure
-
-    from dualdrive.sweeps import Sweep
-
 __all__ = ["sweep_figures"]
+
+
+class Sweep(Protocol):
+    """What is drawn of a `dualdrive.sweeps.Sweep`, which can draw itself and so stands above."""
+
+    @property
+    def axes(self) -> Mapping[str, np.ndarray[Any, Any]]:
+        """Path of each swept parameter and its values, SI."""
+
+    @property
+    def figures(self) -> Sequence[str]:
+        """Names of the figures."""
+
+    @property
+    def dataset(self) -> xr.Dataset:
+        """Every figure over the axes."""
+
+    @property
+    def attributes(self) -> Mapping[str, Any]:
+        """Names of machine and motion among others."""
+
+    def unit(self, name: str) -> str:
+        """The SI unit of an axis or figure."""
+
+    def words(self, path: str, value: float) -> str:
+        """A value of an axis as people read it."""
 
 
 @picture

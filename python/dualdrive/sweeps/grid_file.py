@@ -258,14 +258,14 @@ def _check_room(path: Path, grid: Grid, figures: int, kept: Kept | None) -> None
     with suppress(OSError):  # no such folder: said where the file is made
         free = shutil.disk_usage(path.parent).free
         if needed > free:
-            raise DiskError(
+            raise FileError(
                 f"{path}: {grid.size:,} runs need {_size(needed)}, the disk has {_size(free)}; "
                 f"take fewer points{' or keep fewer signals' if signals else ''}"
             )
 
 
 def _size(count: float) -> str:
-    return f"{human(count, 'B', digits=3)}"
+    return human(count, "B") if count < 1e12 else f"{count / 1e12:,.4g} TB"
 
 
 def _fit(text: str, length: int) -> bytes:

@@ -9,11 +9,14 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dualdrive import __version__, units
+from dualdrive import __version__, _core, units
 from dualdrive.figures import Figure, declared, figures, is_controlled, signals
 from dualdrive.machine import Machine
 
@@ -53,9 +56,10 @@ class Plan:
         known = [name for name, _, _ in self.machine.core.signals()]
         for name in self.keep:
             if name not in known:
-                raise GridError(
-                    f"keep = {name!r}: no such signal of this machine; there are {', '.join(known)}"
-                )
+                ways = " or ".join(get_close_matches(name, known)) or ", ".join(known)
+                raise GridError(f"keep = {name!r}: no such signal of this machine; take {ways}")
+        if not 1e-14 <= self.rtol <= 1e-2:
+            raise GridError(f"rtol = {self.rtol}: must lie between 1e-14 and 1e-2")
         if not math.isfinite(self.load):
             raise GridError(f"load = {self.load}: must be finite")
         if not (math.isfinite(self.end) and self.end > 0):
@@ -89,6 +93,7 @@ class Plan:
         """What the file says about where its numbers come from."""
         return {
             "version": __version__,
+            "core": _core_digest(),
             "machine": self.machine.toml(),
             "machine_name": self.machine.name,
             "motion": self.motion.text,
@@ -144,6 +149,7 @@ class Plan:
             found.append(f"keep: {there} there, {', '.join(self.keep) or 'none'} here")
         here = {
             "version": __version__,
+            "core": _core_digest(),
             "load": self.load,
             "end": self.end,
             "output_step": self.output_step,
@@ -167,6 +173,12 @@ class Plan:
 def _digest(motion: Motion, times: NDArray[np.float64]) -> str:
     """A fingerprint of the commanded angle itself: sampled motions have no telling text."""
     return hashlib.sha256(np.asarray(motion.waveform.value(times)).tobytes()).hexdigest()
+
+
+@cache
+def _core_digest() -> str:
+    """A fingerprint of the compiled core: another build may differ in the last digit."""
+    return hashlib.sha256(Path(str(_core.__file__)).read_bytes()).hexdigest()[:16]
 
 
 def _axes_differences(grid: Grid, there: Mapping[str, Any]) -> list[str]:

@@ -94,11 +94,11 @@ class Sweep:
         return str(self.dataset[name].attrs["unit"])
 
     def words(self, path: str, value: float) -> str:
-        """A value of an axis as people write it, all values of the axis in one unit."""
-        unit = self.unit(path)
-        largest = human(float(np.abs(self.axes[path]).max()), unit)
-        shown = largest.partition(" ")[2]
-        return human(value, unit, prefer=shown) if shown else human(value, unit)
+        """A value of an axis as people write it; values of one size all in one unit."""
+        unit, sizes = self.unit(path), np.abs(self.axes[path])
+        shown = human(float(sizes.max()), unit).partition(" ")[2]
+        decades = sizes.max() > 1e4 * sizes[sizes > 0].min(initial=np.inf)
+        return human(value, unit, prefer=None if decades or not shown else shown)
 
     def point(self, run: int) -> dict[str, float]:
         """The axis values of a run by its number; the last axis counts fastest."""

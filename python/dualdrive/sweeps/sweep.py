@@ -63,6 +63,9 @@ def sweep(
     Raises GridError (axes), MachineError (machine), FileError (file there already, of something
     else, disk refuses), each one line naming the way out.
     """
+    jobs = cores() if jobs is None else jobs
+    if jobs < 1:
+        raise GridError(f"jobs = {jobs}: must be at least 1; leave it out for all cores")
     plan = _plan(machine, axes or {}, motion, load, end, output_step, rtol, method, tuple(keep))
     folder = None
     if output is None:
@@ -142,10 +145,7 @@ def _open(path: Path, plan: Plan, *, resume: bool, overwrite: bool, command: str
     return GridFile.create(path, plan.grid, plan.figures, plan.attributes(command), plan.kept)
 
 
-def _work(plan: Plan, file: GridFile, jobs: int | None, progress: Progress | None) -> None:
-    jobs = cores() if jobs is None else jobs
-    if jobs < 1:
-        raise GridError(f"jobs = {jobs}: must be at least 1; leave it out for all cores")
+def _work(plan: Plan, file: GridFile, jobs: int, progress: Progress | None) -> None:
     pending = file.pending().tolist()
     done = plan.grid.size - len(pending)
     if progress is not None:
