@@ -14,15 +14,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from dualdrive.compare import Comparison, Condition, NoiseFloor, Quantity
 from dualdrive.machine import Machine
 from dualdrive.motion import parse_motion
 from dualdrive.plots import (
     PlotError,
     Step,
+    conditions,
     following_error,
     ladder,
+    measured_vs_model,
     mesh_deflection,
     overview,
+    residuals,
     reversal_window,
     reversal_zoom,
     torque_speed,
@@ -67,6 +71,28 @@ def trace_of(run: Run, *channels: str) -> Trace:
     return Trace(run.t, {name: run[name] for name in channels})
 
 
+@cache
+def comparison() -> Comparison:
+    """Two records; the model of the error is a quarter too small, and nothing else is wrong."""
+    t = np.linspace(0.0, 10.0, 2001)
+    error, current = 40 * ARCSEC * np.sin(2 * np.pi * t), 5.0 + np.cos(t)
+
+    def quantity(record: str, name: str, kind: str, unit: str, x: Array, share: float) -> Quantity:
+        noise, counted = NoiseFloor(0.02 * float(np.std(x)), "stated"), np.ones(len(t), dtype=bool)
+        return Quantity(record, name, kind, unit, kind, True, t, x, share * x, counted, 0.0, noise)
+
+    quantities = [
+        quantity(record, *what)
+        for record in ("first", "second")
+        for what in (
+            ("e", "following error", "rad", error, 0.75),
+            ("I_1", "current", "A", current, 1.0),
+        )
+    ]
+    where = [Condition("motion", "reversal", 2.5, 0.1, 0.6), Condition("time", "0 .. 1 s", 9, 1, 1)]
+    return Comparison("bench", "closed_loop", quantities, where, {}, {}, [])
+
+
 def drawn(axes: Axes, label: str) -> tuple[Array, Array]:
     """The data of the line with this label."""
     (found,) = [line for line in axes.lines if line.get_label() == label]
@@ -90,6 +116,9 @@ EVERY: dict[str, Callable[[], Figure]] = {
     "reversal": lambda: reversal_zoom(swing()),
     "reversal of a hunting table": lambda: reversal_zoom(hunting(), -1),
     "torque over speed": lambda: torque_speed(swing()),
+    "measured and model": lambda: measured_vs_model(comparison()),
+    "residuals": lambda: residuals(comparison()),
+    "conditions": lambda: conditions(comparison()),
     "ladder": lambda: ladder([Step("nominal", 0.4, 0.5), Step("refitted", 0.1, 0.2)]),
 }
 
@@ -100,15 +129,18 @@ def figure(request: pytest.FixtureRequest) -> Figure:
 
 
 def test_every_axis_says_what_and_in_which_unit(figure: Figure) -> None:
-    unit = re.compile(
-        r".+ \[(arcsec|mrad|deg|mm|um|µm|m?N·m|kN·m|N|A|s|ms|m?rad/s|mm/s|% of the signal)\]"
-    )
+    names = r"(arcsec|mrad|deg|mm|um|µm|m?N·m|kN·m|N|A|s|ms|m?rad/s|mm/s|% of the signal|ratio|Hz)"
+    unit = re.compile(rf".+ \[{names}(/√Hz)?\]")
     for axes in figure.axes:
-        is_flank_strip = axes.get_yticklabels()[0].get_text().startswith("mesh")
-        assert is_flank_strip or unit.fullmatch(axes.get_ylabel()), axes.get_ylabel()
-    last = figure.axes[-1]
-    named_steps = last.get_xticklabels()[0].get_text() == "nominal"
-    assert named_steps or unit.fullmatch(last.get_xlabel()), last.get_xlabel()
+        words = any(label.get_text()[:1].isalpha() for label in axes.get_yticklabels())
+        bare = not axes.get_yticklabels() or not axes.yaxis.get_tick_params()["labelleft"]
+        assert words or bare or unit.fullmatch(axes.get_ylabel()), axes.get_ylabel()
+    lowest = [axes for axes in figure.axes if axes.get_xlabel()]
+    for axes in lowest:
+        named = not axes.get_xticks().size
+        assert named or unit.fullmatch(axes.get_xlabel()), axes.get_xlabel()
+    named_steps = figure.axes[-1].get_xticklabels()[0].get_text() == "nominal"
+    assert lowest or named_steps
 
 
 def test_nothing_drawn_is_nan(figure: Figure) -> None:
@@ -255,6 +287,41 @@ def test_friction_is_what_the_torque_shows_at_steady_speed() -> None:
     x, y = np.asarray(bars[0].get_data())
     np.testing.assert_allclose(x, [-8, -4, 4, 8], atol=1e-6)
     np.testing.assert_allclose(y, [-7, -5, 5, 7], atol=1e-6)
+
+
+def test_measured_and_model_are_the_comparisons_own() -> None:
+    above, below = measured_vs_model(comparison()).axes
+    assert above.get_ylabel() == "following error [arcsec]"
+    assert below.get_ylabel() == "current I_1 [A]"
+    t = comparison().quantities[0].t
+    wave = 40 * np.sin(2 * np.pi * t)
+    np.testing.assert_allclose(drawn(above, "measured")[1], wave, atol=1e-9)
+    np.testing.assert_allclose(drawn(above, "model")[1], 0.75 * wave, atol=1e-9)
+    assert above.get_title(loc="left") == "error 0.25 of the signal, noise floor 0.02"
+    (only,) = measured_vs_model(comparison(), ["I_1"], record="second", window=(2, 3)).axes
+    assert drawn(only, "measured")[0].min() == pytest.approx(2.0)
+    with pytest.raises(PlotError, match="record 'third': not compared; the records are first, sec"):
+        measured_vs_model(comparison(), record="third")
+    with pytest.raises(PlotError, match="channel 'T_1': not compared; there are e, I_1"):
+        residuals(comparison(), ["T_1"])
+
+
+def test_residuals_over_time_by_size_and_by_frequency() -> None:
+    figure = residuals(comparison(), ["e"])
+    over_time, spread, spectrum, by_condition = figure.axes
+    t = comparison().quantities[0].t
+    left = np.asarray(over_time.lines[0].get_ydata())
+    np.testing.assert_allclose(left, -10 * np.sin(2 * np.pi * t), atol=1e-9)
+    bars: Any = spread.patches
+    assert sum(bar.get_width() for bar in bars) == pytest.approx(1.0)
+    for label, size in (("signal", 40.0), ("residual", 10.0)):
+        frequency, density = drawn(spectrum, label)
+        assert frequency[np.argmax(density)] == pytest.approx(1.0, abs=0.4)
+        power = np.trapezoid(density**2, frequency)
+        assert np.sqrt(2 * power) == pytest.approx(size, rel=0.05)  # of a sine: its amplitude
+    bars = by_condition.patches
+    assert [bar.get_width() for bar in bars] == [2.5]
+    assert [label.get_text() for label in by_condition.get_yticklabels()] == ["reversal"]
 
 
 def test_ladder_shows_per_cent_and_refuses_nonsense() -> None:

@@ -9,6 +9,7 @@ given, axes to draw in. Units are those people read: arc seconds, mrad, N·m, ms
     overview(simulate(Machine.load())).savefig("run.png")
 """
 
+from dualdrive.plots.comparison import conditions, measured_vs_model, residuals
 from dualdrive.plots.friction import torque_speed
 from dualdrive.plots.ladder import Step, ladder
 from dualdrive.plots.overview import overview
@@ -20,11 +21,14 @@ from dualdrive.plots.timeline import following_error, mesh_deflection, torques
 __all__ = [
     "PlotError",
     "Step",
+    "conditions",
     "following_error",
     "ladder",
+    "measured_vs_model",
     "mesh_deflection",
     "overview",
     "play",
+    "residuals",
     "reversal_window",
     "reversal_zoom",
     "torque_speed",
