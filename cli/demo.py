@@ -91,7 +91,8 @@ def _ladder(story: Story) -> Table:
 def _words(story: Story) -> list[str]:
     best = story.refits[0].candidate
     lines = [
-        f"Refitting the data sheet alone leaves {story.steps[1].held_out:.1%} on the held-out record.",
+        f"Refitting the data sheet alone leaves {story.steps[1].held_out:.1%} on the held-out "
+        "record.",
         f"{best.label} is missing: it closes {story.gap_closed:.0%} of the gap to the noise floor.",
     ]
     if story.rivals:

@@ -16,6 +16,7 @@ from dualdrive.traces import Trace, read
 
 #: how many candidates of the shortlist are refitted
 SHORTLIST = 3
+REFIT_SIMULATIONS = 60  # a wrong candidate need not converge to lose
 _SAME = 1.05  # candidates whose held-out errors differ by less are not told apart
 
 
@@ -142,7 +143,7 @@ def tell(progress: Callable[[str], None] = lambda _: None) -> Story:
                 grown.set(
                     path, size
                 )  # where the score expects it: a fit from far off may not arrive
-        found = fit(grown, fitting)
+        found = fit(grown, fitting, max_simulations=REFIT_SIMULATIONS)
         return Refit(candidate, found, evaluate(found.machine, held_out).error)
 
     with ThreadPoolExecutor() as pool:

@@ -90,7 +90,10 @@ def screen(
         machine: a machine with a controller, fitted to the traces as far as it goes.
         traces: one trace, several, or name -> trace.
         candidates: pairs of effect and place; every usual one unless given.
-        motion, interpolation, start, rtol: as for :func:`dualdrive.identify.fit`.
+        motion: as for :func:`dualdrive.identify.fit`, as are
+        interpolation: how recorded inputs are read,
+        start: how the machine stood before the record, and
+        rtol: local tolerance of the simulation.
 
     Raises:
         ValueError: unknown effect or place, or a trace that can't be played.
