@@ -11,4 +11,5 @@ NB_MODULE(_core, m) {
     dualdrive::bind_waveform(m);
     bind_machine(m);
     bind_simulate(m);
+    bind_linearise(m);
 }

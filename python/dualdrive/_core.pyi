@@ -426,4 +426,39 @@ def torque_balance(machine: Machine, channels: Mapping[str, Annotated[NDArray[nu
     1 where dry friction is set-valued (table speed below `standstill`), effects (effects, rows). Raises ValueError.
     """
 
+class LinearSystem:
+    """
+    A machine while its modes are frozen: dz/dt = A z + a, signals = C z + c; SI.
+    """
+
+    @property
+    def states(self) -> list[str]: ...
+
+    @property
+    def signals(self) -> list[str]: ...
+
+    @property
+    def A(self) -> Annotated[NDArray[numpy.float64], dict(writable=False)]:
+        """Shape (states, states)."""
+
+    @property
+    def a(self) -> Annotated[NDArray[numpy.float64], dict(writable=False)]:
+        """Shape (states,)."""
+
+    @property
+    def C(self) -> Annotated[NDArray[numpy.float64], dict(writable=False)]:
+        """Shape (signals, states)."""
+
+    @property
+    def c(self) -> Annotated[NDArray[numpy.float64], dict(writable=False)]:
+        """Shape (signals,)."""
+
+def linearise(machine: Machine, inputs: Mapping[str, Waveform] = {}, *, modes: Mapping[str, str] = {}, state: Mapping[str, float] = {}, t: float = 0.0) -> LinearSystem:
+    """
+    The machine as a linear system in given modes: exact where it is affine, else the tangent at `state`.
+
+    modes: element -> mode by name, as events report them ({'mesh_1': 'front'}); others are gap, stuck, linear, positive.
+    state: state -> value, others 0. Delays are left out. Raises ValueError for a name the machine does not have.
+    """
+
 __version__: str

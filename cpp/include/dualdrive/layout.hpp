@@ -3,7 +3,7 @@
 // Bodies joined rigidly form one group with one speed. States, in this order: group speeds, one twist per connection
 // that is not rigid, the table angle, currents, then what controller blocks and sampled loops remember. The twist of
 // a mesh is integrated, not the difference of two absolute angles, or rtol·θ would act on the contact torque.
-// Eq. 23's order of states is a view (Model::paper_state).
+// Eq. 23's order of states is a view: the signals of those names (linearise.hpp).
 #pragma once
 
 #include <string>

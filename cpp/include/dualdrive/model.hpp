@@ -70,9 +70,6 @@ class Model {
     // A riding limiter's integrator follows from its output: write it into the state.
     void slave_integrators(S* z) const;
 
-    // The state in the order of Eq. 23: ω_c1, ω_c2, θ_c1, θ_c2, I_1, I_2, θ_m, ω_m (dual-servo machines only).
-    std::array<S, 8> paper_state() const;
-
     const Layout& layout() const { return layout_; }
     const Machine& machine() const { return machine_; }
 

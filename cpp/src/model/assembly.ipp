@@ -101,15 +101,4 @@ void Model<S>::evaluate(const S& t, const S* z, const Now& now) {
     energy(z);
 }
 
-template <class S>
-std::array<S, 8> Model<S>::paper_state() const {
-    const auto at = [&](const char* name) {
-        const int k = layout_.signal(name);
-        if (k < 0) throw std::invalid_argument(std::string("Eq. 23: this machine has no ") + name);
-        return signal_[static_cast<std::size_t>(k)];
-    };
-    return {at("omega_c1"), at("omega_c2"), at("theta_c1"), at("theta_c2"),
-            at("I_1"),      at("I_2"),      at("theta_m"),  at("omega_m")};
-}
-
 }  // namespace dualdrive
