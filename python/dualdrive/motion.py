@@ -63,7 +63,10 @@ class Motion:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Motion):
             return NotImplemented
-        return self.kind == other.kind and self.text == other.text
+        same = self.kind == other.kind and self.arguments.keys() == other.arguments.keys()
+        return same and all(
+            np.array_equal(value, other.arguments[name]) for name, value in self.arguments.items()
+        )
 
     def __hash__(self) -> int:
         return hash((self.kind, self.text))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dualdrive import _core
-from dualdrive.machine import Machine
+from dualdrive.machine import Machine, MachineError
 from dualdrive.motion import Motion, default_motion
 from dualdrive.run import Run
 
@@ -51,7 +51,7 @@ def simulate(
     times:          output times in s, increasing; else every output_step from start to end
 
     Returns a Run; a failed integration is a Run whose status says so, with all that was computed.
-    Raises ValueError for input that makes no sense, KeyboardInterrupt on Ctrl-C.
+    Raises MachineError (a ValueError) for input that makes no sense, KeyboardInterrupt on Ctrl-C.
     """
     given = {name: _waveform(value) for name, value in (inputs or {}).items()}
     controlled = machine.core.controller_options["kind"] != "none"
@@ -69,21 +69,24 @@ def simulate(
         options["rtol"] = rtol
     if max_steps is not None:
         options["max_steps"] = max_steps
-    trajectory = _core.simulate(
-        machine.core,
-        given,
-        end=end,
-        start=start,
-        output_step=output_step,
-        times=points,
-        method=method,
-        longest_step=longest_step,
-        signals=list(signals or []),
-        sensitivities=list(sensitivities),
-        initial=dict(initial or {}),
-        energy=energy,
-        **options,
-    )
+    try:
+        trajectory = _core.simulate(
+            machine.core,
+            given,
+            end=end,
+            start=start,
+            output_step=output_step,
+            times=points,
+            method=method,
+            longest_step=longest_step,
+            signals=list(signals or []),
+            sensitivities=list(sensitivities),
+            initial=dict(initial or {}),
+            energy=energy,
+            **options,
+        )
+    except ValueError as error:
+        raise MachineError(f"{machine.name}: {error}") from None
     return Run.of(trajectory, machine.copy(), motion)
 
 

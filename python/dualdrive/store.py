@@ -8,12 +8,13 @@ work beside them. Root attributes: schema, package version, machine file, comman
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.files import FileError, refuse_existing, write_atomically
@@ -35,7 +36,6 @@ __all__ = [
 
 SCHEMA: Final = "dualdrive result 1"
 _SLASH: Final = "\N{DIVISION SLASH}"  # HDF5 would take a plain one for a group
-_PARTS: Final = ("t", "modes", "events", "sensitivities", "work", "motion")
 
 
 # --- writing --------------------------------------------------------------------------------------
@@ -85,17 +85,8 @@ def write_into(group: h5py.Group, run: Any) -> None:
     time.make_scale("t")
     for name in run.names:
         write_column(group, name, run[name], run.units[name], run.long_names[name], time)
-    modes = write_column(group, "modes", run.modes, "", "modes of the switching elements", time)
-    modes.attrs["elements"] = json.dumps(run.elements)
-    _write_events(group, run)
-    if run.work.size:
-        work = write_column(group, "work", run.work, "J", "energy put in since the start", time)
-        work.attrs["paths"] = json.dumps(run.work_names)
-    if run.parameters:
-        item = write_column(
-            group, "sensitivities", run.sensitivities, "", "d signal / d parameter", time
-        )
-        item.attrs["parameters"] = json.dumps(run.parameters)
+    _write_tables(group, run, time)
+    _write_events(group.create_group("events"), run)
     _write_motion(group, run.motion)
     group.attrs["signals"] = json.dumps(run.names)
     group.attrs["status"] = run.status
@@ -104,23 +95,52 @@ def write_into(group: h5py.Group, run: Any) -> None:
     group.attrs["final_state"] = json.dumps(dict(run.final_state))
 
 
+def _write_tables(group: h5py.Group, run: Any, time: Any) -> None:
+    """What has more than one dimension; each one labelled."""
+    element = _labels(group, "element", run.elements, "switching elements")
+    item = write_column(group, "modes", run.modes, "", "modes of the switching elements", time)
+    item.dims[1].attach_scale(element)
+    if run.work.size:
+        path = _labels(group, "path", run.work_names, "paths by which energy goes in")
+        item = write_column(group, "work", run.work, "J", "energy put in since the start", time)
+        item.dims[1].attach_scale(path)
+    if run.parameters:
+        text = "derivative of a signal by a parameter, both in SI"
+        item = write_column(group, "sensitivities", run.sensitivities, "", text, time)
+        item.dims[1].attach_scale(_labels(group, "signal", run.names, "signals"))
+        item.dims[2].attach_scale(_labels(group, "parameter", run.parameters, "parameters"))
+
+
+def _labels(group: h5py.Group, name: str, labels: Sequence[str], long_name: str) -> Any:
+    import h5py
+
+    values = np.array(labels, dtype=h5py.string_dtype())
+    item = write_column(group, name, values, "", long_name)
+    item.make_scale(name)
+    return item
+
+
 def _write_events(group: h5py.Group, run: Any) -> None:
     import h5py
 
-    text = h5py.string_dtype()
-    kind = np.dtype([("t", "f8"), ("element", text), ("from", text), ("to", text)])
-    rows = np.array([tuple(event) for event in run.events], dtype=kind)
-    item = group.create_dataset("events", data=rows)
-    item.attrs["unit"] = "s"
-    item.attrs["long_name"] = "located switches: time, element, mode before and after"
+    times = np.array([event[0] for event in run.events], dtype=float)
+    scale = write_column(group, "t", times, "s", "time of the switch")
+    scale.make_scale("t")
+    columns = (("element", "what switched"), ("from", "mode before"), ("to", "mode after"))
+    for k, (name, long_name) in enumerate(columns, 1):
+        words = np.array([event[k] for event in run.events], dtype=h5py.string_dtype())
+        write_column(group, name, words, "", long_name, scale)
 
 
 def _write_motion(group: h5py.Group, motion: Motion | None) -> None:
     group.attrs["motion"] = motion.text if motion else ""
     if motion is not None and motion.kind == "sampled":
-        points = np.column_stack([motion.arguments["t"], motion.arguments["values"]])
-        item = write_column(group, "motion", points, "s, rad", "commanded motion: time and angle")
-        item.attrs["interpolation"] = motion.arguments["interpolation"]
+        points = group.create_group("motion")
+        points.attrs["interpolation"] = motion.arguments["interpolation"]
+        time = write_column(points, "t", motion.arguments["t"], "s", "time")
+        time.make_scale("t")
+        values = motion.arguments["values"]
+        write_column(points, "theta_ref", values, "rad", "commanded angle", time)
 
 
 # --- reading --------------------------------------------------------------------------------------
@@ -151,21 +171,19 @@ def fields_of(group: h5py.Group, machine: Machine) -> dict[str, Any]:
     values = np.empty((group["t"].shape[0], len(names)))
     for k, item in enumerate(columns.values()):
         values[:, k] = item[()]
-    none = np.empty((0, len(names), 0))
-    extra = {part: group[part] for part in ("work", "sensitivities") if part in group}
     return {
         "t": group["t"][()],
         "values": values,
         "names": names,
         "units": {name: item.attrs["unit"] for name, item in columns.items()},
         "long_names": {name: item.attrs["long_name"] for name, item in columns.items()},
-        "elements": tuple(json.loads(group["modes"].attrs["elements"])),
+        "elements": _words(group, "element"),
         "modes": group["modes"][()],
-        "events": tuple(_event(row) for row in group["events"][()]),
-        "parameters": _list(extra, "sensitivities", "parameters"),
-        "sensitivities": extra["sensitivities"][()] if "sensitivities" in extra else none,
-        "work": extra["work"][()] if "work" in extra else np.empty((0, 0)),
-        "work_names": _list(extra, "work", "paths"),
+        "events": tuple(_events(group["events"])),
+        "parameters": _words(group, "parameter"),
+        "sensitivities": _table(group, "sensitivities", (0, len(names), 0)),
+        "work": _table(group, "work", (0, 0)),
+        "work_names": _words(group, "path"),
         "final_state": json.loads(group.attrs["final_state"]),
         "status": group.attrs["status"],
         "message": group.attrs["message"],
@@ -175,19 +193,23 @@ def fields_of(group: h5py.Group, machine: Machine) -> dict[str, Any]:
     }
 
 
-def _list(items: Mapping[str, Any], part: str, attribute: str) -> tuple[str, ...]:
-    return tuple(json.loads(items[part].attrs[attribute])) if part in items else ()
+def _words(group: h5py.Group, name: str) -> tuple[str, ...]:
+    return tuple(group[name].asstr()[()].tolist()) if name in group else ()
 
 
-def _event(row: Any) -> tuple[Any, ...]:
-    t, *words = row
-    return (float(t), *(w.decode() if isinstance(w, bytes) else w for w in words))
+def _table(group: h5py.Group, name: str, empty: tuple[int, ...]) -> NDArray[np.float64]:
+    return np.asarray(group[name][()]) if name in group else np.empty(empty)
+
+
+def _events(group: h5py.Group) -> Iterator[tuple[float, str, str, str]]:
+    words = (_words(group, name) for name in ("element", "from", "to"))
+    return zip(group["t"][()].tolist(), *words, strict=True)
 
 
 def _read_motion(group: h5py.Group, machine: Machine) -> Motion | None:
     text = group.attrs["motion"]
     if "motion" in group:
-        item = group["motion"]
-        points = item[()]
-        return sampled(points[:, 0], points[:, 1], item.attrs["interpolation"])
+        points = group["motion"]
+        kind = points.attrs["interpolation"]
+        return sampled(points["t"][()], points["theta_ref"][()], kind)
     return parse_motion(text, axis=machine.axis) if text else None
