@@ -9,7 +9,8 @@ found.dataset["peak_error"].plot()
 from __future__ import annotations
 
 from .grid import ALIASES, Axis, Grid, GridError, lay_out
-from .grid_file import PENDING, DiskError, Outcome
+from .grid_file import Outcome
+from .layout import PENDING, DiskError
 from .result import Sweep, load_sweep
 from .sweep import Progress, resume, sweep
 

@@ -1,54 +1,33 @@
-"""The file of a sweep: a grid with labelled axes, written run by run, whole after any kill.
+"""The file of a sweep while it fills: results go to their places, and a kill harms none of them.
 
-A file is laid out and filled with "nothing yet" under a temporary name, and takes its own name
-only then. From there on no run changes its structure: results go into space that is there already,
-first the numbers and, after a flush, the status that says they count. So a killed sweep leaves a
-file that opens, a full disk is met before the first run, and what is missing can be told.
-
-The library's default file format is kept on purpose: files opened for the newer formats or for
-reading while writing carry a flag that a killed writer leaves set, and then do not open again.
+Once laid out, the file's structure never changes. The HDF5 library says where each result lies, and
+from then on plain writes put it there, first a run's numbers and last the status that says they
+count. So the file opens whenever its writer dies, a fault of the disk is a plain error, and others
+may read while it fills.
 """
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
-import shutil
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Any, Final, NamedTuple, Self
 
 import h5py
 import numpy as np
 
-from dualdrive.figures import Figure
-from dualdrive.files import FileError, write_atomically
-from dualdrive.units import human
+from dualdrive.files import FileError
 
-from .grid import Grid
+from .layout import PENDING, SCHEMA, DiskError
 
-__all__ = [
-    "PENDING",
-    "SCHEMA",
-    "DiskError",
-    "GridFile",
-    "Kept",
-    "Outcome",
-    "attributes_of",
-    "axes_of",
-]
+__all__ = ["GridFile", "Outcome", "attributes_of", "axes_of"]
 
-SCHEMA: Final = "dualdrive sweep 1"
-PENDING: Final = "pending"
+Array = np.ndarray[Any, Any]
 
-_STATUS_BYTES: Final = 24
-_MESSAGE_BYTES: Final = 400
-
-
-class DiskError(FileError):
-    """The disk refuses: no room, no permission, a fault. The message is one line."""
+_NOT_A_SWEEP: Final = "is not a sweep; name a file that 'dualdrive sweep' wrote"
 
 
 @dataclass(frozen=True)
@@ -59,57 +38,47 @@ class Outcome:
     figures: Mapping[str, float]
     status: str
     message: str = ""
-    signals: Mapping[str, np.ndarray[Any, Any]] | None = None
+    signals: Mapping[str, Array] | None = None
 
 
-@dataclass(frozen=True)
-class Kept:
-    """Whole signals to keep: output times in s, and (name, unit, long name) of each."""
+class _Place(NamedTuple):
+    """Where a dataset begins in the file, how many values a run has there, and of which type."""
 
-    t: np.ndarray[Any, Any]
-    signals: Sequence[tuple[str, str, str]]
+    begin: int
+    values: int
+    dtype: np.dtype[Any]
+
+    def of(self, run: int) -> int:
+        """Where a run's values begin."""
+        return self.begin + run * self.values * self.dtype.itemsize
 
 
 class GridFile:
-    """A sweep's file, open for writing; the one writer of its kind."""
+    """A sweep's file, open for its one writer. Raises FileError if it is none, or has a writer."""
 
-    def __init__(self, path: Path, file: h5py.File) -> None:
-        self.path = path
-        self._file = file
-        self._figures = _of_role(file, "figure")
-        self._signals = _of_role(file, "signal")
-        self._status, self._message = file["status"], file["message"]
-        self.shape: tuple[int, ...] = self._status.shape
-
-    @classmethod
-    def create(
-        cls,
-        path: Path,
-        grid: Grid,
-        figures: Sequence[Figure],
-        attributes: Mapping[str, Any],
-        kept: Kept | None = None,
-    ) -> Self:
-        """Lay out the file of a grid in which every run is pending, and open it.
-
-        Raises DiskError when the disk refuses or has no room for the whole grid.
-        """
-        _check_room(path, grid, len(figures), kept)
-        try:
-            with write_atomically(path) as temporary:
-                _create(temporary, grid, figures, attributes, kept)
-        except FileError as error:
-            raise DiskError(str(error)) from None
-        return cls.reopen(path)
-
-    @classmethod
-    def reopen(cls, path: Path) -> Self:
-        """Open the file of a sweep to go on with it. Raises FileError if it is none, or in use."""
+    def __init__(self, path: Path) -> None:
         attributes_of(path)
+        self.path = path
+        with h5py.File(path, "r") as file:
+            grid = file["status"].ndim
+            self._places = {
+                name: _Place(item.id.get_offset(), int(np.prod(item.shape[grid:])), item.dtype)
+                for name, item in file.items()
+                if item.attrs["role"] != "axis"
+            }
+            self._pending = np.flatnonzero(file["status"][...].ravel() == PENDING.encode())
+            self._figures = [n for n, item in file.items() if item.attrs["role"] == "figure"]
         try:
-            return cls(path, h5py.File(path, "r+"))
+            self._file = os.open(path, os.O_RDWR | os.O_CLOEXEC)
         except OSError as error:
-            raise _cannot_open(path, error, "in use by another program; close it there") from None
+            raise _cannot_open(path, error) from None
+        try:
+            fcntl.lockf(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(self._file)
+            raise FileError(
+                f"{path}: another sweep is filling it; wait for it, or stop it"
+            ) from None
 
     def __enter__(self) -> Self:
         return self
@@ -118,38 +87,48 @@ class GridFile:
         self.close()
 
     def close(self) -> None:
-        """Close the file; what was written is there."""
-        with suppress(OSError, RuntimeError):  # a full disk has been reported by `write`
-            self._file.close()
+        """Put what was written on the disk and close. Raises DiskError when the disk refuses."""
+        try:
+            os.fsync(self._file)
+        except OSError as error:
+            raise self._refused(error) from None
+        finally:
+            os.close(self._file)
 
-    def pending(self) -> np.ndarray[Any, Any]:
-        """Numbers of the runs that are still to be done, shape (n,)."""
-        return np.flatnonzero(self._status[...].ravel() == PENDING.encode())
+    def pending(self) -> list[int]:
+        """Numbers of the runs that were still to be done when the file was opened."""
+        numbers: list[int] = self._pending.tolist()
+        return numbers
 
     def write(self, outcomes: Iterable[Outcome]) -> None:
         """Put finished runs in their places. Raises DiskError when the disk refuses."""
-        outcomes = list(outcomes)
         try:
             for outcome in outcomes:
-                self._write_numbers(outcome)
-            self._file.flush()
-            for outcome in outcomes:
-                index = np.unravel_index(outcome.run, self.shape)
-                self._status[index] = outcome.status.encode()
-            self._file.flush()
-        except (OSError, RuntimeError) as error:
-            raise DiskError(
-                f"{self.path}: cannot be written: {_reason(error)}; runs already there are kept, "
-                "--resume completes them"
-            ) from None
+                self._write(outcome)
+        except OSError as error:
+            raise self._refused(error) from None
 
-    def _write_numbers(self, outcome: Outcome) -> None:
-        index = np.unravel_index(outcome.run, self.shape)
-        for name, dataset in self._figures.items():
-            dataset[index] = outcome.figures.get(name, np.nan)
-        self._message[index] = _fit(outcome.message, _MESSAGE_BYTES)
+    def _write(self, outcome: Outcome) -> None:
+        for name in self._figures:
+            self._put(name, outcome.run, outcome.figures.get(name, np.nan))
         for name, values in (outcome.signals or {}).items():
-            self._signals[name][(*index, slice(0, len(values)))] = values
+            self._put(name, outcome.run, values)
+        self._put("message", outcome.run, _fit(outcome.message, self._places["message"]))
+        self._put("status", outcome.run, outcome.status.encode())  # last: now they count
+
+    def _put(self, name: str, run: int, values: Any) -> None:
+        place = self._places[name]
+        content = memoryview(np.asarray(values, place.dtype).tobytes())
+        at = place.of(run)
+        while content:
+            written = os.pwrite(self._file, content, at)
+            content, at = content[written:], at + written
+
+    def _refused(self, error: OSError) -> DiskError:
+        return DiskError(
+            f"{self.path}: cannot be written: {error.strerror}; "
+            "runs already there are kept, --resume completes them"
+        )
 
 
 def attributes_of(path: Path) -> dict[str, Any]:
@@ -161,7 +140,7 @@ def attributes_of(path: Path) -> dict[str, Any]:
         raise _cannot_open(path, error) from None
     schema = str(found.get("schema", ""))
     if not schema.startswith(SCHEMA.rstrip("1")):
-        raise FileError(f"{path}: is not a sweep; name a file that 'dualdrive sweep' wrote")
+        raise FileError(f"{path}: {_NOT_A_SWEEP}")
     if schema != SCHEMA:
         version = found.get("version", "?")
         raise FileError(
@@ -170,126 +149,26 @@ def attributes_of(path: Path) -> dict[str, Any]:
     return found
 
 
-def axes_of(path: Path) -> dict[str, np.ndarray[Any, Any]]:
+def axes_of(path: Path) -> dict[str, Array]:
     """The axes of a sweep's file in order: path -> SI values."""
     names = json.loads(attributes_of(path)["axes"])
     with h5py.File(path, "r") as file:
         return {name: file[name][...] for name in names}
 
 
-def _create(
-    path: Path,
-    grid: Grid,
-    figures: Sequence[Figure],
-    attributes: Mapping[str, Any],
-    kept: Kept | None,
-) -> None:
-    try:
-        with h5py.File(path, "w") as file:
-            _lay_out(file, grid, figures, kept)
-            file.attrs.update({"schema": SCHEMA, **attributes})
-    except (OSError, RuntimeError) as error:
-        raise OSError(_reason(error)) from error
-
-
-def _lay_out(file: h5py.File, grid: Grid, figures: Sequence[Figure], kept: Kept | None) -> None:
-    scales = [_scale(file, a.path, a.values, a.unit, a.long_name) for a in grid.axes]
-    for name, unit, long_name in figures:
-        _dataset(file, name, scales, np.dtype("f8"), np.nan, unit, long_name, "figure")
-    texts = (
-        ("status", _STATUS_BYTES, PENDING, "how the run ended; pending: not yet"),
-        ("message", _MESSAGE_BYTES, "", "what went wrong and what to try"),
-    )
-    for name, length, fill, long_name in texts:
-        kind = np.dtype(f"S{length}")
-        text = _dataset(file, name, scales, kind, np.bytes_(fill), "", long_name, "state")
-        text.attrs["_Encoding"] = "utf-8"  # read as text by xarray
-    if kept is not None:
-        scales = [*scales, _scale(file, "t", kept.t, "s", "time")]
-        for name, unit, long_name in kept.signals:
-            _dataset(file, name, scales, np.dtype("f8"), np.nan, unit, long_name, "signal")
-
-
-def _of_role(file: h5py.File, role: str) -> dict[str, h5py.Dataset]:
-    return {name: item for name, item in file.items() if item.attrs["role"] == role}
-
-
-def _scale(
-    file: h5py.File, name: str, values: np.ndarray[Any, Any], unit: str, long_name: str
-) -> h5py.Dataset:
-    scale = file.create_dataset(name, data=values)
-    _describe(scale, unit, long_name, "axis")
-    scale.make_scale(name)
-    return scale
-
-
-def _dataset(
-    file: h5py.File,
-    name: str,
-    scales: Sequence[h5py.Dataset],
-    dtype: np.dtype[Any],
-    fill: Any,
-    unit: str,
-    long_name: str,
-    role: str,
-) -> h5py.Dataset:
-    """A dataset whose space is taken and filled now, so that later writes only replace bytes."""
-    space = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
-    space.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
-    space.set_fill_time(h5py.h5d.FILL_TIME_ALLOC)
-    shape = tuple(len(scale) for scale in scales)
-    dataset = file.create_dataset(name, shape=shape, dtype=dtype, fillvalue=fill, dcpl=space)
-    _describe(dataset, unit, long_name, role)
-    for dimension, scale in zip(dataset.dims, scales, strict=True):
-        dimension.attach_scale(scale)
-    return dataset
-
-
-def _describe(dataset: h5py.Dataset, unit: str, long_name: str, role: str) -> None:
-    dataset.attrs["unit"] = unit
-    dataset.attrs["units"] = unit  # the word that xarray knows
-    dataset.attrs["long_name"] = long_name
-    dataset.attrs["role"] = role
-
-
-def _check_room(path: Path, grid: Grid, figures: int, kept: Kept | None) -> None:
-    signals = len(kept.t) * len(kept.signals) if kept is not None else 0
-    needed = grid.size * (8 * (figures + signals) + _STATUS_BYTES + _MESSAGE_BYTES)
-    with suppress(OSError):  # no such folder: said where the file is made
-        free = shutil.disk_usage(path.parent).free
-        if needed > free:
-            raise FileError(
-                f"{path}: {grid.size:,} runs need {_size(needed)}, the disk has {_size(free)}; "
-                f"take fewer points{' or keep fewer signals' if signals else ''}"
-            )
-
-
-def _size(count: float) -> str:
-    return human(count, "B") if count < 1e12 else f"{count / 1e12:,.4g} TB"
-
-
-def _fit(text: str, length: int) -> bytes:
-    """UTF-8 of at most `length` bytes; a longer text ends in an ellipsis, so that it shows."""
-    raw = text.encode()
+def _fit(text: str, place: _Place) -> bytes:
+    """UTF-8 that fits; a longer text ends in an ellipsis, so that it shows."""
+    raw, length = text.encode(), place.dtype.itemsize
     if len(raw) <= length:
         return raw
     return raw[: length - 3].decode(errors="ignore").encode() + "…".encode()
 
 
-def _cannot_open(path: Path, error: OSError, otherwise: str = "") -> FileError:
+def _cannot_open(path: Path, error: OSError) -> FileError:
     if isinstance(error, FileNotFoundError):
         why = "there is no such file"
     elif isinstance(error, PermissionError):
         why = "no permission to open it"
-    elif isinstance(error, BlockingIOError) or "lock" in str(error):
-        why = "in use by another program; close it there, or wait for it"
     else:
-        why = otherwise or "is not a sweep; name a file that 'dualdrive sweep' wrote"
+        why = _NOT_A_SWEEP
     return FileError(f"{path}: {why}")
-
-
-def _reason(error: Exception) -> str:
-    number = getattr(error, "errno", None)
-    if number:
-        return os.strerror(number)
-    return next((os.strerror(n) for n in (27, 28, 5) if f"errno = {n}," in str(error)), str(error))

@@ -21,7 +21,8 @@ from dualdrive.figures import Figure, declared, figures, is_controlled, signals
 from dualdrive.machine import Machine
 
 from .grid import Grid, GridError
-from .grid_file import Kept, Outcome
+from .grid_file import Outcome
+from .layout import Kept
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -15,7 +15,8 @@ import numpy as np
 from dualdrive.machine import Machine
 from dualdrive.units import human
 
-from .grid_file import PENDING, attributes_of, axes_of
+from .grid_file import attributes_of, axes_of
+from .layout import PENDING
 
 if TYPE_CHECKING:
     from tempfile import TemporaryDirectory
@@ -146,7 +147,7 @@ class Sweep:
         return sweep_figures(self, figures)
 
     def close(self) -> None:
-        """Close the file, which a resumed sweep needs for itself."""
+        """Close the file; what was read stays."""
         if "dataset" in self.__dict__:
             self.dataset.close()
             del self.__dict__["dataset"]

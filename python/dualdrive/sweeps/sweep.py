@@ -13,6 +13,7 @@ from dualdrive.machine import DEFAULT, Machine
 
 from .grid import GridError, lay_out
 from .grid_file import GridFile, Outcome, attributes_of, axes_of
+from .layout import lay_file
 from .parallel import as_finished, cores, interrupt
 from .plan import Plan
 from .result import Sweep
@@ -140,13 +141,14 @@ def _open(path: Path, plan: Plan, *, resume: bool, overwrite: bool, command: str
                 f"{path}: is a sweep of something else: {differences[0]}{more}; "
                 "give the same again, or another file with -o"
             )
-        return GridFile.reopen(path)
-    refuse_existing(path, overwrite=overwrite)
-    return GridFile.create(path, plan.grid, plan.figures, plan.attributes(command), plan.kept)
+    else:
+        refuse_existing(path, overwrite=overwrite)
+        lay_file(path, plan.grid, plan.figures, plan.attributes(command), plan.kept)
+    return GridFile(path)
 
 
 def _work(plan: Plan, file: GridFile, jobs: int, progress: Progress | None) -> None:
-    pending = file.pending().tolist()
+    pending = file.pending()
     done = plan.grid.size - len(pending)
     if progress is not None:
         progress(done, plan.grid.size, [])

@@ -1,0 +1,150 @@
+"""How the file of a sweep is laid out: HDF5 with labelled axes, and room for every result.
+
+A file is laid out and filled with "nothing yet" under a temporary name and takes its own name only
+then. All space is taken at once, so that a disk without room is met before the first run.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import h5py
+import numpy as np
+
+from dualdrive.figures import Figure
+from dualdrive.files import FileError, write_atomically
+from dualdrive.units import human
+
+from .grid import Grid
+
+__all__ = ["PENDING", "SCHEMA", "DiskError", "Kept", "lay_file"]
+
+SCHEMA: Final = "dualdrive sweep 1"
+PENDING: Final = "pending"
+
+_STATUS_BYTES: Final = 24
+_MESSAGE_BYTES: Final = 400
+_STRUCTURE_BYTES: Final = 1_000_000  # more than the headers and attributes of any sweep need
+
+Array = np.ndarray[Any, Any]
+
+
+class DiskError(FileError):
+    """The disk refuses: no room, no permission, a fault. The message is one line."""
+
+
+@dataclass(frozen=True)
+class Kept:
+    """Whole signals to keep: output times in s, and (name, unit, long name) of each."""
+
+    t: Array
+    signals: Sequence[tuple[str, str, str]]
+
+    @property
+    def size(self) -> int:
+        """Numbers to keep per run."""
+        return len(self.t) * len(self.signals)
+
+
+def lay_file(
+    path: Path,
+    grid: Grid,
+    figures: Sequence[Figure],
+    attributes: Mapping[str, Any],
+    kept: Kept | None = None,
+) -> None:
+    """Make the file of a grid in which every run is pending.
+
+    Raises FileError when the grid needs more than the disk has, DiskError when the disk refuses.
+    """
+    numbers = len(figures) + (kept.size if kept is not None else 0)
+    needed = grid.size * (8 * numbers + _STATUS_BYTES + _MESSAGE_BYTES)
+    _check_room(path, grid, needed)
+    try:
+        with write_atomically(path) as temporary:
+            _reserve(temporary, needed + _STRUCTURE_BYTES)
+            with h5py.File(temporary, "w") as file:
+                _lay_out(file, grid, figures, kept)
+                file.attrs.update({"schema": SCHEMA, **attributes})
+    except FileError as error:
+        raise DiskError(str(error)) from None
+
+
+def _check_room(path: Path, grid: Grid, needed: int) -> None:
+    with suppress(OSError):  # no such folder: said where the file is made
+        free = shutil.disk_usage(path.parent).free
+        if needed > free:
+            raise FileError(
+                f"{path}: {grid.size:,} runs need {_size(needed)}, the disk has {_size(free)}; "
+                "take fewer points or keep fewer signals"
+            )
+
+
+def _size(count: float) -> str:
+    return human(count, "B") if count < 1e12 else f"{count / 1e12:,.4g} TB"
+
+
+def _reserve(path: Path, size: int) -> None:
+    """Meet a full disk here, in plain words: in the midst of a write the HDF5 library may crash."""
+    with path.open("rb+") as file:
+        os.posix_fallocate(file.fileno(), 0, size)
+
+
+def _lay_out(file: h5py.File, grid: Grid, figures: Sequence[Figure], kept: Kept | None) -> None:
+    scales = [_scale(file, a.path, a.values, a.unit, a.long_name) for a in grid.axes]
+    for name, unit, long_name in figures:
+        _dataset(file, name, scales, np.dtype("f8"), np.nan, unit, long_name, "figure")
+    texts = (
+        ("status", _STATUS_BYTES, PENDING, "how the run ended; pending: not yet"),
+        ("message", _MESSAGE_BYTES, "", "what went wrong and what to try"),
+    )
+    for name, length, fill, long_name in texts:
+        kind = np.dtype(f"S{length}")
+        text = _dataset(file, name, scales, kind, np.bytes_(fill), "", long_name, "state")
+        text.attrs["_Encoding"] = "utf-8"  # read as text by xarray
+    if kept is not None:
+        scales = [*scales, _scale(file, "t", kept.t, "s", "time")]
+        for name, unit, long_name in kept.signals:
+            _dataset(file, name, scales, np.dtype("f8"), np.nan, unit, long_name, "signal")
+
+
+def _scale(file: h5py.File, name: str, values: Array, unit: str, long_name: str) -> h5py.Dataset:
+    scale = file.create_dataset(name, data=values)
+    _describe(scale, unit, long_name, "axis")
+    scale.make_scale(name)
+    return scale
+
+
+def _dataset(
+    file: h5py.File,
+    name: str,
+    scales: Sequence[h5py.Dataset],
+    dtype: np.dtype[Any],
+    fill: Any,
+    unit: str,
+    long_name: str,
+    role: str,
+) -> h5py.Dataset:
+    """A dataset in one piece whose space is taken and filled now: results only replace bytes."""
+    space = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    space.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    space.set_fill_time(h5py.h5d.FILL_TIME_ALLOC)
+    shape = tuple(len(scale) for scale in scales)
+    dataset = file.create_dataset(name, shape=shape, dtype=dtype, fillvalue=fill, dcpl=space)
+    _describe(dataset, unit, long_name, role)
+    for dimension, scale in zip(dataset.dims, scales, strict=True):
+        dimension.attach_scale(scale)
+    return dataset
+
+
+def _describe(dataset: h5py.Dataset, unit: str, long_name: str, role: str) -> None:
+    dataset.attrs["unit"] = unit
+    dataset.attrs["units"] = unit  # the word that xarray knows
+    dataset.attrs["long_name"] = long_name
+    dataset.attrs["role"] = role
