@@ -10,10 +10,22 @@ from typing import TYPE_CHECKING, Any
 
 from dualdrive._core import __version__
 
-if TYPE_CHECKING:
-    pass
+if TYPE_CHECKING:  # for editors and type checkers: what _HOMES says; a test compares the two
+    from dualdrive.files import FileError as FileError
+    from dualdrive.machine import Machine as Machine
+    from dualdrive.machine import MachineError as MachineError
+    from dualdrive.machine import presets as presets
+    from dualdrive.motion import Motion as Motion
+    from dualdrive.motion import default_motion as default_motion
+    from dualdrive.motion import parse_motion as parse_motion
+    from dualdrive.run import Run as Run
+    from dualdrive.run import load_run as load_run
+    from dualdrive.simulation import simulate as simulate
+    from dualdrive.sweeps import Sweep as Sweep
+    from dualdrive.sweeps import load_sweep as load_sweep
+    from dualdrive.sweeps import sweep as sweep
 
-#: public name -> the module that holds it; one line per name
+#: public name -> the module that holds it; one line per name, here and above
 _HOMES: dict[str, str] = {
     "FileError": "dualdrive.files",
     "Machine": "dualdrive.machine",

@@ -296,7 +296,8 @@ def test_a_file_that_is_not_there_names_near_presets(tmp_path: Path) -> None:
 def test_a_bad_value_changes_nothing() -> None:
     m = machine()
     before = values(m)
-    for path, value in [("table.J", -1), ("meshes.gap", "1 kg"), ("nothing.J", 1)]:
+    wrong: list[tuple[str, float | str]] = [("table.J", -1), ("meshes.gap", "1 kg"), ("no.J", 1)]
+    for path, value in wrong:
         with pytest.raises(MachineError):
             m.set(path, value)
     with pytest.raises(MachineError):

@@ -7,6 +7,7 @@ import resource
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -122,7 +123,7 @@ def test_a_run_that_fails_says_so_and_keeps_what_it_has() -> None:
         ({"load": float("nan")}, "constant"),
     ],
 )
-def test_options_that_make_no_sense(options: dict[str, object], told: str) -> None:
+def test_options_that_make_no_sense(options: dict[str, Any], told: str) -> None:
     with pytest.raises(ValueError, match=told):
         simulate(Machine.load(), MOVE, **options)
 

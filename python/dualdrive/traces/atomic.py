@@ -1,12 +1,12 @@
-"""Files that are there whole or not at all."""
+"""Trace files are there whole or not at all; trouble with the disk is told as a TraceError."""
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from dualdrive import files
 
 from .log import TraceError
 
@@ -17,39 +17,10 @@ __all__ = ["write_atomically"]
 def write_atomically(path: Path) -> Iterator[Path]:
     """Give a temporary path beside `path`; on success it takes the place of `path`.
 
-    On any failure the temporary file is removed and what stood at `path` is untouched. Trouble with
-    the disk (no permission, no space, no folder) is raised as one TraceError line.
+    Raises TraceError where the disk doesn't let it; what stood at `path` is untouched then.
     """
-    temporary: Path | None = None
     try:
-        handle, name = tempfile.mkstemp(
-            dir=path.parent, prefix=f".{path.name}.", suffix=path.suffix
-        )
-        os.close(handle)
-        temporary = Path(name)
-        yield temporary
-        _flush(temporary)
-        temporary.chmod(_mode(path))
-        temporary.replace(path)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        message = f"{path}: cannot be written: {reason}; nothing was changed there"
-        raise TraceError(message, kind="write") from error
-    finally:
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)
-
-
-def _flush(path: Path) -> None:
-    """Put the bytes on the disk before the name points at them."""
-    with path.open("rb+") as file:
-        os.fsync(file.fileno())
-
-
-def _mode(path: Path) -> int:
-    """Permissions of the file that is replaced, or those of a new file."""
-    if path.exists():
-        return path.stat().st_mode & 0o777
-    mask = os.umask(0)
-    os.umask(mask)
-    return 0o666 & ~mask
+        with files.write_atomically(path) as temporary:
+            yield temporary
+    except files.WriteError as error:
+        raise TraceError(str(error), kind="write") from error

@@ -1,0 +1,39 @@
+"""The names at the top of the package: there, lazy, and known to editors."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import dualdrive
+
+TREE = ast.parse(Path(dualdrive.__file__).read_text())
+
+
+def declared() -> dict[str, str]:
+    """The imports that only type checkers see."""
+    return {
+        alias.name: str(node.module)
+        for block in TREE.body
+        if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING"
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+
+
+def test_editors_know_every_name_from_its_home() -> None:
+    assert declared() == dualdrive._HOMES
+
+
+@pytest.mark.parametrize("name", sorted(dualdrive._HOMES))
+def test_a_public_name_is_there_and_documented(name: str) -> None:
+    assert getattr(dualdrive, name).__doc__
+    assert name in dir(dualdrive)
+
+
+def test_any_other_name_is_refused() -> None:
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        dualdrive.nothing  # noqa: B018
