@@ -234,7 +234,7 @@ void Simulation::start() {
     energy = std::max(energy, 1e-4 * 0.5 * inertia * rate * rate);
     for (const auto& c : machine_.connections()) {
         const auto p = read_component<Connection<double>>(machine_.values().data() + c.first);
-        if (c.kind != ConnectionKind::rigid) energy = std::max(energy, 0.5 * p.stiffness * p.gap * p.gap);
+        if (c.kind != ConnectionKind::rigid) energy = std::max(energy, 1e-4 * 0.5 * p.stiffness * p.gap * p.gap);
     }
     energy_scale_ = energy = std::max(energy, 1e-12 * std::max(1.0, inertia));
     scale_.assign(n, 1e-9);
@@ -376,9 +376,10 @@ void Simulation::record(double t, const double* z) {
         double work = 0.0;
         for (const double w : work_scratch_) {
             work += w;
-            energy_scale_ = std::max(energy_scale_, std::abs(w));
+            energy_moved_ = std::max(energy_moved_, std::abs(w));
         }
-        energy_scale_ = std::max(energy_scale_, std::abs(stored));
+        energy_moved_ = std::max(energy_moved_, std::abs(stored));
+        energy_scale_ = std::max(energy_scale_, energy_moved_);
         energy_worst_ = std::max(energy_worst_, std::abs(stored - energy_start_ - work));
     }
     if (!parameters_.empty()) record_sensitivities(t, z, out_.t.size() - 1);
@@ -438,7 +439,7 @@ void Simulation::finish() {
     out_.statistics.jacobians = c.jacobians;
     out_.statistics.guards = c.guards;
     out_.statistics.error_test_failures = c.error_test_failures;
-    out_.statistics.energy_error = energy_worst_ / energy_scale_;
+    out_.statistics.energy_error = energy_moved_ > 0 ? energy_worst_ / energy_moved_ : 0.0;
     out_.final_state.assign(solver_->state().begin(), solver_->state().end());
 }
 

@@ -122,7 +122,7 @@ class Simulation final : public Problem {
     bool affine_ = false;
     std::vector<double> guard_begin_, guard_middle_, guard_end_, guard_probe_;  // of the last step
     std::vector<double> scale_;  // typical size of each state, growing with what was seen
-    double energy_scale_ = 0.0, energy_start_ = 0.0, energy_worst_ = 0.0;
+    double energy_scale_ = 0.0, energy_start_ = 0.0, energy_moved_ = 0.0, energy_worst_ = 0.0;
     std::vector<double> z_scratch_, rate_scratch_, block_rate_, work_scratch_;
     std::vector<Gradient> z_along_;
     long crowded_ = 0, guard_calls_ = 0;
