@@ -173,7 +173,7 @@ void bind_machine(nb::module_& m) {
             "voltage for a drive without current loop. speed_samples n: speed from the mean of the last n encoder "
             "samples, differenced.")
         .def_prop_ro("controller_options",
-                     [](const Machine& self) {
+                     [](const Machine& self) -> nb::typed<nb::dict, std::string, nb::any> {
                          const auto& o = self.controller();
                          nb::dict d;
                          d["kind"] = name_of(controller_kinds, o.kind);
@@ -185,7 +185,7 @@ void bind_machine(nb::module_& m) {
                      })
         .def_static(
             "choices",
-            [] {
+            []() -> nb::typed<nb::dict, std::string, std::vector<std::string>> {
                 nb::dict d;
                 d["connection.kind"] = names(connection_kinds);
                 d["motor.kind"] = names(motor_kinds);
@@ -215,7 +215,7 @@ void bind_machine(nb::module_& m) {
             "Add a user's formula as a torque on a body. parameters: (name, unit, value).")
         .def("remove_effect", &Machine::remove_effect, nb::arg("label"))
         .def_prop_ro("effects",
-                     [](const Machine& self) {
+                     [](const Machine& self) -> nb::typed<nb::list, nb::typed<nb::dict, std::string, nb::any>> {
                          nb::list l;
                          for (const auto& e : self.effects()) {
                              nb::dict d;

@@ -64,7 +64,7 @@ Trajectory run(const Machine& machine, const Inputs& inputs, double end, double 
     return t;
 }
 
-nb::dict statistics(const Trajectory& t) {
+nb::typed<nb::dict, std::string, nb::any> statistics(const Trajectory& t) {
     const auto& s = t.statistics;
     nb::dict d;
     d["steps"] = s.steps;
@@ -79,7 +79,9 @@ nb::dict statistics(const Trajectory& t) {
     return d;
 }
 
-nb::list events(const Trajectory& t) {
+using EventTuple = nb::typed<nb::tuple, double, std::string, std::string, std::string>;
+
+nb::typed<nb::list, EventTuple> events(const Trajectory& t) {
     nb::list l;
     for (const auto& e : t.events) {
         const Switch& s = t.elements[static_cast<std::size_t>(e.element)];
@@ -166,7 +168,7 @@ void bind_simulate(nb::module_& m) {
     m.def(
         "torque_balance",
         [](const Machine& machine, const std::map<std::string, Doubles>& channels,
-           const std::vector<std::string>& parameters, double standstill) {
+           const std::vector<std::string>& parameters, double standstill) -> nb::typed<nb::dict, std::string, nb::any> {
             std::map<std::string, std::vector<double>> in;
             for (const auto& [name, a] : channels) in[name] = vector_of(a);
             Balance b;

@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # for editors and type checkers: what _HOMES says; a test com
     from dualdrive.simulation import simulate as simulate
     from dualdrive.sweeps import Sweep as Sweep
     from dualdrive.sweeps import load_sweep as load_sweep
-    from dualdrive.sweeps import sweep as sweep
+    from dualdrive.sweeps.sweep import sweep as sweep
 
 #: public name -> the module that holds it; one line per name, here and above
 _HOMES: dict[str, str] = {
@@ -39,7 +39,7 @@ _HOMES: dict[str, str] = {
     "simulate": "dualdrive.simulation",
     "Sweep": "dualdrive.sweeps",
     "load_sweep": "dualdrive.sweeps",
-    "sweep": "dualdrive.sweeps",
+    "sweep": "dualdrive.sweeps.sweep",
 }
 
 __all__ = ["__version__"]

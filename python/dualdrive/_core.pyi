@@ -286,10 +286,10 @@ class Machine:
         """
 
     @property
-    def controller_options(self) -> dict: ...
+    def controller_options(self) -> dict[str, Any]: ...
 
     @staticmethod
-    def choices() -> dict:
+    def choices() -> dict[str, list[str]]:
         """What each choice may be set to."""
 
     def add_effect(self, name: str, place: str) -> str:
@@ -305,7 +305,7 @@ class Machine:
     def remove_effect(self, label: str) -> None: ...
 
     @property
-    def effects(self) -> list: ...
+    def effects(self) -> list[dict[str, Any]]: ...
 
     def get(self, path: str) -> float:
         """The value at a path, or that all members of a group agree on."""
@@ -372,7 +372,7 @@ class Trajectory:
         """Modes, shape (n, elements), int8."""
 
     @property
-    def events(self) -> list:
+    def events(self) -> list[tuple[float, str, str, str]]:
         """(time, element, from, to) of every located switch."""
 
     @property
@@ -406,7 +406,7 @@ class Trajectory:
         """What went wrong and what to try; empty on success."""
 
     @property
-    def statistics(self) -> dict: ...
+    def statistics(self) -> dict[str, Any]: ...
 
 def simulate(machine: Machine, inputs: Mapping[str, Waveform], *, end: float, start: float = 0.0, output_step: float = 0.001, times: Sequence[float] = [], rtol: float = 1e-10, method: str = 'auto', longest_step: float = 0.0, max_steps: int = 50000000, signals: Sequence[str] = [], sensitivities: Sequence[str] = [], initial: Mapping[str, float] = {}, energy: bool = True) -> Trajectory:
     """
@@ -417,7 +417,7 @@ def simulate(machine: Machine, inputs: Mapping[str, Waveform], *, end: float, st
     Raises ValueError for input that makes no sense, KeyboardInterrupt on Ctrl-C; a failed integration is a status.
     """
 
-def torque_balance(machine: Machine, channels: Mapping[str, Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]], parameters: Sequence[str] = [], standstill: float = 0.0) -> dict:
+def torque_balance(machine: Machine, channels: Mapping[str, Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]], parameters: Sequence[str] = [], standstill: float = 0.0) -> dict[str, Any]:
     """
     Evaluate the machine's laws on recorded motion, against recorded motor torque.
 
