@@ -173,11 +173,13 @@ class Comparison:
         for row in rows:
             cells = (f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True))
             lines.append("  ".join(cells).rstrip())
+        return "\n".join([*lines, *self.remarks()])
+
+    def remarks(self) -> list[str]:
+        """Where the error is larger than elsewhere, and what a reader should know."""
         worst = [c for c in self.where if c.excess > 1.2][:6]
-        if worst:
-            found = (f"{c.condition} ×{c.excess:.2g} in {c.time:.0%} of the time" for c in worst)
-            lines.append(f"error is larger in: {'; '.join(found)}")
-        return "\n".join([*lines, *self.notes])
+        found = (f"{c.condition} ×{c.excess:.2g} ({c.time:.0%} of the time)" for c in worst)
+        return [*([f"error is larger in: {'; '.join(found)}"] if worst else []), *self.notes]
 
     def __repr__(self) -> str:
         return f"<Comparison\n{self.table()}>"
@@ -215,11 +217,25 @@ class Comparison:
         }
         return dict(_plain(plain))
 
+    def to_csv(self) -> str:
+        """Measured and simulated channels over time as CSV text, one row per sample."""
+        lines: list[str] = []
+        for record in self.records:
+            own = [q for q in self.quantities if q.record == record]
+            if not lines:
+                names = [f"{q.name} {what} [{q.unit}]" for q in own for what in _COLUMNS]
+                lines.append(",".join(["record", "t [s]", *names]))
+            columns = [a for q in own for a in (q.measured, q.simulated)]
+            for row in np.column_stack([own[0].t, *columns]).tolist():
+                lines.append(",".join([f'"{record}"', *(f"{value:.12g}" for value in row)]))
+        return "\n".join(lines) + "\n"
+
     def to_json(self) -> str:
         """:meth:`figures` as JSON text."""
         return json.dumps(self.figures(), indent=2)
 
 
+_COLUMNS = ("measured", "simulated")
 _MODES = {"closed_loop": "closed loop simulated", "balance": "torque balance"}
 
 

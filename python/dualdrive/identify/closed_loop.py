@@ -21,8 +21,13 @@ from dualdrive.identify.regression import Prior, Rows
 from dualdrive.identify.unknowns import Unknown, values_at
 from dualdrive.replay import RTOL, Record, Replay, play_all
 from dualdrive.replay.errors import may_be_off
+from dualdrive.replay.run import MAX_STEPS
 
 Array = NDArray[np.float64]
+
+
+#: a trial that takes so many times the steps of the first is given up: it chatters or explodes
+_TROUBLED = 30
 
 
 class FitError(RuntimeError):
@@ -67,6 +72,7 @@ class Problem:
         self.weights = {own: 1.0 / self.spread[own] for own in self.rows}
         self.failures: list[str] = []
         self.runs = 0
+        self.max_steps = MAX_STEPS
         self._fresh: tuple[bytes, list[Replay]] | None = None
 
     # --- where things stand in the vector of unknowns -----------------------------------------
@@ -148,7 +154,12 @@ class Problem:
             asked += sorted({f"initial.{s.state}" for s in self.states})
         try:
             found = play_all(
-                self.machine_at(u), self.records, asked, self.initial(u), rtol=self.rtol
+                self.machine_at(u),
+                self.records,
+                asked,
+                self.initial(u),
+                rtol=self.rtol,
+                max_steps=self.max_steps,
             )
         except ValueError as error:
             self.failures.append(str(error))
@@ -158,6 +169,9 @@ class Problem:
             if not replay.ok:
                 self.failures.append(f"{replay.record.name}: {replay.status}: {replay.message}")
                 return None
+        if self.max_steps == MAX_STEPS:
+            usual = max(int(replay.statistics["steps"]) for replay in found)
+            self.max_steps = min(MAX_STEPS, _TROUBLED * (usual + 10_000))
         if not slopes:
             self._fresh = (u.tobytes(), found)
         return found

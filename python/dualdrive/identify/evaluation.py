@@ -90,7 +90,7 @@ def evaluate_records(
         offsets=offsets,
         rtol=rtol,
     )
-    search = Search(problem, precision=1e-3)
+    search = Search(problem, precision=1e-3, rounds=2)
     search.run()
     return at_point(problem, search.best)
 

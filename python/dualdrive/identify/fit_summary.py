@@ -34,7 +34,7 @@ def summary(machine: Any, problem: Problem, search: Search, confidence: float) -
     return Fit(
         _with_values(machine, problem, problem.values(u)),
         {
-            p.path: _fitted(p, float(u[k]), float(reach[k]), solution, k)
+            p.path: _fitted(p, _unit(machine, p), float(u[k]), float(reach[k]), solution, k)
             for k, p in enumerate(problem.parameters)
         },
         at_point(problem, u),
@@ -61,12 +61,17 @@ def _nominal(problem: Problem) -> Evaluation | None:
         return None
 
 
-def _fitted(p: Unknown, u: float, reach: float, solution: Solution, k: int) -> Fitted:
+def _unit(machine: Any, p: Unknown) -> str:
+    """On a linear axis the table side counts in m, N and kg."""
+    return str(machine.unit_of(p.path, p.unit)) if hasattr(machine, "unit_of") else p.unit
+
+
+def _fitted(p: Unknown, unit: str, u: float, reach: float, solution: Solution, k: int) -> Fitted:
     low, high = (_inside(p, u + side * reach) for side in (-1, 1))
     value = p.value(u)
     tolerance, verdict = p.sigma, _verdict(solution, k, p.sigma)
     bound = _bound(value, p)
-    return Fitted(p.path, value, low, high, p.unit, p.nominal, tolerance, verdict, bound)
+    return Fitted(p.path, value, low, high, unit, p.nominal, tolerance, verdict, bound)
 
 
 def _names(problem: Problem) -> list[str]:

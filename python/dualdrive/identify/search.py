@@ -13,7 +13,7 @@ from dualdrive.identify.closed_loop import FitError, Problem
 
 Array = NDArray[np.float64]
 
-_ROUNDS = 8  # of fitting and weighing anew
+ROUNDS = 8  # of fitting and weighing anew
 _SETTLED = 1.15  # weights that move by a smaller factor have settled
 _DECADES = 1.0  # other starts put an effect within ten times its usual size, up or down
 
@@ -41,9 +41,11 @@ class Search:
         limit: int = 1000,
         progress: Callable[[Progress], None] | None = None,
         precision: float = 1e-6,
+        rounds: int = ROUNDS,
     ) -> None:
         self.problem, self.limit, self.progress = problem, limit, progress
         self.precision = precision  # relative, of cost and unknowns
+        self.rounds = rounds if problem.size else 0
         self.best, self.status, self.message = problem.start, "success", ""
         self._cost, self._number = math.inf, 1
 
@@ -91,7 +93,7 @@ class Search:
         from scipy.optimize import least_squares
 
         self.problem.reweigh(u)
-        for _ in range(_ROUNDS if self.problem.size else 0):
+        for _ in range(self.rounds):
             self._cost = math.inf  # costs under other weights do not compare
             found = least_squares(
                 self._residual,

@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 #: local tolerance; an error of 1e-6 of the signal, far below any sensor's noise
 RTOL = 1e-8
+MAX_STEPS = 20_000_000
 _FLANKS = ("mesh_1.flank", "mesh_2.flank")
 
 
@@ -81,6 +82,7 @@ def play(
     initial: Mapping[str, float] | None = None,
     rtol: float = RTOL,
     flanks: bool = False,
+    max_steps: int = MAX_STEPS,
 ) -> Replay:
     """Simulate the closed loop along one record.
 
@@ -92,6 +94,7 @@ def play(
         initial: state -> value, over those of the record.
         rtol: local tolerance of the integration.
         flanks: whether to keep the contacts.
+        max_steps: of the integration; more is a failure.
 
     Raises:
         ValueError: what the core refuses. A simulation that fails is a status, not an exception.
@@ -110,6 +113,7 @@ def play(
         end=float(times[-1]),
         times=times.tolist(),
         rtol=rtol,
+        max_steps=max_steps,
         signals=raw + contacts,
         sensitivities=[path for path in sensitivities if path not in outside],
         initial={**record.initial, **(initial or {})},

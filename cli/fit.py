@@ -1,0 +1,161 @@
+"""dualdrive fit: parameters of a machine from measured traces."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from dualdrive.compare import compare
+from dualdrive.files import refuse_existing
+from dualdrive.identify import Fit, FitError, Progress, fit
+from dualdrive.machine import Machine
+from dualdrive_cli._shared import (
+    FAILED,
+    STOPPED,
+    command_line,
+    console,
+    give_up,
+    json_option,
+    load,
+    overwrite_option,
+    pairs,
+    set_option,
+    verb,
+    write_json,
+)
+from dualdrive_cli._traces import (
+    interpolation_option,
+    map_option,
+    mode_option,
+    motion_option,
+    offsets_option,
+    read_all,
+    replay_options,
+    start_option,
+    traces_argument,
+)
+
+
+@click.command(
+    epilog="Example: dualdrive fit machine.toml fit.csv --held-out held_out.csv "
+    "--free table.J,meshes.stiffness,coulomb@table.torque -o fitted.toml",
+)
+@click.argument("machine")
+@traces_argument
+@click.option("--free", multiple=True, metavar="KEY,KEY", help="What to fit, groups welcome.")
+@click.option(
+    "--tolerance",
+    "tolerances",
+    multiple=True,
+    metavar="SHARE|KEY=SHARE",
+    help="One sigma about the nominal value, for all or one: 0.1, table.J=5%.",
+)
+@click.option(
+    "--held-out", type=click.Path(path_type=Path), multiple=True, help="A trace to test on."
+)
+@click.option("--starts", type=click.IntRange(1), default=1, show_default=True)
+@click.option("--channel", "channels", multiple=True, help="Fit these channels only.")
+@click.option("--confidence", type=click.FloatRange(0.5, 0.9999), default=0.95, show_default=True)
+@map_option
+@set_option
+@mode_option
+@motion_option
+@start_option
+@offsets_option
+@interpolation_option
+@click.option("-o", "--output", type=Path, help="The fitted machine file.")
+@json_option
+@overwrite_option
+@verb
+def command(
+    machine: str,
+    traces: tuple[Path, ...],
+    free: tuple[str, ...],
+    tolerances: tuple[str, ...],
+    held_out: tuple[Path, ...],
+    starts: int,
+    channels: tuple[str, ...],
+    confidence: float,
+    mapping: Path | None,
+    settings: tuple[str, ...],
+    mode: str,
+    output: Path | None,
+    json_to: str | None,
+    overwrite: bool,
+    **replay: Any,
+) -> None:
+    """Fit a machine to measured traces, with intervals, and test it on others.
+
+    Without --free: inertias, viscous friction, stiffness, play, and every number of its effects.
+    Ctrl-C keeps the best point so far. Ends with 1 if the fit did not converge.
+    """
+    if output:
+        refuse_existing(output, overwrite=overwrite)
+    m = load(machine, settings)
+    recorded, unseen = read_all(traces, mapping), read_all(held_out, mapping)
+    options = replay_options(m, **replay)
+    with console(err=True).status("fitting") as status:
+
+        def show(now: Progress) -> None:
+            status.update(f"fitting: start {now.start}, {now.simulations} simulations")
+
+        try:
+            found = fit(
+                m,
+                recorded,
+                [path for text in free for path in text.split(",") if path] or None,
+                mode,
+                tolerance=_tolerance(tolerances),
+                channels=channels or None,
+                starts=starts,
+                confidence=confidence,
+                progress=show,
+                **options,
+            )
+            fitted = found.machine if isinstance(found, Fit) else found.model.machine
+            test = compare(fitted, unseen, mode, **options) if unseen else None
+        except FitError as error:
+            give_up(f"{m.name}: {error}", FAILED)
+    figures = found.figures()
+    if test:
+        figures["error"]["held_out"] = test.error["headline"]
+    if output:
+        _save(fitted, output, ", ".join(recorded), overwrite=overwrite)
+    write_json(json_to, figures)
+    if json_to != "-":
+        click.echo(found.table())
+        if test:
+            click.echo(f"held out: {test.error['headline']:.2%} on {', '.join(unseen)}")
+        if output:
+            click.echo(f"written: {output}")
+    if isinstance(found, Fit) and not found.ok:
+        give_up(
+            f"{found.status}: {found.message}", STOPPED if found.status == "interrupted" else FAILED
+        )
+
+
+def _tolerance(texts: tuple[str, ...]) -> float | dict[str, float] | None:
+    plain = [text for text in texts if "=" not in text]
+    if plain and len(texts) > 1:
+        raise click.BadParameter("--tolerance: one number for all, or key=share for some, not both")
+    if plain:
+        return _share(plain[0])
+    return {path: _share(text) for path, text in pairs(texts)} or None
+
+
+def _share(text: str) -> float:
+    from dualdrive.units import parse
+
+    return parse(text, "", key="--tolerance")
+
+
+def _save(machine: Machine, path: Path, records: str, *, overwrite: bool) -> None:
+    """Write the machine; the line that the fit has put into its history gets the command."""
+    before = machine.history
+    if before and before[-1]["change"].startswith("fitted to"):
+        machine.history = (*before[:-1], {**before[-1], "command": command_line()})
+    else:
+        machine.note(f"fitted to {records}", command_line())
+    machine.save(path, overwrite=overwrite)
