@@ -87,6 +87,7 @@ def check_axis(name: str, options: set[str]) -> None:
     help="Store whole trajectories: all signals, or those named (e,T_1).",
 )
 @click.option("--rtol", type=float, default=1e-10, show_default=True, help="Solver's tolerance.")
+@click.option("--max-steps", type=int, metavar="N", help="Give a run up after so many steps.")
 @click.option("--json", "json_file", metavar="FILE|-", help="Write axes and figures as JSON.")
 @click.option("--plot", type=click.Path(path_type=Path), help="Draw lines or a map to this file.")
 @click.pass_context
@@ -103,6 +104,7 @@ def command(
     jobs: int | None,
     keep: str | None,
     rtol: float,
+    max_steps: int | None,
     json_file: str | None,
     plot: Path | None,
 ) -> None:
@@ -138,6 +140,7 @@ def command(
                 load=parse(load, "N*m", key="load") if load else 0.0,
                 end=parse(end, "s", key="end") if end else None,
                 rtol=rtol,
+                max_steps=max_steps,
                 jobs=jobs,
                 output=output,
                 resume=resume,

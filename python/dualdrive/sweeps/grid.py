@@ -106,7 +106,7 @@ def _axis(machine: Machine, name: str, given: str | ArrayLike) -> Axis:
     try:
         parameter = machine.parameter(path)
         values = _values(trial, name, path, given)
-        for value in values:
+        for value in (values.min(), values.max()):  # bounds are an interval
             trial.set(path, float(value))
     except ValueError as error:
         text = str(error)

@@ -47,6 +47,7 @@ class Plan:
     output_step: float
     rtol: float
     method: str
+    max_steps: int | None = None
     keep: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -61,6 +62,8 @@ class Plan:
                 raise GridError(f"keep = {name!r}: no such signal of this machine; take {ways}")
         if not 1e-14 <= self.rtol <= 1e-2:
             raise GridError(f"rtol = {self.rtol}: must lie between 1e-14 and 1e-2")
+        if self.max_steps is not None and self.max_steps < 1:
+            raise GridError(f"max_steps = {self.max_steps}: must be at least 1, or left out")
         if not math.isfinite(self.load):
             raise GridError(f"load = {self.load}: must be finite")
         if not (math.isfinite(self.end) and self.end > 0):
@@ -109,6 +112,7 @@ class Plan:
             "solver": f"CVODES, {self.method}",
             "method": self.method,
             "rtol": self.rtol,
+            "max_steps": self.max_steps or 0,
             "error": "energy_error holds the error reached, per run; rtol is the local tolerance",
         }
 
@@ -127,6 +131,7 @@ class Plan:
                 signals=sorted({*signals(machine), *self.keep}),
                 rtol=self.rtol,
                 method=self.method,
+                max_steps=self.max_steps,
             )
             elapsed = time.perf_counter() - begin
         except (ValueError, MemoryError) as error:
@@ -156,6 +161,7 @@ class Plan:
             "output_step": self.output_step,
             "method": self.method,
             "rtol": self.rtol,
+            "max_steps": self.max_steps or 0,
         }
         for name, value in here.items():
             if attributes[name] != value:

@@ -39,6 +39,7 @@ def sweep(
     output_step: float = 1e-3,
     rtol: float = 1e-10,
     method: str = "auto",
+    max_steps: int | None = None,
     jobs: int | None = None,
     output: str | Path | None = None,
     resume: bool = False,
@@ -53,6 +54,7 @@ def sweep(
                ``start:stop:count`` (ends included) or ``a,b,c``; several axes make a grid
     motion:    what the table is commanded to do; the default motion without one
     load:      constant torque on the table that opposes positive motion, N·m (N)
+    max_steps: integration steps after which a run counts as failed
     jobs:      threads; all cores without it. Results do not depend on it
     output:    HDF5 file; without one the grid lives as long as the returned object
     resume:    complete a file that a killed or interrupted sweep of the same things left
@@ -67,7 +69,9 @@ def sweep(
     jobs = cores() if jobs is None else jobs
     if jobs < 1:
         raise GridError(f"jobs = {jobs}: must be at least 1; leave it out for all cores")
-    plan = _plan(machine, axes or {}, motion, load, end, output_step, rtol, method, tuple(keep))
+    plan = _plan(
+        machine, axes or {}, motion, load, end, output_step, rtol, method, max_steps, tuple(keep)
+    )
     folder = None
     if output is None:
         folder = tempfile.TemporaryDirectory(prefix="dualdrive-")
@@ -97,6 +101,7 @@ def resume(path: str | Path, *, jobs: int | None = None, progress: Progress | No
         output_step=float(found["output_step"]),
         rtol=float(found["rtol"]),
         method=str(found["method"]),
+        max_steps=int(found["max_steps"]) or None,
         keep=json.loads(found["keep"]),
         jobs=jobs,
         output=path,
@@ -114,6 +119,7 @@ def _plan(
     output_step: float,
     rtol: float,
     method: str,
+    max_steps: int | None,
     keep: tuple[str, ...],
 ) -> Plan:
     from dualdrive.motion import default_motion, parse_motion
@@ -128,7 +134,7 @@ def _plan(
     if keep == ("all",):
         keep = tuple(name for name, _, _ in machine.core.signals())
     end = motion.end if end is None else end
-    return Plan(machine, motion, grid, load, end, output_step, rtol, method, keep)
+    return Plan(machine, motion, grid, load, end, output_step, rtol, method, max_steps, keep)
 
 
 def _open(path: Path, plan: Plan, *, resume: bool, overwrite: bool, command: str) -> GridFile:
