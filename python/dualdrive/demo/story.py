@@ -16,6 +16,7 @@ from dualdrive.traces import Trace, read
 
 #: how many candidates of the shortlist are refitted
 SHORTLIST = 3
+RTOL = 1e-6  # local tolerance: far below a record's noise
 REFIT_SIMULATIONS = 60  # a wrong candidate need not converge to lose
 _SAME = 1.05  # candidates whose held-out errors differ by less are not told apart
 
@@ -126,12 +127,12 @@ def tell(progress: Callable[[str], None] = lambda _: None) -> Story:
     """
     machine, (fitting, held_out) = sheet(), records()
     progress("comparing the data sheet with both records")
-    untouched = evaluate(machine, held_out).error
+    untouched = evaluate(machine, held_out, rtol=RTOL).error
     progress("refitting the data sheet's numbers")
-    nominal = fit(machine, fitting)
-    refitted = evaluate(nominal.machine, held_out).error
+    nominal = fit(machine, fitting, rtol=RTOL)
+    refitted = evaluate(nominal.machine, held_out, rtol=RTOL).error
     progress("scoring every effect the library knows")
-    screening = screen(nominal.machine, fitting)
+    screening = screen(nominal.machine, fitting, rtol=RTOL)
     shortlist = [c for c in screening if not c.same_as][:SHORTLIST]
     progress("refitting with " + ", ".join(c.label for c in shortlist))
 
@@ -143,8 +144,8 @@ def tell(progress: Callable[[str], None] = lambda _: None) -> Story:
                 grown.set(
                     path, size
                 )  # where the score expects it: a fit from far off may not arrive
-        found = fit(grown, fitting, max_simulations=REFIT_SIMULATIONS)
-        return Refit(candidate, found, evaluate(found.machine, held_out).error)
+        found = fit(grown, fitting, max_simulations=REFIT_SIMULATIONS, rtol=RTOL)
+        return Refit(candidate, found, evaluate(found.machine, held_out, rtol=RTOL).error)
 
     with ThreadPoolExecutor() as pool:
         refits = sorted(pool.map(refit, shortlist), key=lambda r: r.held_out)
