@@ -1,0 +1,22 @@
+"""Commanded motions: an input signal, when it is over, and the words that made it.
+
+Every motion can be written as one line, which the command line, files and pictures use:
+``move:0.02,v=0.03,a=0.01,j=0.05,start=2``. Angles are the table's, in rad (m on a linear axis).
+"""
+
+from .builders import Motion, MotionError, cycle, move, multisine, sampled, sine, step
+from .suitable import default_motion
+from .words import parse_motion
+
+__all__ = [
+    "Motion",
+    "MotionError",
+    "cycle",
+    "default_motion",
+    "move",
+    "multisine",
+    "parse_motion",
+    "sampled",
+    "sine",
+    "step",
+]
