@@ -13,7 +13,7 @@ namespace dualdrive {
 namespace {
 
 constexpr long interrupt_period = 256;  // steps between questions whether to stop
-constexpr long stall_period = 20'000;    // so many steps must bring the run on by stall_progress of its length
+constexpr long stall_period = 20'000;   // so many steps must bring the run on by stall_progress of its length
 constexpr double stall_progress = 1e-5;
 
 double instant(double t) { return 1e-12 * std::max(1.0, std::abs(t)); }  // times nearer than this are one time
@@ -336,14 +336,16 @@ void Simulation::loop() {
             return fail(Status::too_many_steps, "more than max_steps = " + std::to_string(options_.max_steps) +
                                                     " steps; raise it, shorten the run, or use a larger rtol");
         if (steps % interrupt_period == 0 && stop_now()) return;
-        if (steps % stall_period == 0) {
-            if (t - stalled_since < stall_progress * (options_.end - options_.start))
-                return fail(Status::step_too_small, "no headway: " + std::to_string(stall_period) + " steps for " +
-                                                        text(t - stalled_since) + " s; try method = bdf, a larger rtol, or look for a gain or stiffness that is far too large");
-            stalled_since = t;
-        }
         const std::vector<int> fallen = fallen_guards(outcome);
         const double t = solver_->time();
+        if (steps % stall_period == 0) {
+            if (t - stalled_since < stall_progress * (options_.end - options_.start))
+                return fail(
+                    Status::step_too_small,
+                    "no headway: " + std::to_string(stall_period) + " steps for " + text(t - stalled_since) +
+                        " s; try method = bdf, a larger rtol, or look for a gain or stiffness that is far too large");
+            stalled_since = t;
+        }
         record_until(t - instant(t));
         if (history_) remember(solver_->previous_time(), t);
         if (!fallen.empty()) switch_at(fallen);
