@@ -1,25 +1,39 @@
-"""`dualdrive sweep`: one motion on a grid of machines, summed up run by run in one file."""
+"""dualdrive sweep: one motion on a grid of machines, summed up run by run in one file."""
 
 from __future__ import annotations
 
-import json
 import math
-import shlex
 import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
-from typing import NoReturn
 
 import click
+from click.core import ParameterSource
+from rich.table import Table
 
 from dualdrive import sweeps
+from dualdrive.files import refuse_existing, write_atomically
 from dualdrive.machine import Machine
 from dualdrive.units import human, parse
-
-OUTPUT = Path("sweep.h5")
+from dualdrive_cli._shared import (
+    FAILED,
+    STOPPED,
+    USAGE,
+    command_line,
+    console,
+    give_up,
+    json_option,
+    load,
+    machine_argument,
+    overwrite_option,
+    pairs,
+    set_option,
+    verb,
+    write_json,
+)
 
 
 class Axes(click.Command):
@@ -27,9 +41,8 @@ class Axes(click.Command):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Set the axes aside before the options are read: values such as -1:1:5 look like one."""
-        ctx.meta["command"] = shlex.join([*ctx.command_path.split(), *args])
         own = {name for option in self.get_params(ctx) for name in option.opts}
-        axes: list[tuple[str, str]] = []
+        axes: dict[str, str] = {}
         rest: list[str] = []
         words = iter(args)
         for word in words:
@@ -37,109 +50,100 @@ class Axes(click.Command):
             if not name.startswith("--") or name == "--" or name in own:
                 rest.append(word)
                 continue
-            check_axis(name, own)
-            if not given:
-                values = next(words, "")
+            _check_axis(name, own)
+            values = values if given else next(words, "")
             if not values or values.startswith("--") or values in own:
-                refuse(f"{name}: needs values: start:stop:count or a,b,c, e.g. {name} 0:1e-3:20")
-            axes.append((name.removeprefix("--"), values))
-        ctx.meta["axes"] = axes
+                text = "needs values: start:stop:count or a,b,c"
+                give_up(f"{name}: {text}, e.g. {name} 0:1e-3:20", USAGE)
+            if name.removeprefix("--") in axes:
+                give_up(f"{name}: given twice; give all its values at once", USAGE)
+            axes[name.removeprefix("--")] = values
+        ctx.obj = axes
         return super().parse_args(ctx, rest)
 
 
-class Refusal(click.ClickException):
-    """One line on the error stream, and an exit code."""
-
-    def __init__(self, message: str, code: int) -> None:
-        super().__init__(message)
-        self.exit_code = code  # type: ignore[misc]  # click means it to be set
-
-
-def refuse(message: str, code: int = 2) -> NoReturn:
-    """End with one line: 2 for what was asked for, 1 for what could not be computed."""
-    raise Refusal(message, code)
-
-
-def check_axis(name: str, options: set[str]) -> None:
+def _check_axis(name: str, options: set[str]) -> None:
     """A parameter has a point in its name: anything else is a slip."""
     if "." in name or name.removeprefix("--") in sweeps.ALIASES:
         return
     near = get_close_matches(name, [*options, *(f"--{alias}" for alias in sweeps.ALIASES)], 1)
     hint = f"did you mean {near[0]}?" if near else "parameters are such as --controller.K_v"
-    refuse(f"{name}: no such option, nor a parameter; {hint}")
+    give_up(f"{name}: no such option, nor a parameter; {hint}", USAGE)
 
 
-@click.command(cls=Axes, options_metavar="[OPTIONS] --PARAMETER VALUES...")
-@click.argument("machine", required=False)
-@click.option("--motion", metavar="TEXT", help="What the table is told to do, e.g. move:0.02,...")
-@click.option("--load", metavar="TORQUE", help="Constant torque against positive motion.")
-@click.option("--end", metavar="TIME", help="When a run ends, instead of the motion's own end.")
-@click.option("--set", "changes", multiple=True, metavar="KEY=VALUE", help="Change the machine.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), default=OUTPUT, show_default=True)
-@click.option("--resume", is_flag=True, help="Complete a sweep that was stopped.")
-@click.option("--overwrite", is_flag=True, help="Replace the file if it is there already.")
-@click.option("--jobs", type=int, metavar="N", help="Threads; default: all cores.")
-@click.option(
-    "--keep",
-    is_flag=False,
-    flag_value="all",
-    metavar="[SIGNALS]",
-    help="Store whole trajectories: all signals, or those named (e,T_1).",
+@click.command(
+    cls=Axes,
+    options_metavar="[OPTIONS] --PARAMETER VALUES...",
+    epilog="Example: dualdrive sweep --delta 0:1e-3:20 --controller.T_ten 0:60%:13",
 )
-@click.option("--rtol", type=float, default=1e-10, show_default=True, help="Solver's tolerance.")
-@click.option("--max-steps", type=int, metavar="N", help="Give a run up after so many steps.")
-@click.option("--json", "json_file", metavar="FILE|-", help="Write axes and figures as JSON.")
-@click.option("--plot", type=click.Path(path_type=Path), help="Draw lines or a map to this file.")
+@machine_argument
+@click.option("--motion", help="As of dualdrive simulate; default: a move that suits the machine.")
+@set_option
+@click.option("--end", help="When a run stops, s; else the motion says.")
+@click.option("--load", "load_torque", help="Constant load on the table, against positive motion.")
+@click.option("--keep", is_flag=False, flag_value="all", metavar="[NAME,NAME]", help="Store whole "
+              "signals too: those named, or all.")  # fmt: skip
+@click.option("--rtol", type=float, default=1e-10, show_default=True, help="Relative tolerance.")
+@click.option("--method", type=click.Choice(["auto", "adams", "bdf"]), default="auto")
+@click.option("--max-steps", type=int, help="Give a run up after so many integration steps.")
+@click.option("--jobs", type=int, help="Threads; default: all cores.")
+@click.option("-o", "--output", type=Path, default=Path("sweep.h5"), show_default=True)
+@click.option("--resume", is_flag=True, help="Complete a sweep that was stopped.")
+@click.option("--plot", type=Path, help="Draw lines (one axis) or a map into a picture.")
+@json_option
+@overwrite_option
 @click.pass_context
+@verb
 def command(
     ctx: click.Context,
-    machine: str | None,
+    machine: str,
     motion: str | None,
-    load: str | None,
+    settings: tuple[str, ...],
     end: str | None,
-    changes: tuple[str, ...],
-    output: Path,
-    resume: bool,
-    overwrite: bool,
-    jobs: int | None,
+    load_torque: str | None,
     keep: str | None,
     rtol: float,
+    method: str,
     max_steps: int | None,
-    json_file: str | None,
+    jobs: int | None,
+    output: Path,
+    resume: bool,
     plot: Path | None,
+    json_to: str | None,
+    overwrite: bool,
 ) -> None:
-    r"""Run one motion on a grid of machines and store the figures of every run.
+    """Run one motion on a grid of machines and store the figures of every run.
 
-    Any parameter or tie group of the machine is an axis; several make a grid. VALUES are
-    start:stop:count (ends included) or a,b,c, in SI or with units. --delta is the half-gap of every
-    mesh. MACHINE is a file or a preset.
+    Every parameter or tie group of the machine can be an axis (--controller.K_v 2:10:9), several
+    make a grid. VALUES are start:stop:count (ends included) or a,b,c, SI or with units. --delta is
+    the half-gap of every mesh.
 
-    \b
-    dualdrive sweep --delta 0:1e-3:20
-    dualdrive sweep bench --delta 0,5mrad,10mrad --controller.T_ten 0:0.2:11 -o tension.h5
-    dualdrive sweep --resume                       (completes sweep.h5)
-
-    Killed or stopped at any moment, the file opens and --resume completes it. A run that fails
-    carries its status and stops no other. Exit codes: 2 for what cannot be asked, 1 when the disk
-    refuses or no run succeeded, 130 after Ctrl-C.
+    Killed or stopped at any moment, the file opens, and --resume completes it; dualdrive sweep
+    --resume -o FILE needs no more than that. A run that fails carries its status and stops no
+    other; exit code 1 only if none succeeded.
     """
-    axes = dict_of(ctx.meta["axes"])
+    axes: dict[str, str] = ctx.obj
     if output.exists() and not (resume or overwrite):
         ways = "--resume completes it, --overwrite replaces it, -o names another"
-        refuse(f"{output}: exists already; {ways}")
-    with one_line_errors(), progress_bar() as progress, stopped_by_ctrl_c(output):
+        give_up(f"{output}: exists already; {ways}", FAILED)
+    if plot:
+        refuse_existing(plot, overwrite=overwrite or resume)
+    with _progress_bar() as progress, _stopped_by_ctrl_c(output):
         if resume and not axes:
-            if any((machine, motion, load, end, keep, changes)):
-                refuse("--resume: give what the file holds again, axes too, or nothing but -o")
+            _refuse_anything_else(ctx)
             result = sweeps.resume(output, jobs=jobs, progress=progress)
         else:
+            m = load(machine, settings)
+            _refuse_double(m, settings, axes)
+            unit = m.unit_of("T_load", "N*m")
             result = sweeps.sweep(
-                changed(Machine.load(machine) if machine else Machine.load(), changes, axes),
+                m,
                 axes,
                 motion=motion,
-                load=parse(load, "N*m", key="load") if load else 0.0,
-                end=parse(end, "s", key="end") if end else None,
+                load=parse(load_torque, unit, key="--load") if load_torque else 0.0,
+                end=parse(end, "s", key="--end") if end else None,
                 rtol=rtol,
+                method=method,
                 max_steps=max_steps,
                 jobs=jobs,
                 output=output,
@@ -147,52 +151,39 @@ def command(
                 overwrite=overwrite,
                 keep=keep.split(",") if keep else (),
                 progress=progress,
-                command=ctx.meta["command"],
+                command=command_line(),
             )
-    with one_line_errors(), result:
-        report(result, json_file)
-        if plot is not None:
-            result.plot().savefig(plot)
-            click.echo(f"{plot}: picture", err=True)
-        judge(result)
+    with result:
+        if plot:
+            with write_atomically(plot) as temporary:
+                result.plot().savefig(temporary)
+        _report(result, json_to, plot)
+        _judge(result)
 
 
-def dict_of(pairs: list[tuple[str, str]]) -> dict[str, str]:
-    """Axes by name; one given twice is refused, not replaced."""
-    axes: dict[str, str] = {}
-    for name, values in pairs:
-        if name in axes:
-            refuse(f"--{name}: given twice; give all its values at once")
-        axes[name] = values
-    return axes
+def _refuse_anything_else(ctx: click.Context) -> None:
+    """A bare --resume takes all from the file; what would be ignored is refused."""
+    about_the_file = {"output", "resume", "jobs", "plot", "json_to", "overwrite"}
+    for option in ctx.command.params:
+        source = ctx.get_parameter_source(str(option.name))
+        if source is ParameterSource.COMMANDLINE and option.name not in about_the_file:
+            rule = "the file says it already; give the whole command again, or --resume and -o"
+            give_up(f"{option.opts[0]}: {rule}", USAGE)
 
 
-def changed(machine: Machine, changes: tuple[str, ...], axes: dict[str, str]) -> Machine:
-    """The machine with --set applied; what an axis sets cannot be set besides."""
-    for change in changes:
-        key, equals, value = (part.strip() for part in change.partition("="))
-        if not equals:
-            refuse(f"--set {change}: write KEY=VALUE, e.g. --set meshes.gap=20arcsec")
-        machine.set(key, value)
-        for axis in sweeps.lay_out(machine, axes).axes:
-            if set(axis.members) & set(machine.core.members(key)):
-                refuse(f"--set {change}: the axis {axis.path} sets it too; give one of them")
-    return machine
-
-
-@contextmanager
-def one_line_errors() -> Iterator[None]:
-    """What the package refuses ends the command in one line with the right code."""
-    try:
-        yield
-    except sweeps.DiskError as error:
-        refuse(str(error), 1)
-    except (ValueError, OSError) as error:
-        refuse(str(error))
+def _refuse_double(m: Machine, settings: tuple[str, ...], axes: dict[str, str]) -> None:
+    """What an axis sets cannot be set besides."""
+    for key, value in pairs(settings):
+        if "." not in key:
+            continue
+        for axis in sweeps.lay_out(m, axes).axes:
+            if set(axis.members) & set(m.core.members(key)):
+                rule = f"the axis {axis.path} sets it too; give one of them"
+                give_up(f"--set {key}={value}: {rule}", USAGE)
 
 
 @contextmanager
-def stopped_by_ctrl_c(output: Path) -> Iterator[None]:
+def _stopped_by_ctrl_c(output: Path) -> Iterator[None]:
     """Let a first Ctrl-C end the sweep in good order, a second one at once."""
     before = signal.signal(signal.SIGINT, signal.SIG_DFL)  # a kill does the file no harm
     try:
@@ -202,28 +193,21 @@ def stopped_by_ctrl_c(output: Path) -> Iterator[None]:
             total = math.prod(partial.shape)
             done = total - partial.pending
         again = f"'dualdrive sweep --resume -o {output}' completes it"
-        refuse(f"{output}: stopped with {done} of {total} runs done; {again}", 130)
+        give_up(f"{output}: stopped with {done} of {total} runs done; {again}", STOPPED)
     finally:
         signal.signal(signal.SIGINT, before)
 
 
 @contextmanager
-def progress_bar() -> Iterator[sweeps.Progress | None]:
+def _progress_bar() -> Iterator[sweeps.Progress | None]:
     """A bar with the time left on a terminal's error stream; nothing elsewhere."""
     if not sys.stderr.isatty():
         yield None
         return
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as bar:
+    columns = (BarColumn(), MofNCompleteColumn(), "runs, left", TimeRemainingColumn())
+    with Progress(*columns, console=console(err=True)) as bar:
         task = bar.add_task("runs", total=None)
 
         def show(done: int, total: int, _: object) -> None:
@@ -232,48 +216,43 @@ def progress_bar() -> Iterator[sweeps.Progress | None]:
         yield show
 
 
-def report(result: sweeps.Sweep, json_file: str | None) -> None:
-    """The figures in words, or as JSON."""
-    if json_file == "-":
-        click.echo(json.dumps(result.to_dict()))
+def _report(result: sweeps.Sweep, json_to: str | None, plot: Path | None) -> None:
+    """What was swept, the range of every figure, and where its ends lie."""
+    if json_to:
+        write_json(json_to, result.to_dict())
+    if json_to == "-":
         return
-    if json_file:
-        Path(json_file).write_text(json.dumps(result.to_dict()))
-    click.echo("\n".join(summary(result)))
-
-
-def summary(result: sweeps.Sweep) -> Iterator[str]:
-    """Lines: what was swept, then the range of every figure and where its ends lie."""
-    total = math.prod(result.shape)
-    yield f"{result.path}: {total} runs of {result.attributes['machine_name']}"
-    yield f"motion  {result.attributes['motion']}"
+    about = Table.grid(padding=(0, 2))
+    about.add_row("machine", str(result.attributes["machine_name"]))
+    about.add_row("motion", str(result.attributes["motion"]))
     for path, values in result.axes.items():
         first, last = (result.words(path, float(value)) for value in (values[0], values[-1]))
-        yield f"axis    {path}: {first} to {last}, {len(values)} values"
-    rows = [("figure", "lowest", "at", "highest", "at")]
+        about.add_row(path, f"{first} to {last}, {len(values)} values")
+    for written in filter(None, (result.path, plot)):
+        about.add_row("written", str(written))
+    ranges = Table("figure", "lowest", "at", "highest", "at", box=None, pad_edge=False)
     for name in result.figures:
         if ends := result.range(name):
-            rows.append((name, *extreme(result, name, ends[0]), *extreme(result, name, ends[1])))
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        yield "  ".join(word.ljust(width) for word, width in zip(row, widths, strict=True)).rstrip()
+            low, high = (_extreme(result, name, run) for run in ends)
+            ranges.add_row(name, *low, *high)
+    console().print(about, ranges)
 
 
-def extreme(result: sweeps.Sweep, figure: str, run: int) -> tuple[str, str]:
+def _extreme(result: sweeps.Sweep, figure: str, run: int) -> tuple[str, str]:
     """A figure's value in a run, and where in the grid that run lies."""
     value = human(float(result.dataset[figure].values.flat[run]), result.unit(figure))
     return value, ", ".join(result.words(*item) for item in result.point(run).items())
 
 
-def judge(result: sweeps.Sweep) -> None:
+def _judge(result: sweeps.Sweep) -> None:
     """Say what failed; a sweep in which nothing succeeded has failed."""
-    failed = result.failed
+    failed, total = result.failed, math.prod(result.shape)
     if not failed:
         return
     point, status, message = failed[0]
     where = ", ".join(f"{path} = {result.words(path, value)}" for path, value in point.items())
-    text = f"{len(failed)} of {math.prod(result.shape)} runs failed; first at {where}: {status}"
-    text = f"{result.path}: {text}{': ' * bool(message)}{message}"
-    if len(failed) == math.prod(result.shape):
-        refuse(text, 1)
-    click.echo(text, err=True)
+    text = f"{result.path}: {len(failed)} of {total} runs failed; first at {where}: {status}"
+    text = f"{text}: {message}" if message else text
+    if len(failed) == total:
+        give_up(text, FAILED)
+    click.echo(f"dualdrive: {text}", err=True)

@@ -196,7 +196,7 @@ def test_a_disk_without_room_leaves_no_file(tmp_path: Path) -> None:
     worker = cli("--delta", "0:1e-3:100", "--keep", "e", "-o", str(path), limit=file_size(200_000))
     out, err = worker.communicate(timeout=20)
     assert (worker.returncode, out) == (1, "")
-    assert err.startswith(f"Error: {path}: cannot be written: ")
+    assert err.startswith(f"dualdrive: {path}: cannot be written: ")
     assert err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 
@@ -216,7 +216,7 @@ def test_a_disk_that_fails_under_way_loses_nothing(tmp_path: Path, whole: dict[s
     _, err = second.communicate(timeout=30)
     assert second.returncode == 1
     last = err.strip().splitlines()[-1]
-    assert "DiskError" in last
+    assert "WriteError" in last
     assert f"{path}: cannot be written: File too large" in last
     assert pending(path) == left
     with sweep_worker.run(path) as sweep:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from .grid import ALIASES, Axis, Grid, GridError, lay_out
 from .grid_file import Outcome
-from .layout import PENDING, DiskError
+from .layout import PENDING
 from .result import Sweep, load_sweep
 from .sweep import Progress, resume, sweep
 
@@ -18,7 +18,6 @@ __all__ = [
     "ALIASES",
     "PENDING",
     "Axis",
-    "DiskError",
     "Grid",
     "GridError",
     "Outcome",

@@ -19,9 +19,9 @@ from typing import Any, Final, NamedTuple, Self
 import h5py
 import numpy as np
 
-from dualdrive.files import FileError
+from dualdrive.files import FileError, WriteError
 
-from .layout import PENDING, SCHEMA, DiskError
+from .layout import PENDING, SCHEMA
 
 __all__ = ["GridFile", "Outcome", "attributes_of", "axes_of"]
 
@@ -87,7 +87,7 @@ class GridFile:
         self.close()
 
     def close(self) -> None:
-        """Put what was written on the disk and close. Raises DiskError when the disk refuses."""
+        """Put what was written on the disk and close. Raises WriteError when the disk refuses."""
         try:
             os.fsync(self._file)
         except OSError as error:
@@ -101,7 +101,7 @@ class GridFile:
         return numbers
 
     def write(self, outcomes: Iterable[Outcome]) -> None:
-        """Put finished runs in their places. Raises DiskError when the disk refuses."""
+        """Put finished runs in their places. Raises WriteError when the disk refuses."""
         try:
             for outcome in outcomes:
                 self._write(outcome)
@@ -124,8 +124,8 @@ class GridFile:
             written = os.pwrite(self._file, content, at)
             content, at = content[written:], at + written
 
-    def _refused(self, error: OSError) -> DiskError:
-        return DiskError(
+    def _refused(self, error: OSError) -> WriteError:
+        return WriteError(
             f"{self.path}: cannot be written: {error.strerror}; "
             "runs already there are kept, --resume completes them"
         )

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -18,12 +17,12 @@ import h5py
 import numpy as np
 
 from dualdrive.figures import Figure
-from dualdrive.files import FileError, write_atomically
+from dualdrive.files import FileError, WriteError, write_atomically
 from dualdrive.units import human
 
 from .grid import Grid
 
-__all__ = ["PENDING", "SCHEMA", "DiskError", "Kept", "lay_file"]
+__all__ = ["PENDING", "SCHEMA", "Kept", "lay_file"]
 
 SCHEMA: Final = "dualdrive sweep 1"
 PENDING: Final = "pending"
@@ -33,10 +32,6 @@ _MESSAGE_BYTES: Final = 400
 _STRUCTURE_BYTES: Final = 1_000_000  # more than the headers and attributes of any sweep need
 
 Array = np.ndarray[Any, Any]
-
-
-class DiskError(FileError):
-    """The disk refuses: no room, no permission, a fault. The message is one line."""
 
 
 @dataclass(frozen=True)
@@ -61,29 +56,30 @@ def lay_file(
 ) -> None:
     """Make the file of a grid in which every run is pending.
 
-    Raises FileError when the grid needs more than the disk has, DiskError when the disk refuses.
+    Raises FileError when the grid is larger than the disk, WriteError when the disk refuses.
     """
     numbers = len(figures) + (kept.size if kept is not None else 0)
     needed = grid.size * (8 * numbers + _STATUS_BYTES + _MESSAGE_BYTES)
     _check_room(path, grid, needed)
-    try:
-        with write_atomically(path) as temporary:
-            _reserve(temporary, needed + _STRUCTURE_BYTES)
-            with h5py.File(temporary, "w") as file:
-                _lay_out(file, grid, figures, kept)
-                file.attrs.update({"schema": SCHEMA, **attributes})
-    except FileError as error:
-        raise DiskError(str(error)) from None
+    with write_atomically(path) as temporary:
+        _reserve(temporary, needed + _STRUCTURE_BYTES)
+        with h5py.File(temporary, "w") as file:
+            _lay_out(file, grid, figures, kept)
+            file.attrs.update({"schema": SCHEMA, **attributes})
 
 
 def _check_room(path: Path, grid: Grid, needed: int) -> None:
-    with suppress(OSError):  # no such folder: said where the file is made
-        free = shutil.disk_usage(path.parent).free
-        if needed > free:
-            raise FileError(
-                f"{path}: {grid.size:,} runs need {_size(needed)}, the disk has {_size(free)}; "
-                "take fewer points or keep fewer signals"
-            )
+    """A grid no disk of this size could hold is a slip; one that is too full can be emptied."""
+    try:
+        disk = shutil.disk_usage(path.absolute().parent)
+    except OSError:
+        return  # no such folder: said where the file is made
+    if needed > disk.free and disk.total:
+        kind = FileError if needed > disk.total else WriteError
+        raise kind(
+            f"{path}: {grid.size:,} runs need {_size(needed)}, the disk has {_size(disk.free)}; "
+            "take fewer points or keep fewer signals"
+        )
 
 
 def _size(count: float) -> str:
