@@ -42,15 +42,10 @@ class Outcome:
 
 
 class _Place(NamedTuple):
-    """Where a dataset begins in the file, how many values a run has there, and of which type."""
+    """Where a dataset begins in the file, and how many bytes of it belong to each run."""
 
     begin: int
-    values: int
-    dtype: np.dtype[Any]
-
-    def of(self, run: int) -> int:
-        """Where a run's values begin."""
-        return self.begin + run * self.values * self.dtype.itemsize
+    size: int
 
 
 class GridFile:
@@ -60,13 +55,14 @@ class GridFile:
         attributes_of(path)
         self.path = path
         with h5py.File(path, "r") as file:
-            grid = file["status"].ndim
+            status = file["status"][...]
+            texts = status.reshape(-1, status.shape[-1]).view(f"S{status.shape[-1]}").ravel()
+            self._pending = np.flatnonzero(texts == PENDING.encode())
             self._places = {
-                name: _Place(item.id.get_offset(), int(np.prod(item.shape[grid:])), item.dtype)
+                name: _Place(item.id.get_offset(), item.nbytes // len(texts))
                 for name, item in file.items()
                 if item.attrs["role"] != "axis"
             }
-            self._pending = np.flatnonzero(file["status"][...].ravel() == PENDING.encode())
             self._figures = [n for n, item in file.items() if item.attrs["role"] == "figure"]
         try:
             self._file = os.open(path, os.O_RDWR | os.O_CLOEXEC)
@@ -110,19 +106,18 @@ class GridFile:
 
     def _write(self, outcome: Outcome) -> None:
         for name in self._figures:
-            self._put(name, outcome.run, outcome.figures.get(name, np.nan))
+            self._put(name, outcome.run, np.float64(outcome.figures.get(name, np.nan)).tobytes())
         for name, values in (outcome.signals or {}).items():
-            self._put(name, outcome.run, values)
-        self._put("message", outcome.run, _fit(outcome.message, self._places["message"]))
-        self._put("status", outcome.run, outcome.status.encode())  # last: now they count
+            self._put(name, outcome.run, np.asarray(values, np.float64).tobytes())
+        self._put("message", outcome.run, _fit(outcome.message, self._places["message"].size))
+        self._put("status", outcome.run, _fit(outcome.status, self._places["status"].size))
 
-    def _put(self, name: str, run: int, values: Any) -> None:
+    def _put(self, name: str, run: int, content: bytes) -> None:
         place = self._places[name]
-        content = memoryview(np.asarray(values, place.dtype).tobytes())
-        at = place.of(run)
-        while content:
-            written = os.pwrite(self._file, content, at)
-            content, at = content[written:], at + written
+        left, at = memoryview(content), place.begin + run * place.size
+        while left:
+            written = os.pwrite(self._file, left, at)
+            left, at = left[written:], at + written
 
     def _refused(self, error: OSError) -> WriteError:
         return WriteError(
@@ -156,12 +151,12 @@ def axes_of(path: Path) -> dict[str, Array]:
         return {name: file[name][...] for name in names}
 
 
-def _fit(text: str, place: _Place) -> bytes:
-    """UTF-8 that fits; a longer text ends in an ellipsis, so that it shows."""
-    raw, length = text.encode(), place.dtype.itemsize
-    if len(raw) <= length:
-        return raw
-    return raw[: length - 3].decode(errors="ignore").encode() + "…".encode()
+def _fit(text: str, length: int) -> bytes:
+    """UTF-8 of this length; a longer text ends in an ellipsis, so that it shows."""
+    raw = text.encode()
+    if len(raw) > length:
+        raw = raw[: length - 3].decode(errors="ignore").encode() + "…".encode()
+    return raw.ljust(length, b"\0")
 
 
 def _cannot_open(path: Path, error: OSError) -> FileError:

@@ -96,18 +96,35 @@ def _lay_out(file: h5py.File, grid: Grid, figures: Sequence[Figure], kept: Kept 
     scales = [_scale(file, a.path, a.values, a.unit, a.long_name) for a in grid.axes]
     for name, unit, long_name in figures:
         _dataset(file, name, scales, np.dtype("f8"), np.nan, unit, long_name, "figure")
-    texts = (
-        ("status", _STATUS_BYTES, PENDING, "how the run ended; pending: not yet"),
-        ("message", _MESSAGE_BYTES, "", "what went wrong and what to try"),
-    )
-    for name, length, fill, long_name in texts:
-        kind = np.dtype(f"S{length}")
-        text = _dataset(file, name, scales, kind, np.bytes_(fill), "", long_name, "state")
-        text.attrs["_Encoding"] = "utf-8"  # read as text by xarray
+    _texts(file, "status", scales, _STATUS_BYTES, PENDING, "how the run ended; pending: not yet")
+    _texts(file, "message", scales, _MESSAGE_BYTES, "", "what went wrong and what to try")
     if kept is not None:
         scales = [*scales, _scale(file, "t", kept.t, "s", "time")]
         for name, unit, long_name in kept.signals:
             _dataset(file, name, scales, np.dtype("f8"), np.nan, unit, long_name, "signal")
+
+
+def _texts(
+    file: h5py.File,
+    name: str,
+    scales: Sequence[h5py.Dataset],
+    length: int,
+    fill: str,
+    long_name: str,
+) -> None:
+    """Texts as rows of characters along a nameless dimension, which xarray joins again.
+
+    Texts in one piece would be plainer; the netCDF library, which xarray prefers where it is
+    installed, crashes on those of fixed length.
+    """
+    characters = file.create_dataset(f"string{length}", shape=(length,), dtype=">f4")
+    _describe(characters, "", "characters of a text", "axis")
+    characters.make_scale(f"This is a netCDF dimension but not a netCDF variable.{length:10}")
+    along = [*scales, characters]
+    text = _dataset(file, name, along, np.dtype("S1"), np.bytes_(b""), "", long_name, "state")
+    text.attrs["_Encoding"] = "utf-8"
+    if fill:
+        text[...] = np.array(list(fill.ljust(length, "\0")), dtype="S1")
 
 
 def _scale(file: h5py.File, name: str, values: Array, unit: str, long_name: str) -> h5py.Dataset:
