@@ -56,9 +56,9 @@ class Builder {
         const std::size_t n = m.bodies().size();
         l.group_of.assign(n, -1);
         std::vector<bool> seen(n, false);
+        l.table = m.body("table");
         for (std::size_t start = 0; start < n; ++start) {
-            const int table = m.body("table");
-            const std::size_t root = start == 0 && table >= 0 ? static_cast<std::size_t>(table) : start;
+            const std::size_t root = start == 0 && l.table >= 0 ? static_cast<std::size_t>(l.table) : start;
             if (!seen[root]) grow(root, seen);
             if (!seen[start]) grow(start, seen);
         }
@@ -307,7 +307,7 @@ class Builder {
                                                 ": this sensor has a delay already; change that one");
                 l.sensor_delay[s] = static_cast<int>(l.delays.size());
                 const bool table = s == m.motors().size();
-                const int body = table ? m.body("table") : m.motors()[s].body;
+                const int body = table ? l.table : m.motors()[s].body;
                 const auto b = static_cast<std::size_t>(body);
                 l.delays.push_back({entry.label + ".delay", table ? l.at.angle[b] : l.at.speed[b], e});
             }
@@ -341,15 +341,17 @@ class Builder {
             l.tension_sum_branch = element(SwitchKind::branch, 0, "controller.tension sum");
             l.tension_zero_branch = element(SwitchKind::branch, 1, "controller.tension zero");
         }
-        l.effect_branch.assign(m.effects().size(), -1);
+        l.branch_of.assign(m.effects().size(), std::vector<int>(m.bodies().size(), -1));
         for (std::size_t e = 0; e < m.effects().size(); ++e) {
             const auto& entry = m.effects()[e];
             if (entry.formula.empty()) continue;
-            const int count = Expression::parse(entry.formula).switches() * static_cast<int>(entry.members.size());
-            for (int k = 0; k < count; ++k) {
-                const int s = element(SwitchKind::branch, 2 + k, entry.label);
-                if (k == 0) l.effect_branch[e] = s;
-            }
+            const int count = Expression::parse(entry.formula).switches();
+            int number = 2;
+            for (const auto& member : entry.members)
+                for (int k = 0; k < count; ++k) {
+                    const int s = element(SwitchKind::branch, number++, entry.label);
+                    if (k == 0) l.branch_of[e][static_cast<std::size_t>(m.body(member))] = s;
+                }
         }
     }
 };

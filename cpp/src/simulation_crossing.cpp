@@ -17,6 +17,11 @@ constexpr double rounding = 1e-10;  // of a guard's scale: what lies less below 
 constexpr double near_zero = 0.05;  // of a guard's larger end value: a parabola that dips below is followed exactly
 constexpr int dip_passes = 12, bisections = 100;
 
+// Positive at both ends and in the middle, and the parabola through them has no lowest point in between.
+bool stays_positive(double a, double m, double b) {
+    return a > 0 && m > 0 && b > 0 && std::abs(b - a) >= 2.0 * (a - 2.0 * m + b);
+}
+
 }  // namespace
 
 std::vector<int> Simulation::fallen_guards(Solver::Outcome outcome) {
@@ -34,6 +39,7 @@ std::vector<int> Simulation::fallen_guards(Solver::Outcome outcome) {
     guards(middle, z_scratch_.data(), guard_middle_.data());
     Crossing first{std::numeric_limits<double>::infinity(), -1};
     for (std::size_t k = 0; k < guard_end_.size(); ++k) {
+        if (stays_positive(guard_begin_[k], guard_middle_[k], guard_end_[k])) continue;
         const bool flagged = std::find(fallen.begin(), fallen.end(), static_cast<int>(k)) != fallen.end();
         if (!flagged) find_missed(k, first);
     }

@@ -54,6 +54,7 @@ struct Layout {
 
     std::vector<std::string> state_names, state_units;
     int groups = 0;
+    int table = -1;                             // the body of that name
     std::vector<int> group_of, twist, current;  // per body; per connection (-1 rigid); per motor (-1 direct)
     std::vector<bool> locked;                   // per group
     std::vector<Step> steps;
@@ -70,7 +71,8 @@ struct Layout {
     std::vector<Switch> switches;
     std::vector<int> flank_of, stick_of;  // per connection, per group (-1: none)
     int tension_sum_branch = -1, tension_zero_branch = -1;
-    std::vector<int> effect_branch;  // per effect and member: first branch element
+    std::vector<std::vector<int>>
+        branch_of;  // per effect and body: first branch element of its formula there (-1: none)
     std::vector<std::vector<int>> effects_on_body, friction_on_body, effects_in_motor, sensor_effects;
     struct MeshEffect {
         int effect;

@@ -92,7 +92,6 @@ class Model {
     Mode mode(int element) const { return now_.modes[static_cast<std::size_t>(element)]; }
     void add_torque(int body, const S& torque);
     const S* memory_of(int effect, int body) const;
-    int branch_of(std::size_t effect, std::size_t body) const;
 
     const Machine& machine_;
     const Layout& layout_;

@@ -17,7 +17,7 @@ void Model<S>::sense(const S& t) {
     const auto& at = layout_.at;
     for (std::size_t s = 0; s < sensed_.size(); ++s) {
         const bool table = s == motor_.size();
-        const int body = table ? machine_.body("table") : machine_.motors()[s].body;
+        const int body = table ? layout_.table : machine_.motors()[s].body;
         S reading(0.0);
         if (body >= 0) {
             const auto b = static_cast<std::size_t>(body);
@@ -67,7 +67,7 @@ void Model<S>::control(const S& t, const S* z) {
     const auto put = [&](int k, const S& v) { signal_[static_cast<std::size_t>(k)] = v; };
     const S& theta_ref = signal_[static_cast<std::size_t>(at.theta_ref)];
     const S& omega_ref = signal_[static_cast<std::size_t>(at.omega_ref)];
-    const int table = machine_.body("table");
+    const int table = layout_.table;
     if (table >= 0) put(at.e, theta_ref - signal_[static_cast<std::size_t>(at.angle[static_cast<std::size_t>(table)])]);
     if (!machine_.controlled()) {
         for (std::size_t k = 0; k < motor_.size(); ++k)

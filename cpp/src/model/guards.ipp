@@ -25,8 +25,7 @@ S Model<S>::guard(int element, int which, const S* block_rate) const {
             return which == 0 ? side * elongation_[k] : -side * contact_torque_[k];
         }
         case SwitchKind::stick: {
-            if (m == stick::stuck)
-                return which == 0 ? limit_forward_[k] - torque_[k] : torque_[k] + limit_backward_[k];
+            if (m == stick::stuck) return which == 0 ? limit_forward_[k] - torque_[k] : torque_[k] + limit_backward_[k];
             return which == 0 ? double(m) * state_[s.index] : unused;
         }
         case SwitchKind::limiter: {

@@ -10,7 +10,9 @@ void Model<S>::read_inputs(const S& t) {
     put(at.omega_ref, theta_ref_ ? theta_ref_->rate(t, now_.cell) : S(0.0));
     put(at.T_load, T_load_ ? T_load_->value(t, now_.cell) : S(0.0));
     for (std::size_t k = 0; k < input_.size(); ++k)
-        if (at.input[k] >= 0) put(at.input[k], input_[k]->value(t, now_.cell));
+        if (at.input[k] >= 0)
+            put(at.input[k], input_[k] == theta_ref_ ? signal_[static_cast<std::size_t>(at.theta_ref)]
+                                                     : input_[k]->value(t, now_.cell));
 }
 
 template <class S>
@@ -188,8 +190,7 @@ void Model<S>::body_torques(const S& t) {
         for (const int e : layout_.effects_on_body[b]) {
             const auto effect = static_cast<std::size_t>(e);
             p.memory = memory_of(e, static_cast<int>(b));
-            if (const int first = layout_.effect_branch[effect]; first >= 0) {
-                const int element = branch_of(effect, b);
+            if (const int element = layout_.branch_of[effect][b]; element >= 0) {
                 p.branches = now_.modes + element;
                 effect_[effect]->switch_values(p, branch_argument_.data() + element);
             }
@@ -199,23 +200,11 @@ void Model<S>::body_torques(const S& t) {
             power(Power::effects) += torque * speed;
         }
     }
-    if (const int table = machine_.body("table"); table >= 0) {
+    if (const int table = layout_.table; table >= 0) {
         const S& load = signal_[static_cast<std::size_t>(at.T_load)];
         add_torque(table, -load);
         power(Power::load) -= load * signal_[static_cast<std::size_t>(at.speed[static_cast<std::size_t>(table)])];
     }
-}
-
-// The first branch element of a formula that sits at several places.
-template <class S>
-int Model<S>::branch_of(std::size_t effect, std::size_t body) const {
-    const auto& entry = machine_.effects()[effect];
-    const int first = layout_.effect_branch[effect];
-    const auto member =
-        std::find(entry.members.begin(), entry.members.end(), machine_.bodies()[body].name) - entry.members.begin();
-    int total = 0;
-    for (const auto& s : layout_.switches) total += s.kind == SwitchKind::branch && s.name == entry.label;
-    return first + static_cast<int>(member) * (total / static_cast<int>(entry.members.size()));
 }
 
 // Dry friction is set-valued at rest: sliding takes the limit of its direction, a stuck group takes what it needs.
