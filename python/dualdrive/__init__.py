@@ -11,6 +11,14 @@ from typing import TYPE_CHECKING, Any
 from dualdrive._core import __version__
 
 if TYPE_CHECKING:  # for editors and type checkers: what _HOMES says; a test compares the two
+    from dualdrive import compare as compare
+    from dualdrive import demo as demo
+    from dualdrive import figures as figures
+    from dualdrive import identify as identify
+    from dualdrive import motion as motion
+    from dualdrive import plots as plots
+    from dualdrive import traces as traces
+    from dualdrive import units as units
     from dualdrive.files import FileError as FileError
     from dualdrive.machine import Machine as Machine
     from dualdrive.machine import MachineError as MachineError
@@ -42,6 +50,9 @@ _HOMES: dict[str, str] = {
     "sweep": "dualdrive.sweeps.sweep",
 }
 
+#: parts that are used by their own name: dualdrive.motion.move(...)
+_PARTS = ("compare", "demo", "figures", "identify", "motion", "plots", "traces", "units")
+
 __all__ = ["__version__"]
 
 
@@ -50,8 +61,10 @@ def __getattr__(name: str) -> Any:
         value = getattr(import_module(_HOMES[name]), name)
         globals()[name] = value
         return value
+    if name in _PARTS:
+        return import_module(f"dualdrive.{name}")
     raise AttributeError(f"module 'dualdrive' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_HOMES})
+    return sorted({*globals(), *_HOMES, *_PARTS})

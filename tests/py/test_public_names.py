@@ -25,13 +25,20 @@ def declared() -> dict[str, str]:
 
 
 def test_editors_know_every_name_from_its_home() -> None:
-    assert declared() == dualdrive._HOMES
+    parts = dict.fromkeys(dualdrive._PARTS, "dualdrive")
+    assert declared() == {**dualdrive._HOMES, **parts}
 
 
 @pytest.mark.parametrize("name", sorted(dualdrive._HOMES))
 def test_a_public_name_is_there_and_documented(name: str) -> None:
     assert getattr(dualdrive, name).__doc__
     assert name in dir(dualdrive)
+
+
+@pytest.mark.parametrize("name", dualdrive._PARTS)
+def test_a_part_is_there_and_documented(name: str) -> None:
+    assert getattr(dualdrive, name).__name__ == f"dualdrive.{name}"
+    assert getattr(dualdrive, name).__doc__
 
 
 def test_any_other_name_is_refused() -> None:

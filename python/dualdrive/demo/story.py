@@ -10,7 +10,7 @@ from typing import Any
 
 from dualdrive.compare import Comparison, compare
 from dualdrive.identify import Fit, evaluate, fit
-from dualdrive.identify.screen import Candidate, screen
+from dualdrive.identify.screening import Candidate, screen
 from dualdrive.machine import Machine
 from dualdrive.traces import Trace, read
 

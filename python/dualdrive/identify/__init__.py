@@ -10,6 +10,7 @@ from dualdrive.identify.model import Balance, BalanceModel, Declared
 from dualdrive.identify.play import estimate_play
 from dualdrive.identify.play_result import PlayEstimate
 from dualdrive.identify.result import BalanceFit, Estimate
+from dualdrive.identify.screening import Candidate, candidates_of, screen
 from dualdrive.identify.search import Progress
 from dualdrive.identify.standstill import Standstill
 from dualdrive.identify.unknowns import default_free
@@ -18,6 +19,7 @@ __all__ = [
     "Balance",
     "BalanceFit",
     "BalanceModel",
+    "Candidate",
     "Declared",
     "Direction",
     "Estimate",
@@ -29,10 +31,12 @@ __all__ = [
     "Processing",
     "Progress",
     "Standstill",
+    "candidates_of",
     "default_free",
     "estimate_play",
     "evaluate",
     "fit",
+    "screen",
     "torque_balance",
     "which_mode",
     "with_torques",

@@ -1,0 +1,61 @@
+"""The demo, on records that another program made: it must find what was hidden."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+TRUTH = tomllib.loads((Path(__file__).parent / "demo_truth.toml").read_text())
+HIDDEN = f"{TRUTH['effect']['name']}@{TRUTH['effect']['place']}"
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("demo")
+    done = subprocess.run(
+        [sys.executable, "-m", "dualdrive_cli.main", "demo", "-o", "out", "--json", "figures.json"],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    (folder / "said.txt").write_text(done.stdout)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def figures(demo: Path) -> dict:
+    found: dict = json.loads((demo / "figures.json").read_text())
+    return found
+
+
+def test_it_names_the_hidden_effect(figures: dict) -> None:
+    best = figures["refits"][0]
+    assert f"{best['effect']}@{best['place']}" == HIDDEN
+    assert figures["not_told_apart"] == []
+
+
+def test_its_size_is_recovered(figures: dict) -> None:
+    torque = figures["refits"][0]["parameters"][f"{HIDDEN}.torque"]
+    assert torque["value"] == pytest.approx(TRUTH["effect"]["torque"], rel=0.01)
+
+
+def test_the_error_falls_to_the_noise_floor_on_data_it_was_not_fitted_to(figures: dict) -> None:
+    sheet, refitted, grown = (step["held_out"] for step in figures["steps"])
+    assert refitted < sheet
+    assert grown < 0.15 * refitted
+    assert grown < 1.2 * figures["noise_floor"]
+
+
+def test_pictures_and_machine_are_left(demo: Path) -> None:
+    names = {path.name for path in (demo / "out").iterdir()}
+    assert {"improved.toml", "ladder.png", "improved.png"} <= names
+    assert "coulomb@table" in (demo / "said.txt").read_text()
+    history = tomllib.loads((demo / "out" / "improved.toml").read_text())["history"]
+    assert any("coulomb" in json.dumps(entry) for entry in history)
