@@ -1,4 +1,4 @@
-"""Write docs/effects.md from the registry of effects: python tools/effects_page.py"""
+"""Write docs/effects.md from the registry of effects (python tools/effects_page.py)."""
 
 from __future__ import annotations
 
