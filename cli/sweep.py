@@ -81,6 +81,7 @@ def _check_axis(name: str, options: set[str]) -> None:
 @set_option
 @click.option("--end", help="When a run stops, s; else the motion says.")
 @click.option("--load", "load_torque", help="Constant load on the table, against positive motion.")
+@click.option("--output-step", default="1ms", show_default=True, help="Time between samples.")
 @click.option("--keep", is_flag=False, flag_value="all", metavar="[NAME,NAME]", help="Store whole "
               "signals too: those named, or all.")  # fmt: skip
 @click.option("--rtol", type=float, default=1e-10, show_default=True, help="Relative tolerance.")
@@ -101,6 +102,7 @@ def command(
     settings: tuple[str, ...],
     end: str | None,
     load_torque: str | None,
+    output_step: str,
     keep: str | None,
     rtol: float,
     method: str,
@@ -142,6 +144,7 @@ def command(
                 motion=motion,
                 load=parse(load_torque, unit, key="--load") if load_torque else 0.0,
                 end=parse(end, "s", key="--end") if end else None,
+                output_step=parse(output_step, "s", key="--output-step"),
                 rtol=rtol,
                 method=method,
                 max_steps=max_steps,

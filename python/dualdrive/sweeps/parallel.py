@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import threading
@@ -11,6 +12,8 @@ from contextlib import contextmanager
 from itertools import islice
 from types import FrameType
 from typing import TypeVar
+
+_log = logging.getLogger(__name__)
 
 __all__ = ["as_finished", "cores", "interrupt"]
 
@@ -64,6 +67,7 @@ def interrupt() -> Iterator[threading.Event]:
     def first(number: int, frame: FrameType | None) -> None:
         stop.set()
         signal.signal(signal.SIGINT, before)
+        _log.warning("finishing the runs under way; Ctrl-C again ends at once")
 
     before = signal.signal(signal.SIGINT, first)
     try:
