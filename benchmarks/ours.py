@@ -105,10 +105,17 @@ def throughput(cores: int) -> list[dict[str, Any]]:
         ("sweep --delta 0:1e-3:20, heavy-table-100t", grid),
     ):
         for jobs in range(1, cores + 1):
-            begin = time.perf_counter()
+            begin, spent = time.perf_counter(), time.process_time()
             count = work(jobs)
+            wall, spent = time.perf_counter() - begin, time.process_time() - spent
             rows.append(
-                {"what": what, "jobs": jobs, "runs_per_s": count / (time.perf_counter() - begin)}
+                {
+                    "what": what,
+                    "jobs": jobs,
+                    "runs_per_s": count / wall,
+                    "ms_per_run": 1e3 * spent / count,
+                    "cores_used": spent / wall,
+                }
             )
     return rows
 
