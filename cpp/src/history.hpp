@@ -17,7 +17,8 @@ class History {
   public:
     static constexpr int points = 6;
 
-    History(std::size_t lines, std::size_t parameters) : lines_(lines), parameters_(parameters), before_(lines, 0.0) {
+    History(std::size_t lines, std::size_t parameters)
+        : lines_(lines), parameters_(parameters), before_(lines, 0.0), slope_before_(lines * parameters, 0.0) {
         for (int j = 0; j < points; ++j) node_[j] = 0.5 * (1.0 - std::cos(M_PI * j / (points - 1)));
         Eigen::Matrix<double, points, points> vandermonde;
         for (int j = 0; j < points; ++j)
@@ -26,7 +27,11 @@ class History {
     }
 
     double node(int j, double from, double to) const { return j == points - 1 ? to : from + node_[j] * (to - from); }
+    // What the line was before the start, and its slopes.
     void set_before(std::size_t line, double value) { before_[line] = value; }
+    void set_slope_before(std::size_t line, std::size_t parameter, double slope) {
+        slope_before_[line * parameters_ + parameter] = slope;
+    }
 
     // samples: [node][line], slopes: [node][line][parameter]
     void append(double from, double to, const std::vector<double>& samples, const std::vector<double>& slopes) {
@@ -42,7 +47,14 @@ class History {
     S at(int line, const S& t, const Cell& cell, int parameter) const {
         const Piece* p = find(value_of(t), cell);
         const auto k = static_cast<std::size_t>(line);
-        if (!p) return S(before_[k]);
+        if (!p) {
+            S v(before_[k]);
+            if constexpr (std::is_same_v<S, Gradient>)
+                for (std::size_t d = 0; parameter >= 0 && d < directions; ++d)
+                    if (static_cast<std::size_t>(parameter) + d < parameters_)
+                        v.slope[d] = slope_before_[k * parameters_ + static_cast<std::size_t>(parameter) + d];
+            return v;
+        }
         const S x = (t - p->from) / (p->to - p->from);
         S v = horner<S>(p->values, lines_, k, x);
         if constexpr (std::is_same_v<S, Gradient>) {
@@ -78,22 +90,21 @@ class History {
         for (int k = points; k-- > 0;) v = v * x + S(c[static_cast<std::size_t>(k) * quantities + q]);
         return v;
     }
-    // The piece that holds t; where two meet, the one on the side of the cell in which the solver stands.
+    // The piece that holds t; where two meet, the one on the side of the cell in which the solver stands. A time less a
+    // delay misses the meeting point by rounding, so that side is taken a little further on.
     const Piece* find(double t, const Cell& cell) const {
-        if (pieces_.empty()) return nullptr;
-        const bool from_left = t >= cell.high;
-        const auto after = std::partition_point(pieces_.begin(), pieces_.end(),
-                                                [&](const Piece& p) { return from_left ? p.to < t : p.to <= t; });
-        const Piece& p = after == pieces_.end() ? pieces_.back() : *after;
-        if (t < p.from || (from_left && t <= pieces_.front().from))
-            return t < pieces_.front().from || from_left ? nullptr : &p;
-        return &p;
+        const double little = 1e-14 * std::max(1.0, std::abs(t));
+        const double beside = t >= cell.high ? t - little : t + little;
+        if (pieces_.empty() || beside < pieces_.front().from) return nullptr;
+        const auto holds =
+            std::partition_point(pieces_.begin(), pieces_.end(), [&](const Piece& p) { return p.to <= beside; });
+        return holds == pieces_.end() ? &pieces_.back() : &*holds;
     }
 
     std::size_t lines_, parameters_;
     std::array<double, points> node_{};
     Eigen::Matrix<double, points, points> to_monomial_;
-    std::vector<double> before_;
+    std::vector<double> before_, slope_before_;
     std::deque<Piece> pieces_;
 };
 

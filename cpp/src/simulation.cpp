@@ -220,12 +220,24 @@ void Simulation::start() {
                     layout_.at.angle[static_cast<std::size_t>(machine_.motors()[k].body)])];
     if (layout_.derivative_filter >= 0 && options_.initial.count("controller.derivative") == 0)
         z_scratch_[static_cast<std::size_t>(layout_.derivative_filter)] = 0.0;  // z(0) = 0: a step kicks by K_d/τ_d
+    const auto seed = [&](std::size_t k, std::size_t state) {  // initial sensitivities, but for the encoders'
+        return parameters_[k].initial_state == static_cast<int>(state) ? 1.0 : 0.0;
+    };
     if (!layout_.delays.empty()) {
         history_ = std::make_unique<History>(layout_.delays.size(), parameters_.size());
         for (std::size_t d = 0; d < layout_.delays.size(); ++d)
             history_->set_before(d, model_.signals()[static_cast<std::size_t>(layout_.delays[d].source)]);
         past_ = std::make_unique<HistoryView<double>>(*history_, -1);
         past_along_ = std::make_unique<HistoryView<Gradient>>(*history_, -1);
+        for (std::size_t c = 0; c < chunks(); ++c) {
+            evaluate_chunk(c, options_.start, z_scratch_.data(), seed);
+            for (std::size_t d = 0; d < layout_.delays.size(); ++d)
+                for (std::size_t k = c * directions; k < std::min((c + 1) * directions, parameters_.size()); ++k)
+                    history_->set_slope_before(d, k,
+                                               chunk_[c]
+                                                   ->signals()[static_cast<std::size_t>(layout_.delays[d].source)]
+                                                   .slope[k - c * directions]);
+        }
         for (std::size_t c = 0; c < chunks(); ++c)
             past_chunk_.push_back(std::make_unique<HistoryView<Gradient>>(*history_, static_cast<int>(c * directions)));
     }
@@ -277,8 +289,9 @@ void Simulation::start() {
         method, options_.rtol, direction, parameter_scale);
     std::copy(z_scratch_.begin(), z_scratch_.end(), solver_->state().begin());
     for (std::size_t k = 0; k < parameters_.size(); ++k)
-        if (parameters_[k].initial_state >= 0)
-            solver_->sensitivity(static_cast<int>(k))[static_cast<std::size_t>(parameters_[k].initial_state)] = 1.0;
+        for (std::size_t state = 0; state < n; ++state)
+            solver_->sensitivity(static_cast<int>(k))[state] = seed(k, state);
+    start_encoder_sensitivities();
     double longest = options_.longest_step;
     for (const auto& d : layout_.delays) {  // the past must lie behind the step
         const double delay = d.effect >= 0
@@ -298,6 +311,23 @@ void Simulation::start() {
     pass_break();
     evaluate(options_.start, solver_->state().data());
     energy_start_ = model_.signals()[static_cast<std::size_t>(layout_.at.stored_energy)];
+}
+
+// Encoders start with the motors' angles, which follow from ratios and initial states.
+void Simulation::start_encoder_sensitivities() {
+    for (std::size_t c = 0; c < chunks(); ++c) {
+        evaluate_chunk(c, options_.start, solver_->state().data(), [&](std::size_t k, std::size_t state) {
+            return solver_->sensitivity(static_cast<int>(k))[state];
+        });
+        for (std::size_t m = 0; m < layout_.encoder_history.size(); ++m) {
+            const auto body = static_cast<std::size_t>(machine_.motors()[m].body);
+            const Gradient& angle = chunk_[c]->signals()[static_cast<std::size_t>(layout_.at.angle[body])];
+            for (std::size_t k = c * directions; k < std::min((c + 1) * directions, parameters_.size()); ++k)
+                for (int h = 0; h < machine_.controller().speed_samples; ++h)
+                    solver_->sensitivity(static_cast<int>(
+                        k))[static_cast<std::size_t>(layout_.encoder_history[m] + h)] = angle.slope[k - c * directions];
+        }
+    }
 }
 
 void Simulation::restart() {

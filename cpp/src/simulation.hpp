@@ -21,6 +21,7 @@ class Simulation final : public Problem {
     void read_options();
     void read_parameters();
     void start();
+    void start_encoder_sensitivities();
     void loop();
     void restart();
     double next_stop();
@@ -36,9 +37,11 @@ class Simulation final : public Problem {
 
     // simulation_events.cpp: everything that changes modes or state at an instant
     void classify();
-    bool settle(bool after_break);
+    bool settle(bool located);
     void switch_at(const std::vector<int>& fallen);
-    bool transition(int element, int which, bool event_time_moves);
+    enum class Cause { guard, instant };  // the element's own guard fell here, or something else happened
+    bool transition(int element, int which, Cause cause);
+    void find_instant_slope(int element, int which, const std::vector<double>& rate);
     Mode next_mode(int element, int which);
     Mode next_limiter_mode(std::size_t block, Mode from, int which);
     Mode standing_mode(int element);
@@ -125,6 +128,7 @@ class Simulation final : public Problem {
     double energy_scale_ = 0.0, energy_start_ = 0.0, energy_moved_ = 0.0, energy_worst_ = 0.0;
     std::vector<double> z_scratch_, rate_scratch_, block_rate_, work_scratch_;
     std::vector<Gradient> z_along_;
+    std::vector<double> instant_slope_;  // of the instant at which switches happen, per sensitivity
     long crowded_ = 0, guard_calls_ = 0;
     double last_switch_ = 0.0;
     Trajectory out_;

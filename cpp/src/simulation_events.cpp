@@ -146,10 +146,33 @@ Mode Simulation::next_mode(int element, int which) {
     return m;
 }
 
-// One element changes its mode at the present instant. If the instant itself moves with the parameters (a located
-// switch, not a tick), the sensitivities jump where field or state does:
-//   s⁺ = h_z s⁻ + (h_z f⁻ − f⁺) τ',  τ' = −(g_z s⁻ + g_p) / (g_z f⁻ + g_t).
-bool Simulation::transition(int element, int which, bool event_time_moves) {
+// How the present instant moves with the parameters when a guard falls there: τ' = −(g_z s⁻ + g_p) / (g_z f⁻ + g_t).
+void Simulation::find_instant_slope(int element, int which, const std::vector<double>& rate) {
+    const double t = solver_->time();
+    const auto z = solver_->state();
+    std::fill(instant_slope_.begin(), instant_slope_.end(), 0.0);
+    const Mode m = modes_[static_cast<std::size_t>(element)];
+    const bool rides =
+        layout_.switches[static_cast<std::size_t>(element)].kind == SwitchKind::limiter && limiter::riding(m);
+    if (parameters_.empty() || rides) return;  // leaving a riding limit, the field is continuous
+    evaluate_along(t, z.data(), 1.0, rate.data());
+    const double approach = along_.guard(element, which, nullptr).slope[0];
+    if (std::abs(approach) * 1e-6 < 1e-9 * guard_scale(element, which)) ++out_.statistics.grazing;
+    if (approach == 0.0) return;
+    for (std::size_t c = 0; c < chunks(); ++c) {
+        evaluate_chunk(c, t, z.data(), [&](std::size_t k, std::size_t state) {
+            return solver_->sensitivity(static_cast<int>(k))[state];
+        });
+        const Gradient g = chunk_[c]->guard(element, which, nullptr);
+        for (std::size_t d = 0; d < directions && c * directions + d < parameters_.size(); ++d)
+            instant_slope_[c * directions + d] = -g.slope[d] / approach;
+    }
+}
+
+// One element changes its mode at the present instant. Where the instant moves with the parameters (τ' of a located
+// switch; zero at a tick or a break; that of the cause where one switch brings about another), the sensitivities jump
+// as field and state do:  s⁺ = h_z s⁻ + (h_z f⁻ − f⁺) τ'.
+bool Simulation::transition(int element, int which, Cause cause) {
     const auto e = static_cast<std::size_t>(element);
     const double t = solver_->time();
     const auto z = solver_->state();
@@ -159,21 +182,7 @@ bool Simulation::transition(int element, int which, bool event_time_moves) {
     const Mode to = next_mode(element, which);
     if (to == from) return true;
 
-    std::vector<double> time_slope(parameters_.size(), 0.0);
-    const bool rides = layout_.switches[e].kind == SwitchKind::limiter && limiter::riding(from);
-    if (event_time_moves && !parameters_.empty() && !rides) {  // leaving a riding limit, the field is continuous
-        evaluate_along(t, z.data(), 1.0, before.data());
-        const double approach = along_.guard(element, which, nullptr).slope[0];
-        if (std::abs(approach) * 1e-6 < 1e-9 * guard_scale(element, which)) ++out_.statistics.grazing;
-        for (std::size_t c = 0; c < chunks(); ++c) {
-            evaluate_chunk(c, t, z.data(), [&](std::size_t k, std::size_t state) {
-                return solver_->sensitivity(static_cast<int>(k))[state];
-            });
-            const Gradient g = chunk_[c]->guard(element, which, nullptr);
-            for (std::size_t d = 0; d < directions && c * directions + d < parameters_.size(); ++d)
-                if (approach != 0.0) time_slope[c * directions + d] = -g.slope[d] / approach;
-        }
-    }
+    if (cause == Cause::guard) find_instant_slope(element, which, before);
     modes_[e] = to;
     const bool sticks = layout_.switches[e].kind == SwitchKind::stick;
     const auto group = static_cast<std::size_t>(layout_.switches[e].index);
@@ -184,12 +193,12 @@ bool Simulation::transition(int element, int which, bool event_time_moves) {
         if (sticks) s[group] = 0.0;
         for (std::size_t i = 0; i < s.size(); ++i) {
             const double carried = sticks && i == group ? 0.0 : before[i];
-            s[i] += (carried - model_.rate()[i]) * time_slope[k];
+            s[i] += (carried - model_.rate()[i]) * instant_slope_[k];
         }
     }
     slave_riding();
     out_.events.push_back({t, element, from, to});
-    if (history_) add_delayed_breaks(t, time_slope);
+    if (history_) add_delayed_breaks(t, instant_slope_);
     crowded_ = t - last_switch_ < crowded_time ? crowded_ + 1 : 0;
     last_switch_ = t;
     if (crowded_ > crowded_limit) {
@@ -203,7 +212,7 @@ bool Simulation::transition(int element, int which, bool event_time_moves) {
 
 // Other guards may be violated at the same instant (simultaneous contacts, a jump of a command): follow them until
 // all modes are valid.
-bool Simulation::settle(bool event_time_moves) {
+bool Simulation::settle(bool located) {
     std::vector<double> g(modes_.size() * guards_per_switch);
     for (int pass = 0; pass < settle_passes * static_cast<int>(1 + modes_.size()); ++pass) {
         const double t = solver_->time();
@@ -213,12 +222,13 @@ bool Simulation::settle(bool event_time_moves) {
             return false;
         }
         int fallen = -1;
-        bool known = false;
+        bool known = false, forced = false;  // forced: violated by a jump, not by a crossing of its own
         for (std::size_t k = 0; k < g.size() && fallen < 0; ++k) {
             const int element = static_cast<int>(k) / guards_per_switch,
                       which = static_cast<int>(k) % guards_per_switch;
             if (!(g[k] < 0)) continue;
             bool falls = g[k] < -noise * guard_scale(element, which);
+            forced = falls;
             const Switch& s = layout_.switches[static_cast<std::size_t>(element)];
             const bool rides =
                 s.kind == SwitchKind::limiter && limiter::riding(modes_[static_cast<std::size_t>(element)]);
@@ -234,7 +244,8 @@ bool Simulation::settle(bool event_time_moves) {
         }
         if (fallen < 0) return true;
         const auto count = out_.events.size();
-        if (!transition(fallen / guards_per_switch, fallen % guards_per_switch, event_time_moves)) return false;
+        const Cause cause = located && !forced ? Cause::guard : Cause::instant;
+        if (!transition(fallen / guards_per_switch, fallen % guards_per_switch, cause)) return false;
         if (out_.events.size() == count) return true;  // the element stays: its mode is valid after all
     }
     fail(Status::chattering, "modes do not settle at one instant; two laws contradict each other there");
@@ -247,7 +258,7 @@ void Simulation::switch_at(const std::vector<int>& fallen) {
     for (const int k : fallen) {
         const int element = k / guards_per_switch;
         if (modes_[static_cast<std::size_t>(element)] != flagged[static_cast<std::size_t>(element)]) continue;
-        if (!transition(element, k % guards_per_switch, true)) return;
+        if (!transition(element, k % guards_per_switch, Cause::guard)) return;
     }
     if (settle(true)) restart();
 }
@@ -307,7 +318,9 @@ void Simulation::add_delayed_breaks(double t, const std::vector<double>& time_sl
         for (std::size_t k = 0; k < parameters_.size(); ++k)
             if (std::find(parameters_[k].slots.begin(), parameters_[k].slots.end(), slot) != parameters_[k].slots.end())
                 b.slope[k] += 1.0;
-        if (b.t < options_.end) delayed_breaks_.push(std::move(b));
+        if (b.t >= options_.end) continue;
+        cell_.high = std::min(cell_.high, b.t);
+        delayed_breaks_.push(std::move(b));
     }
 }
 
@@ -316,13 +329,13 @@ void Simulation::pass_break() {
     const double t = solver_->time(), now_or_past = t + instant(t);
     const auto z = solver_->state();
     slave_riding();
-    std::vector<double> returning(parameters_.size(), 0.0);
+    instant_slope_.assign(parameters_.size(), 0.0);
     bool broke = t <= options_.start + instant(t), returned = false;
     evaluate(t, z.data());
     const std::vector<double> before(model_.rate());
     for (; next_break_ < breaks_.size() && breaks_[next_break_] <= now_or_past; ++next_break_) broke = true;
     for (; !delayed_breaks_.empty() && delayed_breaks_.top().t <= now_or_past; delayed_breaks_.pop()) {
-        returning = delayed_breaks_.top().slope;
+        instant_slope_ = delayed_breaks_.top().slope;
         returned = true;
     }
     std::vector<const Clock*> due_outputs, due_ticks;
@@ -338,18 +351,18 @@ void Simulation::pass_break() {
             ++ticks_[c];
         }
     }
+    const bool discontinuous = broke || !due_outputs.empty() || !due_ticks.empty();
+    if (discontinuous && history_) add_delayed_breaks(t, {});
     cell_ = {t, next_stop()};
     if (returned) {
         evaluate(t, z.data());
         for (std::size_t k = 0; k < parameters_.size(); ++k) {
             const auto s = solver_->sensitivity(static_cast<int>(k));
-            for (std::size_t i = 0; i < s.size(); ++i) s[i] += (before[i] - model_.rate()[i]) * returning[k];
+            for (std::size_t i = 0; i < s.size(); ++i) s[i] += (before[i] - model_.rate()[i]) * instant_slope_[k];
         }
     }
     for (const Clock* k : due_outputs) tick(*k, true);
     for (const Clock* k : due_ticks) tick(*k, false);
-    const bool discontinuous = broke || !due_outputs.empty() || !due_ticks.empty();
-    if (discontinuous && history_) add_delayed_breaks(t, {});
     if (settle(false)) restart();
 }
 
