@@ -30,6 +30,10 @@ Array = NDArray[np.float64]
 _TROUBLED = 30
 
 
+#: share of a channel's spread below which agreement is arithmetic, and its weight rises no more
+_FINEST = 1e-4
+
+
 class FitError(RuntimeError):
     """A fit that can't be done; the message says what failed and what to try."""
 
@@ -85,35 +89,43 @@ class Problem:
     @property
     def start(self) -> Array:
         """Parameters where their fit begins; constants scaled by their channel's spread."""
-        return np.concatenate(
-            [[p.start for p in self.parameters], np.zeros(len(self.offsets) + len(self.states))]
-        )
+        return self._padded([p.start for p in self.parameters], 0.0)
 
     @property
     def bounds(self) -> tuple[Array, Array]:
         """Lowest and highest of every unknown."""
-        ends = np.array([p.bounds for p in self.parameters]).reshape(-1, 2)
-        rest = np.full(len(self.offsets) + len(self.states), np.inf)
-        return np.concatenate([ends[:, 0], -rest]), np.concatenate([ends[:, 1], rest])
+        low, high = (
+            zip(*(p.bounds for p in self.parameters), strict=True) if self.parameters else ((), ())
+        )
+        return self._padded(low, -np.inf), self._padded(high, np.inf)
+
+    @property
+    def scale(self) -> Array:
+        """How far a first step may go: a width of the prior, an effect's own size, a spread."""
+        own = [p.sigma if np.isfinite(p.sigma) else max(1.0, abs(p.start)) for p in self.parameters]
+        return np.concatenate([own, np.ones(len(self.offsets) + len(self.states))])
+
+    def levelled(self, u: Array) -> Array:
+        """The point with every sensor's constant where the mean of its residual vanishes."""
+        replays = self.replays(u)
+        if replays is None:
+            raise FitError(f"the simulation fails at the starting point: {self.failures[-1]}")
+        level, first = u.copy(), len(self.parameters)
+        for j, own in enumerate(self.offsets):
+            residual = replays[own[0]].residual(own[1])
+            level[first + j] = -float(np.mean(residual)) / self.spread[own]
+        return level
 
     @property
     def prior(self) -> Prior:
         """Nominal values within their tolerance, states within theirs, constants free."""
-        return Prior(
-            np.concatenate(
-                [
-                    [p.centre for p in self.parameters],
-                    np.zeros(len(self.offsets) + len(self.states)),
-                ]
-            ),
-            np.concatenate(
-                [
-                    [p.sigma for p in self.parameters],
-                    np.full(len(self.offsets), np.inf),
-                    np.ones(len(self.states)),
-                ]
-            ),
-        )
+        spread = self._padded([p.sigma for p in self.parameters], 1.0)
+        spread[len(self.parameters) : len(self.parameters) + len(self.offsets)] = np.inf
+        return Prior(self._padded([p.centre for p in self.parameters], 0.0), spread)
+
+    def _padded(self, own: Sequence[float], rest: float) -> Array:
+        """A vector of all unknowns from what the parameters say, `rest` for the others."""
+        return np.array([*own, *[rest] * (len(self.offsets) + len(self.states))], dtype=np.float64)
 
     def values(self, u: Array) -> dict[str, float]:
         """Path -> SI value of the parameters."""
@@ -219,7 +231,7 @@ class Problem:
         found = {}
         for k, name in self.rows:
             whole = np.zeros((len(self.records[k].t), self.size))
-            raw = replays[k].slopes[name]
+            raw = replays[k].slopes.get(name, np.zeros((len(whole), 0)))
             whole[:, :count] = raw[:, :count] * own_slope
             if (k, name) in self.offsets:
                 whole[:, count + self.offsets.index((k, name))] = self.spread[k, name]
@@ -238,7 +250,7 @@ class Problem:
         before = dict(self.weights)
         for own, left in self.unweighted(replays, u).items():
             steady = left - np.mean(left) if own in self.offsets else left
-            size = max(float(np.sqrt(np.mean(steady**2))), 1e-9 * self.spread[own])
+            size = max(float(np.sqrt(np.mean(steady**2))), _FINEST * self.spread[own])
             alike = 1.0 + 2.0 * correlation_time(steady)
             self.weights[own] = 1.0 / (size * np.sqrt(alike))
         return float(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -11,10 +10,12 @@ import numpy as np
 from dualdrive.identify.balance import torque_balance
 from dualdrive.identify.closed_loop import Problem, channels_to_fit
 from dualdrive.identify.evaluation import state_unknowns
+from dualdrive.identify.filtering import Processing
 from dualdrive.identify.fit_summary import summary
 from dualdrive.identify.search import Progress, Search
-from dualdrive.identify.unknowns import default_free, unknowns
-from dualdrive.replay import RTOL, Record, core_of, named, records
+from dualdrive.identify.standstill import Standstill
+from dualdrive.identify.unknowns import default_free, default_tolerances, unknowns
+from dualdrive.replay import RTOL, Record, core_of, named, ratio_to_table, records
 from dualdrive.traces import Trace
 
 MODES = ("auto", "closed_loop", "balance")
@@ -37,6 +38,8 @@ def fit(
     confidence: float = 0.95,
     max_simulations: int = 1000,
     rtol: float = RTOL,
+    processing: Processing | None = None,
+    standstill: Standstill | None = None,
     progress: Callable[[Progress], None] | None = None,
 ) -> Any:
     """Fit parameters of a machine to traces.
@@ -50,12 +53,14 @@ def fit(
         machine: a machine, or the core's.
         traces: one trace, several, or name -> trace; each is a record with constants of its own.
         free: parameter paths or tie groups. Left out: inertias, friction, stiffness and play that
-            the machine has, and every number of its effects.
+            the machine has, and every number of its effects; in the torque balance no asymmetry
+            of friction beside a constant torque per record, since the two are the same there.
         mode: ``closed_loop``, ``balance``, or ``auto``: closed loop where the machine has a
             controller and every trace a commanded motion.
         tolerance: relative one-sigma width of the prior about each nominal value, for all or by
             path; unless told 0.1 for inertias, 0.2 for stiffness and play, 0.5 for viscous
-            friction. An effect's number that stands at zero has no prior, others 1.0.
+            friction. An effect's number that stands at zero has no prior, others 1.0. In the
+            torque balance what ``free`` names has no prior unless told.
         offsets: which sensors may have a constant: ``all`` headline channels but the following
             error, ``encoders`` of the drives, ``none``.
         channels: compared channels to fit; those of the headline error unless given.
@@ -68,6 +73,8 @@ def fit(
         confidence: of the intervals.
         max_simulations: limit on simulated records; the best point so far is returned.
         rtol: local tolerance of the simulations.
+        processing: filters and decimation of the torque balance.
+        standstill: what the torque balance does near standstill.
         progress: told where the fit stands after each simulation of all records; whatever it
             raises ends the fit, KeyboardInterrupt with the best point so far.
 
@@ -85,16 +92,18 @@ def fit(
     if mode == "auto":
         mode = which_mode(core, recorded, motion)
     if mode == "balance":
-        width = tolerance if tolerance is not None or free is not None else 0.3
-        measured = {name: with_torques(core, trace) for name, trace in recorded.items()}
+        paths, prior = _balance_free(core, free, tolerance, offsets)
         return torque_balance(
             machine,
-            measured,
-            free=free,
-            prior=width,
+            {name: with_torques(core, trace) for name, trace in recorded.items()},
+            free=paths,
+            prior=prior,
             offsets=offsets != "none",
+            processing=processing,
+            standstill=standstill,
             confidence=confidence,
         )
+    refuse_filters(processing, standstill)
     played = records(machine, recorded, motion=motion, interpolation=interpolation, start=start)
     paths = default_free(core) if free is None else list(free)
     if not paths:
@@ -120,6 +129,32 @@ def which_mode(core: Any, traces: Mapping[str, Trace], motion: Any) -> str:
     return "closed_loop" if controlled and commanded else "balance"
 
 
+def refuse_filters(processing: Processing | None, standstill: Standstill | None) -> None:
+    """A closed loop is simulated as it is: raise ValueError if told to filter."""
+    if processing is not None or standstill is not None:
+        raise ValueError(
+            "filters and standstill belong to the torque balance, and this is a closed loop; "
+            "choose mode balance or leave them out"
+        )
+
+
+def _balance_free(
+    core: Any,
+    free: Sequence[str] | None,
+    tolerance: float | Mapping[str, float] | None,
+    offsets: str,
+) -> tuple[list[str], float | Mapping[str, float] | None]:
+    """What a torque balance fits, and the tolerance of each nominal value."""
+    if free is not None:
+        return list(free), tolerance
+    paths = default_free(core)
+    if offsets != "none":
+        paths = [path for path in paths if not path.endswith(".asymmetry")]
+    if isinstance(tolerance, int | float):
+        return paths, tolerance
+    return paths, {**default_tolerances(core, paths), **(tolerance or {})}
+
+
 def with_torques(core: Any, trace: Trace) -> Trace:
     """The trace with motor torques from its currents where only those were recorded."""
     for motor in core.motors:
@@ -130,20 +165,36 @@ def with_torques(core: Any, trace: Trace) -> Trace:
 
 
 def _sizes(core: Any, played: Sequence[Record]) -> dict[str, float]:
-    """A tenth of the drives' mean-free torque, seen at the table, and the same over the speed."""
-    torque, speed = 0.0, 0.0
-    for record in played:
-        speed = max(speed, float(np.std(np.gradient(record.reference, record.t))))
-        for motor in core.motors:
-            n = motor.rpartition("_")[2]
-            train = [c for c in (f"gearbox_{n}", f"mesh_{n}") if c in core.connections]
-            ratio = math.prod(core.get(f"{c}.ratio") for c in train)
-            for name, factor in ((f"T_{n}", 1.0), (f"I_{n}", core.get(f"{motor}.K_d"))):
-                if name in record.trace:
-                    torque = max(torque, factor * ratio * float(np.std(record.trace[name])))
+    """Path -> usual size of each effect's numbers on these records, where units tell.
+
+    Torques: a tenth of the drives' mean-free torque, seen at the effect's place; what grows with
+    speed, that over the speed there. Constants of recorders: a tenth of their channel's spread.
+    """
+    at_table = max((_torque_at_table(core, record) for record in played), default=0.0)
+    speed = max(float(np.std(np.gradient(r.reference, r.t))) for r in played)
     sizes = {}
-    if torque > 0:
-        sizes["N*m"] = 0.1 * torque
-        if speed > 0:
-            sizes["N*m*s/rad"] = 0.1 * torque / speed
+    for effect in core.effects:
+        place = effect["members"][0]
+        ratio = ratio_to_table(core, place)
+        for p in core.parameters():
+            if not p.path.startswith(f"{effect['label']}."):
+                continue
+            if p.unit == "N*m" and at_table > 0:
+                sizes[p.path] = 0.1 * at_table / ratio
+            elif p.unit == "N*m*s/rad" and at_table > 0 and speed > 0:
+                sizes[p.path] = 0.1 * at_table / speed / ratio**2
+            elif effect["effect"] == "sensor_offset" and place in played[0].trace:
+                sizes[p.path] = 0.1 * float(np.std(played[0].trace[place]))
     return sizes
+
+
+def _torque_at_table(core: Any, record: Record) -> float:
+    """Spread of the largest motor torque that was recorded, carried to the table."""
+    found = 0.0
+    for motor in core.motors:
+        n = motor.rpartition("_")[2]
+        for name, factor in ((f"T_{n}", 1.0), (f"I_{n}", core.get(f"{motor}.K_d"))):
+            if name in record.trace:
+                spread = factor * float(np.std(record.trace[name]))
+                found = max(found, ratio_to_table(core, motor) * spread)
+    return found

@@ -71,6 +71,8 @@ def _fitted(p: Unknown, unit: str, u: float, reach: float, solution: Solution, k
     value = p.value(u)
     tolerance, verdict = p.sigma, _verdict(solution, k, p.sigma)
     bound = _bound(value, p)
+    if bound:
+        low, high = (p.low, high) if "lower" in bound else (low, p.high)
     return Fitted(p.path, value, low, high, unit, p.nominal, tolerance, verdict, bound)
 
 

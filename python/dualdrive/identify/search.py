@@ -92,6 +92,7 @@ class Search:
     def _descend(self, u: Array) -> Array:
         from scipy.optimize import least_squares
 
+        u = self.problem.levelled(u)
         self.problem.reweigh(u)
         for _ in range(self.rounds):
             self._cost = math.inf  # costs under other weights do not compare
@@ -101,7 +102,7 @@ class Search:
                 self.problem.jacobian,
                 bounds=self.problem.bounds,
                 method="trf",
-                x_scale="jac",
+                x_scale=self.problem.scale,
                 ftol=self.precision,
                 xtol=self.precision,
                 gtol=1e-12,

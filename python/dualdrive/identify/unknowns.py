@@ -92,6 +92,12 @@ def default_free(core: Any) -> list[str]:
     return list(dict.fromkeys(found))
 
 
+def default_tolerances(core: Any, free: Sequence[str]) -> dict[str, float]:
+    """Relative one-sigma tolerance of each path that has one: an effect at zero has none."""
+    widths = {p: _width(p, p.rpartition(".")[2], None, "@" in p, core.get(p)) for p in free}
+    return {path: width for path, width in widths.items() if math.isfinite(width)}
+
+
 def _tied(core: Any, path: str) -> str:
     """The group that a member belongs to where all its members agree, else the path itself."""
     place, _, name = path.rpartition(".")
@@ -119,8 +125,7 @@ def unknowns(
         free: parameter paths or tie groups.
         tolerance: relative one-sigma tolerance of the nominal values, for all or by path; infinite
             for none. Effects have none unless named.
-        sizes: unit -> usual size of an effect on this record, where the declaration's is too
-            general.
+        sizes: path -> usual size of an effect's number, where the declaration's is too general.
 
     Raises:
         ValueError: unknown path, one that is not for fitting, or one named twice.
@@ -159,7 +164,9 @@ def _unknown(
     low = declared.low
     if name == "time":
         low = 1e-6  # a delay of nothing is another machine: one without a delay line
-    usual = sizes.get(declared.unit, declared.typical) if effect else declared.typical
+    usual = declared.typical
+    if effect:
+        usual = sizes.get(path, usual)
     if nominal > 0 and declared.low >= 0 and not effect:
         numbers = (nominal, low, declared.high, nominal, True, 0.0, 0.0, width)
         return Unknown(path, declared.unit, *numbers)

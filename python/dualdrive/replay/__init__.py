@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dualdrive.replay.channels import HEADLINE, Compared, compared_channels
+from dualdrive.replay.channels import HEADLINE, Compared, compared_channels, ratio_to_table
 from dualdrive.replay.errors import best_offsets, errors, headline
 from dualdrive.replay.record import Record, ReplayError, core_of, named, records
 from dualdrive.replay.run import RTOL, Recorder, Replay, play, play_all, recorders
@@ -23,6 +23,7 @@ __all__ = [
     "named",
     "play",
     "play_all",
+    "ratio_to_table",
     "recorders",
     "records",
 ]

@@ -108,6 +108,22 @@ def _deflections(core: Any, trace: Trace) -> list[Compared]:
     return found
 
 
+def ratio_to_table(core: Any, part: str) -> float:
+    """Speed of a part over that of the table: 1 for the table, i_m at a pinion or mesh."""
+    stem, _, n = part.rpartition("_")
+    chain = {
+        "motor": ("gearbox", "mesh"),
+        "gearbox": ("mesh",),
+        "pinion": ("mesh",),
+        "mesh": ("mesh",),
+    }
+    ratio = 1.0
+    for link in chain.get(stem, ()):
+        if f"{link}_{n}" in core.connections:
+            ratio *= core.get(f"{link}_{n}.ratio")
+    return ratio
+
+
 def _once(found: Sequence[Compared]) -> list[Compared]:
     """Current and torque of a motor tell the same: where both are recorded, the current counts."""
     names = {c.name for c in found}

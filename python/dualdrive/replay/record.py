@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
-from dualdrive.replay.channels import Compared, compared_channels
+from dualdrive.replay.channels import Compared, compared_channels, ratio_to_table
 from dualdrive.traces import CHANNELS, Trace
 
 Array = NDArray[np.float64]
@@ -186,10 +186,18 @@ def _state_at_start(core: Any, record: Record) -> dict[str, float]:
         return initial
     for state in states:
         if state.startswith("omega_"):
-            initial[state] = speed * _ratio(core, state.removeprefix("omega_"))
+            initial[state] = speed * ratio_to_table(core, _body(state))
         if state.startswith("I_") and state in trace:
             initial[state] = float(trace[state][0])
     return initial
+
+
+def _body(state: str) -> str:
+    """The body whose speed a state is: omega_c1 is that of pinion_1."""
+    suffix = state.removeprefix("omega_")
+    if suffix.isdigit():
+        return f"motor_{suffix}"
+    return f"pinion_{suffix[1:]}" if suffix.startswith("c") and suffix[1:].isdigit() else "table"
 
 
 def _first(t: Array, values: Array, moving: bool) -> tuple[float, float]:
@@ -199,18 +207,6 @@ def _first(t: Array, values: Array, moving: bool) -> tuple[float, float]:
         return float(np.mean(values[: min(5, n)])), 0.0
     _, slope, value = np.polyfit(t[:n] - t[0], values[:n], 2)
     return float(value), float(slope)
-
-
-def _ratio(core: Any, suffix: str) -> float:
-    """Speed of a body over that of the table: suffix m, c1 (pinion 1), 1 (motor 1)."""
-    n, ratio = suffix.lstrip("c"), 1.0
-    if suffix == "m":
-        return ratio
-    if f"mesh_{n}" in core.connections:
-        ratio *= core.get(f"mesh_{n}.ratio")
-    if not suffix.startswith("c") and f"gearbox_{n}" in core.connections:
-        ratio *= core.get(f"gearbox_{n}.ratio")
-    return float(ratio)
 
 
 def _inputs(core: Any, name: str, trace: Trace, motion: Any, interpolation: str) -> dict[str, Any]:
