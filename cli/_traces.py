@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 
+from dualdrive.identify import Processing, Standstill
 from dualdrive.machine import Machine
 from dualdrive.motion import parse_motion
-from dualdrive.traces import Trace, read
+from dualdrive.traces import Trace, read_parts
+from dualdrive_cli._shared import pairs
 
 traces_argument = click.argument(
     "traces", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="TRACE..."
@@ -20,6 +23,13 @@ map_option = click.option(
     "mapping",
     type=click.Path(path_type=Path),
     help="How the columns become channels; the mapping beside a trace unless given.",
+)
+part_option = click.option(
+    "--part",
+    "wanted",
+    multiple=True,
+    metavar="SETTING=VALUE",
+    help="Of a trace that its mapping splits, these parts only: --part TestIndex=3",
 )
 mode_option = click.option(
     "--mode",
@@ -54,8 +64,46 @@ interpolation_option = click.option(
 )
 
 
-def read_all(paths: Sequence[Path], mapping: Path | None) -> dict[str, Trace]:
-    """Every trace under the shortest name that tells it from the others.
+_BALANCE = (
+    click.option(
+        "--cutoff",
+        type=click.FloatRange(0, min_open=True),
+        metavar="HZ",
+        help="Balance: low-pass of angles and torques; a tenth of the sampling rate unless given.",
+    ),
+    click.option(
+        "--decimate",
+        type=click.IntRange(1),
+        help="Balance: every n-th sample counts.  [default: 10]",
+    ),
+    click.option(
+        "--standstill",
+        type=click.Choice(["mask", "bound", "keep"]),
+        help="Balance: drop samples near standstill, where dry friction is open; count what its "
+        "limits leave; or keep them.  [default: mask]",
+    ),
+    click.option(
+        "--standstill-share",
+        type=click.FloatRange(0, 1),
+        metavar="SHARE",
+        help="Balance: standstill is below this share of the highest speed.  [default: 0.01]",
+    ),
+)
+
+
+def balance_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """What a torque balance is told about filters and standstill."""
+    for option in reversed(_BALANCE):
+        function = option(function)
+    return function
+
+
+def read_all(
+    paths: Sequence[Path], mapping: Path | None, wanted: Sequence[str] = ()
+) -> dict[str, Trace]:
+    """Every trace, or every part of it, under the shortest name that tells it from the others.
+
+    wanted: settings SETTING=VALUE that a part must have been recorded under
 
     Raises TraceError naming file, rows, rule and way out.
     """
@@ -63,11 +111,40 @@ def read_all(paths: Sequence[Path], mapping: Path | None) -> dict[str, Trace]:
     names = stems if len(set(stems)) == len(stems) else [str(path) for path in paths]
     if len(set(names)) < len(names):
         raise click.BadParameter("the same trace is named twice")
-    return {name: read(path, mapping) for name, path in zip(names, paths, strict=True)}
+    found = {
+        name + part.name.removeprefix(path.stem): part
+        for name, path in zip(names, paths, strict=True)
+        for part in read_parts(path, mapping)
+    }
+    for setting, value in pairs(tuple(wanted)):
+        found = _recorded_under(found, setting, value)
+    return found
+
+
+def _recorded_under(parts: dict[str, Trace], setting: str, value: str) -> dict[str, Trace]:
+    there = {part.labels[setting] for part in parts.values() if setting in part.labels}
+    if not there:
+        known = sorted({name for part in parts.values() for name in part.labels})
+        splits = f"parts differ in {', '.join(known)}" if known else "the mapping splits nothing"
+        raise click.BadParameter(f"--part {setting}={value}: no such setting; {splits}")
+    kept = {n: p for n, p in parts.items() if f"{p.labels.get(setting, math.nan):g}" == value}
+    if not kept:
+        values = ", ".join(f"{v:g}" for v in sorted(there))
+        raise click.BadParameter(f"--part {setting}={value}: no such part; {setting} is {values}")
+    return kept
 
 
 def replay_options(
-    machine: Machine, *, motion: str | None, start: str, offsets: str, interpolation: str
+    machine: Machine,
+    *,
+    motion: str | None,
+    start: str,
+    offsets: str,
+    interpolation: str,
+    cutoff: float | None,
+    decimate: int | None,
+    standstill: str | None,
+    standstill_share: float | None,
 ) -> dict[str, Any]:
     """Keywords that compare and fit take alike."""
     return {
@@ -75,4 +152,12 @@ def replay_options(
         "start": start,
         "offsets": offsets,
         "interpolation": interpolation,
+        "processing": _told(Processing, cutoff=cutoff, decimate=decimate),
+        "standstill": _told(Standstill, treatment=standstill, share=standstill_share),
     }
+
+
+def _told(kind: Callable[..., Any], **given: Any) -> Any:
+    """An object with what was given, or None where nothing was."""
+    own = {name: value for name, value in given.items() if value is not None}
+    return kind(**own) if own else None

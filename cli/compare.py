@@ -23,11 +23,13 @@ from dualdrive_cli._shared import (
     write_json,
 )
 from dualdrive_cli._traces import (
+    balance_options,
     interpolation_option,
     map_option,
     mode_option,
     motion_option,
     offsets_option,
+    part_option,
     read_all,
     replay_options,
     start_option,
@@ -41,12 +43,14 @@ from dualdrive_cli._traces import (
 @click.argument("machine")
 @traces_argument
 @map_option
+@part_option
 @set_option
 @mode_option
 @motion_option
 @start_option
 @offsets_option
 @interpolation_option
+@balance_options
 @click.option("-o", "--output", type=Path, help="Write measured and simulated channels as CSV.")
 @click.option("--plot", type=Path, help="Draw measured and simulated channels (png, pdf, svg).")
 @json_option
@@ -56,6 +60,7 @@ def command(
     machine: str,
     traces: tuple[Path, ...],
     mapping: Path | None,
+    wanted: tuple[str, ...],
     settings: tuple[str, ...],
     mode: str,
     output: Path | None,
@@ -73,7 +78,7 @@ def command(
     for path in filter(None, (output, plot)):
         refuse_existing(path, overwrite=overwrite)
     m = load(machine, settings)
-    recorded = read_all(traces, mapping)
+    recorded = read_all(traces, mapping, wanted)
     with console(err=True).status("comparing"):
         try:
             found = compare(m, recorded, mode, **replay_options(m, **replay))

@@ -26,11 +26,13 @@ from dualdrive_cli._shared import (
     write_json,
 )
 from dualdrive_cli._traces import (
+    balance_options,
     interpolation_option,
     map_option,
     mode_option,
     motion_option,
     offsets_option,
+    part_option,
     read_all,
     replay_options,
     start_option,
@@ -59,12 +61,14 @@ from dualdrive_cli._traces import (
 @click.option("--channel", "channels", multiple=True, help="Fit these channels only.")
 @click.option("--confidence", type=click.FloatRange(0.5, 0.9999), default=0.95, show_default=True)
 @map_option
+@part_option
 @set_option
 @mode_option
 @motion_option
 @start_option
 @offsets_option
 @interpolation_option
+@balance_options
 @click.option("-o", "--output", type=Path, help="The fitted machine file.")
 @json_option
 @overwrite_option
@@ -79,6 +83,7 @@ def command(
     channels: tuple[str, ...],
     confidence: float,
     mapping: Path | None,
+    wanted: tuple[str, ...],
     settings: tuple[str, ...],
     mode: str,
     output: Path | None,
@@ -94,7 +99,7 @@ def command(
     if output:
         refuse_existing(output, overwrite=overwrite)
     m = load(machine, settings)
-    recorded, unseen = read_all(traces, mapping), read_all(held_out, mapping)
+    recorded, unseen = read_all(traces, mapping, wanted), read_all(held_out, mapping)
     options = replay_options(m, **replay)
     with console(err=True).status("fitting") as status:
 

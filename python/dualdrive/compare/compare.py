@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 from dualdrive.compare.comparison import Comparison, Quantity
 from dualdrive.compare.noise import NoiseFloor, noise_floor
 from dualdrive.compare.where import Situation, standing, where_it_fails
-from dualdrive.identify import Evaluation, evaluate, torque_balance, which_mode, with_torques
+from dualdrive.identify import (
+    Evaluation,
+    Processing,
+    Standstill,
+    evaluate,
+    refuse_filters,
+    torque_balance,
+    which_mode,
+    with_torques,
+)
 from dualdrive.replay import RTOL, Record, core_of, named
 from dualdrive.traces import Trace
 
@@ -29,6 +38,8 @@ def compare(
     interpolation: str = "auto",
     start: str = "auto",
     rtol: float = RTOL,
+    processing: Processing | None = None,
+    standstill: Standstill | None = None,
 ) -> Comparison:
     """Compare a machine with measured traces.
 
@@ -48,6 +59,8 @@ def compare(
         interpolation: ``auto``, ``cubic``, ``linear`` or ``hold``, of recorded inputs.
         start: ``rest``, ``settled`` or ``auto``, see :func:`dualdrive.replay.records`.
         rtol: local tolerance of the simulation.
+        processing: filters and decimation of the torque balance.
+        standstill: what the torque balance does near standstill.
 
     Raises:
         ValueError: a trace that can't be held against this machine, or an unknown option.
@@ -60,7 +73,8 @@ def compare(
     if mode == "auto":
         mode = which_mode(core, recorded, motion)
     if mode == "balance":
-        return _balance(machine, recorded, offsets)
+        return _balance(machine, recorded, offsets, processing, standstill)
+    refuse_filters(processing, standstill)
     found = evaluate(
         machine,
         recorded,
@@ -135,10 +149,23 @@ def _notes(quantities: Sequence[Quantity]) -> list[str]:
     return notes
 
 
-def _balance(machine: Any, recorded: Mapping[str, Trace], offsets: str) -> Comparison:
+def _balance(
+    machine: Any,
+    recorded: Mapping[str, Trace],
+    offsets: str,
+    processing: Processing | None,
+    standstill: Standstill | None,
+) -> Comparison:
     """Every equation of motion on the recorded kinematics, with a constant torque per record."""
     traces = {name: with_torques(core_of(machine), trace) for name, trace in recorded.items()}
-    found = torque_balance(machine, traces, free=[], offsets=offsets != "none")
+    found = torque_balance(
+        machine,
+        traces,
+        free=[],
+        offsets=offsets != "none",
+        processing=processing,
+        standstill=standstill,
+    )
     unit_of = getattr(machine, "unit_of", lambda _, unit: unit)
     quantities, situations = [], []
     for (record, equation), left in found.residuals.items():
@@ -159,7 +186,7 @@ def _balance(machine: Any, recorded: Mapping[str, Trace], offsets: str) -> Compa
         )
         quantities.append(own)
         situations.append(_balance_situation(traces[record], own))
-    notes = [found.processing, "samples near standstill do not count: dry friction is open there"]
+    notes = [found.processing, *found.sample_lines()]
     return Comparison(
         core_of(machine).name, "balance", quantities, where_it_fails(situations), {}, {}, notes
     )

@@ -56,6 +56,12 @@ class Quantity:
         """RMS residual in SI."""
         return float(np.sqrt(np.mean(self.residual[self.counted] ** 2)))
 
+    @property
+    def shares(self) -> tuple[float, float]:
+        """RMS residual and noise floor over the spread; infinite where nothing varied."""
+        spread = self.spread
+        return (self.rms / spread, self.noise.rms / spread) if spread else (math.inf, math.inf)
+
 
 @dataclass(frozen=True)
 class ChannelError:
@@ -148,19 +154,21 @@ class Comparison:
     # --- for people -------------------------------------------------------------------------------
 
     def rows(self) -> list[tuple[str, ...]]:
-        """Cells of the table: a head, one row per channel, the headline last."""
+        """Cells of the table: a head, one row per channel, the headline last.
+
+        Below each equation of a torque balance every record has a row of its own.
+        """
         head = ("channel", "kind", "error", "noise floor", "RMS residual", "")
-        rows = [
-            (
-                c.name,
-                c.kind,
-                f"{c.error:.2%}",
-                _percent(c.noise_floor),
-                f"{c.rms:.4g} {c.unit}",
-                "" if c.headline else "not in the headline",
-            )
-            for c in self.channels
-        ]
+        rows = []
+        for c in self.channels:
+            remark = "" if c.headline else "not in the headline"
+            rows.append((c.name, c.kind, *_cells(c.error, c.noise_floor, c.rms, c.unit), remark))
+            if c.kind == "equation" and len(self.records) > 1:
+                rows += [
+                    (f"  {q.record}", "", *_cells(*q.shares, q.rms, q.unit), "")
+                    for q in self.quantities
+                    if q.name == c.name
+                ]
         error = self.error
         last = ("headline", "", _percent(error["headline"]), _percent(error["noise_floor"]), "", "")
         return [head, *rows, last]
@@ -237,6 +245,10 @@ class Comparison:
 
 _COLUMNS = ("measured", "simulated")
 _MODES = {"closed_loop": "closed loop simulated", "balance": "torque balance"}
+
+
+def _cells(error: float, noise: float, rms: float, unit: str) -> tuple[str, str, str]:
+    return f"{error:.2%}", _percent(noise), f"{rms:.4g} {unit}"
 
 
 def _percent(share: float) -> str:

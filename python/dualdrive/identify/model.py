@@ -97,8 +97,15 @@ class CoreModel:
         return getattr(self.machine, "core", self.machine)
 
     def parameters(self) -> list[Declared]:
-        """Every parameter, with its present value."""
-        return [_declared(p) for p in self._core.parameters()]
+        """Every parameter, with its present value, in the units of the machine's axis."""
+        return [_declared(p, self._unit(p.path, p.unit)) for p in self._core.parameters()]
+
+    def torque_unit(self, equation: str) -> str:
+        """What an equation closes in: N*m, or N where its body slides."""
+        return self._unit("T_load" if equation in ("total", "m") else "T_1", "N*m")
+
+    def _unit(self, name: str, unit: str) -> str:
+        return str(self.machine.unit_of(name, unit)) if hasattr(self.machine, "unit_of") else unit
 
     def declared(self, path: str) -> Declared:
         """One parameter or tie group; the core names near paths where there is none."""
@@ -143,8 +150,6 @@ def as_model(machine: Any) -> BalanceModel:
     return machine if isinstance(machine, BalanceModel) else CoreModel(machine)
 
 
-def _declared(parameter: Any) -> Declared:
+def _declared(parameter: Any, unit: str) -> Declared:
     low = parameter.low + (1e-9 * parameter.typical if parameter.low_excluded else 0.0)
-    return Declared(
-        parameter.path, parameter.unit, low, parameter.high, parameter.value, parameter.typical
-    )
+    return Declared(parameter.path, unit, low, parameter.high, parameter.value, parameter.typical)

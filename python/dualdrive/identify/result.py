@@ -34,11 +34,11 @@ class Estimate:
     verdict: str
     reason: str
 
-    def line(self) -> str:
+    def line(self, width: int = 28) -> str:
         """For a table; a second line says why where the number is not identified."""
         interval = f"[{self.low:.6g} .. {self.high:.6g}]"
         text = (
-            f"{self.path:<28} {self.value:>12.6g} {interval:<28} {self.unit:<14} "
+            f"{self.path:<{width}} {self.value:>12.6g} {interval:<28} {self.unit:<14} "
             f"nominal {self.nominal:<10.6g} {self.share:>6.1%} of torque"
         )
         return text if self.verdict == "identified" else f"{text}\n    {self.reason}"
@@ -115,16 +115,20 @@ class BalanceFit:
         """Parameters that these records do not determine."""
         return [e for e in self.parameters.values() if e.verdict != "identified"]
 
+    def sample_lines(self) -> list[str]:
+        """One line per equation: samples that count, and what became of those at standstill."""
+        done = {"mask": "masked", "bound": "bounded by friction limits", "keep": "kept"}
+        return [
+            f"{name}: {count.fitted} of {count.total} samples count, {count.standstill} near "
+            f"standstill {done[self.treatment]}"
+            for name, count in self.samples.items()
+        ]
+
     def table(self) -> str:
         """Everything above as lines of text."""
         lines = [f"torque balance: {self.processing}"]
+        lines += self.sample_lines()
         for name, error in self.errors.items():
-            count = self.samples[name]
-            done = {"mask": "masked", "bound": "bounded by friction limits", "keep": "kept"}
-            lines.append(
-                f"{name}: {count.fitted} of {count.total} samples fitted, {count.standstill} near "
-                f"standstill {done[self.treatment]}"
-            )
             before = self.nominal_errors[name]
             lines.append(
                 f"{name}: error {error.relative:.2%} of mean-free RMS (nominal "
@@ -132,8 +136,9 @@ class BalanceFit:
                 f"{before.force:.2%})"
             )
         lines.append(f"{self.confidence:.0%} intervals from {self.effective:.0f} effective samples")
-        lines += [estimate.line() for estimate in self.parameters.values()]
-        lines += [estimate.line() for estimate in self.offsets.values()]
+        estimates = [*self.parameters.values(), *self.offsets.values()]
+        width = max([28, *(len(estimate.path) for estimate in estimates)])
+        lines += [estimate.line(width) for estimate in estimates]
         lines.append(f"condition number {self.condition:.3g}")
         return "\n".join(lines)
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.identify.model import BalanceModel, Declared
+from dualdrive.identify.model import BalanceModel, CoreModel, Declared
 from dualdrive.identify.regression import Solution
 from dualdrive.identify.result import BalanceFit, Error, Estimate, Residual, Samples
 from dualdrive.identify.trail import Offset, Trail
@@ -60,7 +60,7 @@ def summarise(
             float(constants[k]),
             float(centre[count + k] - reach[count + k]),
             float(centre[count + k] + reach[count + k]),
-            "N*m",
+            _torque_unit(model, own[1]),
             0.0,
             float(abs(constants[k]) / _measured_rms(trails, own[1])),
             "identified",
@@ -121,6 +121,10 @@ def _verdict(
     if others[partner] > 0.5:
         reason += f"; correlated {solution.correlation[k, partner]:+.2f} with {names[partner]}"
     return "not identified", reason
+
+
+def _torque_unit(model: BalanceModel, equation: str) -> str:
+    return model.torque_unit(equation) if isinstance(model, CoreModel) else "N*m"
 
 
 def _torque_per_unit(trails: Sequence[Trail], count: int) -> Array:

@@ -82,13 +82,13 @@ def follow(
 def sensitive(
     model: BalanceModel, records: Mapping[str, Sequence[Piece]], setup: Setup
 ) -> list[str]:
-    """Every parameter that moves the balance on these records.
+    """Every parameter that moves the balance on these records, but for ratios: those are counted.
 
     Raises:
         ValueError: there is none.
 
     """
-    names = [p.path for p in model.parameters()]
+    names = [p.path for p in model.parameters() if not p.path.endswith(".ratio")]
     moved = np.zeros(len(names), dtype=bool)
     for parts in records.values():
         for piece in parts:

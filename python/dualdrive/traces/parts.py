@@ -57,13 +57,14 @@ def _channel(trace: Trace, name: str) -> str:
 
 
 def _name(trace: Trace, parts: list[Trace], left_out: list[int]) -> list[Trace]:
-    """Name each part by its settings, and tell each what became of the rows between parts."""
+    """Name parts by what sets them apart, and tell each what became of the rows between them."""
     issue = Issue("short_part", f"not in any part: {row_ranges(left_out)}")
     note = (issue,) if left_out else ()
+    differing = [n for n in parts[0].labels if len({part.labels[n] for part in parts}) > 1]
     seen: dict[str, int] = {}
     named = []
     for part in parts:
-        settings = ", ".join(f"{name}={value:g}" for name, value in part.labels.items())
+        settings = ", ".join(f"{n}={part.labels[n]:g}" for n in differing or part.labels)
         name = f"{trace.name}[{settings}]"
         seen[name] = seen.get(name, 0) + 1
         name += f" #{seen[name]}" if seen[name] > 1 else ""
