@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -30,23 +31,23 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def figures(demo: Path) -> dict:
-    found: dict = json.loads((demo / "figures.json").read_text())
+def figures(demo: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((demo / "figures.json").read_text())
     return found
 
 
-def test_it_names_the_hidden_effect(figures: dict) -> None:
+def test_it_names_the_hidden_effect(figures: dict[str, Any]) -> None:
     best = figures["refits"][0]
     assert f"{best['effect']}@{best['place']}" == HIDDEN
     assert figures["not_told_apart"] == []
 
 
-def test_its_size_is_recovered(figures: dict) -> None:
+def test_its_size_is_recovered(figures: dict[str, Any]) -> None:
     torque = figures["refits"][0]["parameters"][f"{HIDDEN}.torque"]
     assert torque["value"] == pytest.approx(TRUTH["effect"]["torque"], rel=0.01)
 
 
-def test_the_error_falls_to_the_noise_floor_on_data_it_was_not_fitted_to(figures: dict) -> None:
+def test_the_error_falls_to_the_noise_floor_on_data_it_was_not_fitted_to(figures: dict[str, Any]) -> None:
     sheet, refitted, grown = (step["held_out"] for step in figures["steps"])
     assert refitted < sheet
     assert grown < 0.15 * refitted

@@ -247,7 +247,7 @@ def _regress(columns: Array, residual: Array) -> tuple[float, Array]:
     """Share of the residual's square that the columns explain, and their strengths."""
     if not np.any(columns):
         return 0.0, np.zeros(columns.shape[1])
-    strengths, *_ = np.linalg.lstsq(columns, -residual, rcond=1e-10)
+    strengths: Array = np.linalg.lstsq(columns, -residual, rcond=1e-10)[0].astype(np.float64)
     after = residual + columns @ strengths
     total = float(residual @ residual)
     return max(0.0, 1.0 - float(after @ after) / total) if total > 0 else 0.0, strengths

@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
-from numbers import Real
-from typing import Any
+from typing import Any, SupportsFloat
 
 from dualdrive import _core
 from dualdrive.units import UnitError, parse
@@ -71,10 +70,10 @@ def _number(core: _core.Machine, s: Structure, path: str, value: Any) -> float:
         return half_gap_at_pinion(
             value, key=path, axis=s.axis, ratio=lambda what: _ratio_beside(core, path, what)
         )
-    if isinstance(value, Real) and not isinstance(value, bool):
-        value = float(value)  # NumPy's own numbers too
-        if math.isinf(value):
-            return value  # "no limit"; the core knows where that makes sense
+    if not isinstance(value, bool) and isinstance(value, SupportsFloat):
+        number = value = float(value)  # NumPy's own numbers too
+        if math.isinf(number):
+            return number  # "no limit"; the core knows where that makes sense
     if not isinstance(value, bool | float | str):
         raise UnitError(f"{path} = {value!r}: must be a number or text with a unit")
     unit = unit_on_axis(path, declared.unit, axis=s.axis, rigid=s.drive_train == "rigid")
