@@ -17,8 +17,12 @@ class History {
   public:
     static constexpr int points = 6;
 
-    History(std::size_t lines, std::size_t parameters)
-        : lines_(lines), parameters_(parameters), before_(lines, 0.0), slope_before_(lines * parameters, 0.0) {
+    History(double begin, std::size_t lines, std::size_t parameters)
+        : begin_(begin),
+          lines_(lines),
+          parameters_(parameters),
+          before_(lines, 0.0),
+          slope_before_(lines * parameters, 0.0) {
         for (int j = 0; j < points; ++j) node_[j] = 0.5 * (1.0 - std::cos(M_PI * j / (points - 1)));
         Eigen::Matrix<double, points, points> vandermonde;
         for (int j = 0; j < points; ++j)
@@ -92,15 +96,17 @@ class History {
     }
     // The piece that holds t; where two meet, the one on the side of the cell in which the solver stands. A time less a
     // delay misses the meeting point by rounding, so that side is taken a little further on.
+    // Steps too short to be kept leave holes of 1e-12 s, which the piece after them covers.
     const Piece* find(double t, const Cell& cell) const {
         const double little = 1e-14 * std::max(1.0, std::abs(t));
         const double beside = t >= cell.high ? t - little : t + little;
-        if (pieces_.empty() || beside < pieces_.front().from) return nullptr;
+        if (pieces_.empty() || beside < begin_) return nullptr;
         const auto holds =
             std::partition_point(pieces_.begin(), pieces_.end(), [&](const Piece& p) { return p.to <= beside; });
         return holds == pieces_.end() ? &pieces_.back() : &*holds;
     }
 
+    double begin_;
     std::size_t lines_, parameters_;
     std::array<double, points> node_{};
     Eigen::Matrix<double, points, points> to_monomial_;

@@ -224,7 +224,7 @@ void Simulation::start() {
         return parameters_[k].initial_state == static_cast<int>(state) ? 1.0 : 0.0;
     };
     if (!layout_.delays.empty()) {
-        history_ = std::make_unique<History>(layout_.delays.size(), parameters_.size());
+        history_ = std::make_unique<History>(options_.start, layout_.delays.size(), parameters_.size());
         for (std::size_t d = 0; d < layout_.delays.size(); ++d)
             history_->set_before(d, model_.signals()[static_cast<std::size_t>(layout_.delays[d].source)]);
         past_ = std::make_unique<HistoryView<double>>(*history_, -1);
