@@ -9,7 +9,7 @@ import pytest
 
 from dualdrive.traces import Trace, read, read_parts
 
-MAPS = Path(__file__).parent / "maps"
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 BESIDE = Path(__file__).resolve().parents[3] / "shared" / "data"
 
 
@@ -23,12 +23,13 @@ def measured_file(name: str) -> Path:
 
 def emps() -> Trace:
     """The linear axis: position in m as theta_m, force in N as T_1."""
-    return read(measured_file("emps/DATA_EMPS.mat"), MAPS / "emps.toml")
+    return read(measured_file("emps/DATA_EMPS.mat"), EXAMPLES / "emps.map.toml")
 
 
 def rig(log: str) -> dict[str, Trace]:
     """Tests of the dual-motor rig, split by TestIndex and by tension off (0) and on (1)."""
-    parts = read_parts(measured_file(f"dual_motor_rig/{log}.csv"), MAPS / "dual_motor_rig.toml")
+    mapping = EXAMPLES / "dual_motor_rig.map.toml"
+    parts = read_parts(measured_file(f"dual_motor_rig/{log}.csv"), mapping)
     return {_label(part, k): part for k, part in enumerate(parts)}
 
 

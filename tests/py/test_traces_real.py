@@ -1,4 +1,4 @@
-"""Recordings of real machines through their mappings (maps/*.toml).
+"""Recordings of real machines through their mappings (examples/*.map.toml, maps/*.toml).
 
 Row numbers and counts below were taken from the files with an editor and awk; physical bounds come
 from the descriptions that lie beside the data.
@@ -21,6 +21,7 @@ from dualdrive.traces.mapping_file import mapping_from
 from dualdrive.traces.rates import rate_ratio
 
 MAPS = Path(__file__).parent / "maps"
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 BESIDE = Path(__file__).resolve().parents[3] / "shared" / "data"
 
 
@@ -32,8 +33,14 @@ def measured_file(name: str) -> Path:
     return path
 
 
-def recording(data: str, mapping: str) -> Trace:
-    return read(measured_file(data), MAPS / f"{mapping}.toml")
+def mapping_of(machine: str) -> Path:
+    """The mapping that is shipped as an example, or the tests' own."""
+    shipped = EXAMPLES / f"{machine}.map.toml"
+    return shipped if shipped.exists() else MAPS / f"{machine}.toml"
+
+
+def recording(data: str, machine: str) -> Trace:
+    return read(measured_file(data), mapping_of(machine))
 
 
 def ratio(trace: Trace, theta: str, omega: str) -> float | None:
@@ -65,7 +72,7 @@ def test_rig_setting_changed_in_the_middle_of_a_test() -> None:
 
 def test_rig_counters_are_set_back_between_tests() -> None:
     path = measured_file("dual_motor_rig/log10.csv")
-    mapping = read_mapping(MAPS / "dual_motor_rig.toml")
+    mapping = read_mapping(mapping_of("dual_motor_rig"))
     everything = TraceMap(time=mapping.time, columns=mapping.columns)
     trace = read(path, everything)
     assert trace.log["reset"][0].rows[-3:] == (7657, 14901, 22560)  # where TestIndex changes
@@ -104,7 +111,7 @@ def test_rig_play_is_tens_of_degrees() -> None:
 
 
 def test_rig_in_rpm_is_found_out() -> None:
-    mapping = read_mapping(MAPS / "dual_motor_rig.toml").as_dict()
+    mapping = read_mapping(mapping_of("dual_motor_rig")).as_dict()
     mapping["columns"]["ENC1Speed"]["unit"] = "rpm"
     trace = read(measured_file("dual_motor_rig/log10.csv"), mapping_from(mapping))
     assert "theta_m" in trace.log["rates"][0].message
