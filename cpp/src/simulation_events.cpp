@@ -12,6 +12,7 @@ constexpr int settle_passes = 60;      // transitions at one instant before it i
 constexpr long crowded_limit = 400;    // transitions in a row ...
 constexpr double crowded_time = 1e-9;  // ... each within this of the one before, s
 constexpr double noise = 1e-9;         // of a guard's scale: below it, which way the guard moves decides
+constexpr double grazing_rate = 1e-2;  // of a guard's scale, 1/s: one that falls more slowly has a kink in its slopes
 constexpr double at_limit = 1e-6;      // of a limit: nearer than this a limited quantity stands on it
 
 double instant(double t) { return 1e-12 * std::max(1.0, std::abs(t)); }
@@ -157,7 +158,7 @@ void Simulation::find_instant_slope(int element, int which, const std::vector<do
     if (parameters_.empty() || rides) return;  // leaving a riding limit, the field is continuous
     evaluate_along(t, z.data(), 1.0, rate.data());
     const double approach = along_.guard(element, which, nullptr).slope[0];
-    if (std::abs(approach) * 1e-6 < 1e-9 * guard_scale(element, which)) ++out_.statistics.grazing;
+    if (std::abs(approach) < grazing_rate * guard_scale(element, which)) ++out_.statistics.grazing;
     if (approach == 0.0) return;
     for (std::size_t c = 0; c < chunks(); ++c) {
         evaluate_chunk(c, t, z.data(), [&](std::size_t k, std::size_t state) {

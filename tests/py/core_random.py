@@ -99,7 +99,7 @@ class RandomMachine:
 
     def number(self) -> None:
         machine, scale = self.machine, self.scale
-        stiffer, preload = self.near(5), scale.mesh["stiffness"] * scale.mesh["gap"]
+        stiffer = self.near(5)
         for n in range(1, self.drives + 1):
             motor = {name: self.near(value) for name, value in scale.motor.items()}
             motor["C_e"] = motor["K_d"]
@@ -110,22 +110,28 @@ class RandomMachine:
             for part, values in ((f"motor_{n}", scale.motor_body), (f"pinion_{n}", scale.pinion)):
                 set_all(machine, part, {name: self.near(value) for name, value in values.items()})
             machine.set(f"gearbox_{n}.ratio", scale.i)
-            machine.set(f"gearbox_{n}.stiffness", stiffer * self.near(scale.mesh["stiffness"]))
-            machine.set(f"gearbox_{n}.gap", self.near(scale.mesh["gap"] / 5))
             machine.set(f"mesh_{n}.ratio", scale.i_m)
-            for name, value in scale.mesh.items():
-                machine.set(f"mesh_{n}.{name}", self.near(value))
-            if self.chance(0.1, "no gap"):
-                machine.set(f"mesh_{n}.gap", 0.0)
-            if machine.kind(f"mesh_{n}") == "compliant":
-                machine.set(f"mesh_{n}.preload", self.near(preload / 4))
+            self.join(f"gearbox_{n}", stiffer * scale.mesh["stiffness"], scale.mesh["gap"] / 5)
+            self.join(f"mesh_{n}", scale.mesh["stiffness"], scale.mesh["gap"])
         set_all(machine, "table", {name: self.near(v) for name, v in scale.table.items()})
+
+    def join(self, connection: str, stiffness: float, gap: float) -> None:
+        kind = self.machine.kind(connection)
+        if kind == "rigid":
+            return
+        self.machine.set(f"{connection}.stiffness", self.near(stiffness))
+        if kind == "compliant":
+            self.machine.set(f"{connection}.preload", self.near(stiffness * gap / 4))
+        elif self.chance(0.1, "no gap"):
+            self.machine.set(f"{connection}.gap", 0.0)
+        else:
+            self.machine.set(f"{connection}.gap", self.near(gap))
 
     def control(self) -> None:
         machine, scale = self.machine, self.scale
         machine.set_controller(
             equaliser=self.pick("both", "slave", "master"),
-            tension=self.pick("constant", "falling", "off"),
+            tension=self.pick("constant", "off" if self.direct else "falling", "off"),
             current="voltage" if self.chance(0.1, "voltage") else "cascade",
         )
         law = {name: self.near(value) for name, value in scale.controller.items()}
