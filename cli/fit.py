@@ -147,13 +147,13 @@ def _tolerance(texts: tuple[str, ...]) -> float | dict[str, float] | None:
         raise click.BadParameter("--tolerance: one number for all, or key=share for some, not both")
     if plain:
         return _share(plain[0])
-    return {path: _share(text) for path, text in pairs(texts)} or None
+    return {path: _share(text, path) for path, text in pairs(texts)} or None
 
 
-def _share(text: str) -> float:
+def _share(text: str, path: str = "") -> float:
     from dualdrive.units import parse
 
-    return parse(text, "", key="--tolerance")
+    return parse(text, "", key=f"--tolerance {path}".strip())
 
 
 def _save(machine: Machine, path: Path, records: str, *, overwrite: bool) -> None:

@@ -248,14 +248,17 @@ class Problem:
         if replays is None:
             raise FitError(f"the simulation fails at the starting point: {self.failures[-1]}")
         before = dict(self.weights)
+        sizes, times = {}, []
         for own, left in self.unweighted(replays, u).items():
             steady = left - np.mean(left) if own in self.offsets else left
-            size = max(float(np.sqrt(np.mean(steady**2))), _FINEST * self.spread[own])
-            alike = 1.0 + 2.0 * correlation_time(steady)
-            self.weights[own] = 1.0 / (size * np.sqrt(alike))
-        return float(
-            np.exp(np.max(np.abs([np.log(self.weights[o] / before[o]) for o in self.rows])))
-        )
+            rms = float(np.sqrt(np.mean(steady**2)))
+            sizes[own] = max(rms, _FINEST * self.spread[own])
+            times.append(correlation_time(steady))
+        # one time for all: relative weights from sizes alone make the rounds descend on n log RMS
+        alike = 1.0 + 2.0 * float(np.mean(times))
+        self.weights = {own: 1.0 / (sizes[own] * np.sqrt(alike)) for own in self.rows}
+        moved = [np.log(self.weights[own] / before[own]) for own in self.rows]
+        return float(np.exp(np.max(np.abs(moved))))
 
     def regression_rows(self, u: Array) -> list[Rows]:
         """The problem linearised at u, one block per record, for the covariance."""

@@ -1,0 +1,123 @@
+"""The verbs compare and fit, as a user types them."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shlex
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from dualdrive import Machine
+from dualdrive.compare import compare
+from dualdrive_cli.main import main
+from recorded import DEMO, demo, maker, sheet
+
+
+@pytest.fixture
+def dualdrive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Result]:
+    """Run a command line in a folder that holds the demo's machine and records."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("machine.toml", "fit.csv", "held_out.csv"):
+        shutil.copy(DEMO / name, tmp_path)
+
+    def run(line: str) -> Result:
+        return CliRunner().invoke(main, shlex.split(line))
+
+    return run
+
+
+def refused(result: Result, code: int, words: str) -> None:
+    assert result.exit_code == code, result.output
+    assert words in result.stderr, result.stderr
+
+
+@pytest.mark.parametrize("verb", ["compare", "fit"])
+def test_help_has_an_example_that_works(verb: str, dualdrive: Callable[[str], Result]) -> None:
+    shown = " ".join(dualdrive(f"{verb} --help").output.split())
+    example = shown.partition("Example: dualdrive ")[2]
+    assert example.startswith(verb)
+    if verb == "fit":
+        dualdrive("add machine.toml coulomb@table -o grown.toml --overwrite")
+        Path("grown.toml").replace("machine.toml")
+    done = dualdrive(example)
+    assert done.exit_code == 0, done.output
+
+
+def test_compare_prints_and_writes_what_the_library_finds(
+    dualdrive: Callable[[str], Result],
+) -> None:
+    found = compare(sheet(), demo("fit"))
+    done = dualdrive("compare machine.toml fit.csv --json figures.json -o channels.csv")
+    assert done.exit_code == 0, done.output
+    assert f"{found.error['headline']:.2%}" in done.stdout
+    figures = json.loads(Path("figures.json").read_text())
+    assert figures["error"]["headline"] == pytest.approx(found.error["headline"], rel=1e-6)
+    with Path("channels.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(demo("fit"))
+    assert float(rows[900]["I_1 simulated [A]"]) == pytest.approx(
+        found["I_1"].simulated[900], rel=1e-6
+    )
+
+
+def test_json_alone_goes_to_standard_output(dualdrive: Callable[[str], Result]) -> None:
+    done = dualdrive("compare machine.toml fit.csv held_out.csv --json -")
+    assert json.loads(done.stdout)["records"] == ["fit", "held_out"]
+
+
+def test_settings_reach_the_machine(dualdrive: Callable[[str], Result]) -> None:
+    plain = json.loads(dualdrive("compare machine.toml fit.csv --json -").stdout)
+    other = json.loads(dualdrive("compare machine.toml fit.csv --set table.J=6e6 --json -").stdout)
+    assert other["error"]["headline"] != pytest.approx(plain["error"]["headline"], rel=1e-2)
+
+
+def test_fit_writes_machine_figures_and_held_out_error(
+    dualdrive: Callable[[str], Result],
+) -> None:
+    dualdrive("add machine.toml coulomb@table -o grown.toml")
+    done = dualdrive(
+        "fit grown.toml fit.csv --held-out held_out.csv --free table.J,motors.J "
+        "--free coulomb@table.torque --tolerance table.J=20% -o fitted.toml --json figures.json"
+    )
+    assert done.exit_code == 0, done.output
+    figures = json.loads(Path("figures.json").read_text())
+    torque = figures["parameters"]["coulomb@table.torque"]
+    assert torque["value"] == pytest.approx(maker.truth()["effect"]["torque"], rel=0.03)
+    assert figures["parameters"]["table.J"]["tolerance"] == pytest.approx(0.2)
+    assert figures["error"]["held_out"] < 0.5 * figures["error"]["nominal"]
+    assert f"held out: {figures['error']['held_out']:.2%} on held_out" in done.stdout
+    assert Machine.load("fitted.toml").get("coulomb@table.torque") == torque["value"]
+    refused(dualdrive("fit grown.toml fit.csv -o fitted.toml"), 1, "exists already")
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("compare machine.toml", "TRACE"),
+        ("compare machine.toml absent.csv", "absent.csv"),
+        ("compare absent.toml fit.csv", "absent.toml"),
+        ("compare machine.toml fit.csv fit.csv", "named twice"),
+        ("compare machine.toml fit.csv --mode open", "closed_loop"),
+        ("fit machine.toml fit.csv --free table.mass", "table.mass"),
+        ("fit machine.toml fit.csv --free meshes.ratio", "counted or set"),
+        ("fit machine.toml fit.csv --tolerance 0.1 --tolerance table.J=0.1", "not both"),
+        ("fit machine.toml fit.csv --free table.J --tolerance table.J=x", "table.J"),
+    ],
+)
+def test_nonsense_is_refused_before_anything_is_computed(
+    line: str, words: str, dualdrive: Callable[[str], Result]
+) -> None:
+    refused(dualdrive(line), 2, words)
+
+
+def test_a_machine_that_does_not_simulate_fails_with_one_line(
+    dualdrive: Callable[[str], Result],
+) -> None:
+    done = dualdrive("compare machine.toml fit.csv --set controller.k_p=1e12 --start rest")
+    refused(done, 1, "fit: ")
+    assert done.stderr.count("\n") == 1
