@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import json
+import os
 import shlex
 import sys
 from collections.abc import Callable
@@ -45,6 +46,8 @@ def verb(function: Callable[P, R]) -> Callable[P, R]:
             sys.stdout = None
             raise SystemExit(0) from None
         except OSError as error:
+            # what is still buffered would fail again at the end, with an exit code of its own
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             give_up(f"standard output cannot be written: {error.strerror}", FAILED)
         except KeyboardInterrupt:
             give_up("stopped", STOPPED)

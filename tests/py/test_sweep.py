@@ -18,7 +18,7 @@ import dualdrive
 from dualdrive.figures import figures
 from dualdrive.files import FileError
 from dualdrive.machine import Machine
-from dualdrive.motion import Motion, move, sampled
+from dualdrive.motion import Motion, move, sampled, sine
 from dualdrive.simulation import simulate
 from dualdrive.sweeps import GridError, Sweep, lay_out, load_sweep, resume, sweep
 from dualdrive.sweeps.parallel import as_finished
@@ -243,7 +243,7 @@ def test_simulations_leave_the_interpreter_to_others(machine: Machine) -> None:
     def compute() -> None:
         at_work.set()
         began = time.perf_counter()
-        simulate(machine, MOTION, end=60.0, signals=["e"], output_step=0.1)
+        simulate(machine, sine(1e-3, f=1.0), end=200.0, signals=["e"], output_step=0.1)
         moments[:] = [began, time.perf_counter()]
 
     worker = threading.Thread(target=compute)

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -29,8 +30,15 @@ def start(verb: str, path: Path, limit: Callable[[], None] | None = None) -> sub
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=limit,
+        preexec_fn=partial(prepare, limit),
     )
+
+
+def prepare(limit: Callable[[], None] | None) -> None:
+    """In the new process: hear Ctrl-C, which a shell's background job inherits as ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    if limit is not None:
+        limit()
 
 
 def figures(sweep: Sweep) -> dict[str, bytes]:
@@ -158,7 +166,7 @@ def cli(*words: str, limit: Callable[[], None] | None = None) -> subprocess.Pope
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=limit,
+        preexec_fn=partial(prepare, limit),
     )
 
 
