@@ -70,6 +70,11 @@ class Replay {
     }
 
     void check() {
+        if (!layout_.memories.empty())
+            throw std::invalid_argument(
+                "torque balance: effect " +
+                machine_.effects()[static_cast<std::size_t>(layout_.memories.front().effect)].label +
+                " keeps a state of its own, which no record holds; use stribeck or coulomb here, or the closed loop");
         if (channels_.empty()) throw std::invalid_argument("torque balance: no channels");
         rows_ = channels_.begin()->second.size();
         if (rows_ == 0) throw std::invalid_argument("torque balance: the trace has no rows");
@@ -142,16 +147,14 @@ class Replay {
         return v;
     }
 
-    Modes modes_of(const std::vector<Gradient>& speed, const std::vector<double>& twist) const {
+    // Flanks and signs start anywhere and are then settled by the model's own guards.
+    Modes first_modes(const std::vector<Gradient>& speed) const {
         Modes modes(layout_.switches.size(), 0);
         for (std::size_t e = 0; e < modes.size(); ++e) {
             const Switch& s = layout_.switches[e];
-            const auto k = static_cast<std::size_t>(s.index);
-            if (s.kind == SwitchKind::stick) modes[e] = value_of(speed[k]) >= 0 ? stick::forward : stick::backward;
+            if (s.kind == SwitchKind::stick)
+                modes[e] = value_of(speed[static_cast<std::size_t>(s.index)]) >= 0 ? stick::forward : stick::backward;
             if (s.kind == SwitchKind::branch) modes[e] = branch::positive;
-            if (s.kind != SwitchKind::flank) continue;
-            const double gap = machine_.values()[machine_.connections()[k].first + 2];
-            modes[e] = twist[k] > gap ? flank::front : twist[k] < -gap ? flank::back : flank::gap;
         }
         return modes;
     }
@@ -165,8 +168,7 @@ class Replay {
         for (std::size_t r = 0; r < layout_.roots.size(); ++r)
             z[static_cast<std::size_t>(layout_.root_angle[r])] =
                 angle[static_cast<std::size_t>(layout_.group_of[static_cast<std::size_t>(layout_.roots[r])])];
-        std::vector<double> twist(machine_.connections().size(), 0.0);
-        for (std::size_t c = 0; c < twist.size(); ++c) {
+        for (std::size_t c = 0; c < machine_.connections().size(); ++c) {
             if (layout_.twist[c] < 0) continue;
             const auto& k = machine_.connections()[c];
             const auto of = [&](int body) {
@@ -176,33 +178,38 @@ class Replay {
             const Gradient ratio = model.connection_ratio(static_cast<int>(c));
             const Gradient d = of(k.driver) - ratio * of(k.driven);
             z[static_cast<std::size_t>(layout_.twist[c])] = k.frame == TwistFrame::driver ? d : d / ratio;
-            twist[c] = value_of(z[static_cast<std::size_t>(layout_.twist[c])]);
         }
         std::vector<Gradient> torque;
         for (const auto& m : machine_.motors()) torque.emplace_back((*channel("T_" + channel_suffix(m.name)))[row]);
-        Modes modes = modes_of(speed, twist);
+        Modes modes = first_modes(speed);
         const auto* time = channel("t");
         const Inputs here = inputs_at(row);
         model.set_inputs(here);
         const Gradient t(time ? (*time)[row] : 0.0);
         const Model<Gradient>::Now now{modes.data(), {-infinity, infinity}, nullptr, torque.data()};
         model.evaluate(t, z.data(), now);
-        settle_branches(model, modes, t, z, now);
+        settle(model, modes, t, z, now);
         write(model, chunk, row, speed, rate, modes, out, np);
     }
 
-    // Signs that a formula decides are taken as they stand on the record.
-    void settle_branches(Model<Gradient>& model, Modes& modes, const Gradient& t, const std::vector<Gradient>& z,
-                         const Model<Gradient>::Now& now) {
-        for (std::size_t pass = 0; pass < layout_.switches.size(); ++pass) {
-            bool flipped = false;
-            for (std::size_t e = 0; e < modes.size(); ++e)
-                if (layout_.switches[e].kind == SwitchKind::branch &&
-                    value_of(model.guard(static_cast<int>(e), 0, nullptr)) < 0) {
-                    modes[e] = static_cast<Mode>(-modes[e]);
-                    flipped = true;
-                }
-            if (!flipped) return;
+    // Flanks and the signs that a formula decides are taken as they stand on the record: the deflection says which flank
+    // overlaps, the torque whether it carries or its damper would pull.
+    void settle(Model<Gradient>& model, Modes& modes, const Gradient& t, const std::vector<Gradient>& z,
+                const Model<Gradient>::Now& now) {
+        const auto falls = [&](std::size_t e, int which) {
+            return value_of(model.guard(static_cast<int>(e), which, nullptr)) < 0;
+        };
+        const auto next = [&](std::size_t e) {
+            const Mode m = modes[e];
+            if (layout_.switches[e].kind == SwitchKind::branch) return falls(e, 0) ? static_cast<Mode>(-m) : m;
+            if (layout_.switches[e].kind != SwitchKind::flank) return m;
+            if (m == flank::gap) return falls(e, 0) ? flank::front : falls(e, 1) ? flank::back : m;
+            return flank::carries(m) && falls(e, 0) ? static_cast<Mode>(2 * m) : m;
+        };
+        for (std::size_t pass = 0; pass < 2 + layout_.switches.size(); ++pass) {
+            const Modes before = modes;
+            for (std::size_t e = 0; e < modes.size(); ++e) modes[e] = next(e);
+            if (modes == before) return;
             model.evaluate(t, z.data(), now);
         }
     }
