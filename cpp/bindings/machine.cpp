@@ -251,6 +251,9 @@ void bind_machine(nb::module_& m) {
                 return list;
             },
             "Every parameter with its declaration and value.")
+        .def(
+            "unread", [](const Machine& self, const std::string& path) { return self.unread(path); }, nb::arg("path"),
+            "Why no law reads the number at a path, the gap of a rigid mesh say; empty where one does.")
         .def_prop_ro("bodies",
                      [](const Machine& self) {
                          std::vector<std::string> l;

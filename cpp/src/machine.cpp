@@ -261,6 +261,28 @@ void Machine::set(std::string_view path, double value) {
     for (const auto k : members) values_[k] = value;
 }
 
+std::string Machine::unread(std::string_view path) const {
+    std::string reason;
+    for (const auto slot : resolve(path)) {
+        reason = unread(slot);
+        if (reason.empty()) return "";
+    }
+    return reason;
+}
+
+std::string Machine::unread(std::size_t slot) const {
+    const std::string_view path = slots_[slot].path;
+    for (const auto& c : connections_) {
+        if (slot < c.first || slot >= c.first + parameter_count<Connection<double>>) continue;
+        if (c.kind == ConnectionKind::rigid && !path.ends_with(".ratio")) return c.name + " is rigid";
+        if (c.kind == ConnectionKind::compliant && path.ends_with(".gap"))
+            return c.name + " is compliant, without play";
+        if (c.kind == ConnectionKind::gap && path.ends_with(".preload"))
+            return c.name + " has play; a preload belongs to a compliant connection";
+    }
+    return "";
+}
+
 int Machine::body(std::string_view wanted) const {
     for (std::size_t k = 0; k < bodies_.size(); ++k)
         if (bodies_[k].name == wanted) return static_cast<int>(k);
@@ -281,6 +303,8 @@ void Machine::validate() const {
     if (bodies_.empty()) refuse("machine: no bodies");
     if (!controlled()) return;
     if (motors_.empty()) refuse("controller: the machine has no motor to command");
+    if (body("table") < 0)
+        refuse("controller: the machine has no body named table, whose angle the position loop reads");
     const Controller<double> c = read_component<Controller<double>>(values_.data() + controller_first_);
     const auto latency = [](double delay, double sample, const char* loop) {
         if (delay > 0 && sample == 0)
@@ -299,7 +323,31 @@ void Machine::validate() const {
     if (controller_.speed_samples > 0 && c.speed_sample == 0)
         refuse(
             "controller.speed_samples: a differenced encoder needs a sampled speed loop; set controller.speed_sample");
+    // A filter stepped by forward Euler swings ever wider from two filter times per sample on.
+    const auto filter = [](double time, double sample, const char* filter_name, const char* sample_name) {
+        if (time > 0 && sample >= 2.0 * time)
+            refuse(std::string("controller.") + sample_name + ": " + number(sample) +
+                   " s is no sample time for the filter controller." + filter_name + " = " + number(time) +
+                   " s; sample faster than twice per filter time, or filter longer");
+    };
+    if (c.K_d > 0) filter(c.tau_d, c.position_sample, "tau_d", "position_sample");
+    if (motors_.size() > 1) filter(c.tau_t, c.tension_sample, "tau_t", "tension_sample");
+    if (controller_.speed_samples > 0)
+        for (const auto& e : effects_) {
+            if (!e.formula.empty() || !(effect_type(e.name).hooks & (hook::reading | hook::delay))) continue;
+            for (const auto& m : e.members)
+                if (motor(m) >= 0)
+                    refuse("effect " + e.label + ": with controller.speed_samples = " +
+                           std::to_string(controller_.speed_samples) + " the drive differences the encoder of " + m +
+                           " and reads no speed sensor; set speed_samples = 0 or move the effect to table");
+        }
     for (const auto& m : motors_) {
+        const bool falling = m.kind == MotorKind::direct && motors_.size() > 1 && c.speed_sample == 0 &&
+                             controller_.tension == ControllerOptions::Schedule::falling;
+        if (falling)
+            refuse("motor " + m.name +
+                   ": a direct torque source under continuous speed loops has no torque of its own that a falling "
+                   "tension could follow; use kind = armature, a sampled speed loop, or another tension");
         const bool loop = m.kind == MotorKind::direct && motors_.size() > 1 && c.g_E > 0;
         if (loop && c.speed_sample == 0 && c.tension_sample == 0)
             refuse("motor " + m.name +

@@ -321,6 +321,11 @@ class Machine:
     def parameters(self) -> list[Parameter]:
         """Every parameter with its declaration and value."""
 
+    def unread(self, path: str) -> str:
+        """
+        Why no law reads the number at a path, the gap of a rigid mesh say; empty where one does.
+        """
+
     @property
     def bodies(self) -> list[str]: ...
 

@@ -196,7 +196,20 @@ class Machine:
         if is_choice(path):
             self._choose(path, value)
         else:
+            before = self.core.copy()
             set_value(self.core, self._structure, path, value, self.name)
+            self._refuse_idle(before, path)
+
+    def _refuse_idle(self, before: _core.Machine, path: str) -> None:
+        """A number that no law reads would be a setting without consequence."""
+        idle = self.core.unread(path)
+        members = self.core.members(path)
+        if idle and any(self.core.get(p) != before.get(p) for p in members):
+            self.core = before
+            raise MachineError(
+                f"{self.name}: {path}: nothing reads it, for {idle}; "
+                f"choose another {path.rpartition('.')[0]}.kind first"
+            )
 
     def _choose(self, path: str, value: Any) -> None:
         """Put the machine together anew: a choice decides which parts and numbers there are."""

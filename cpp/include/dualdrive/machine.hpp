@@ -77,8 +77,11 @@ class Machine {
 
     // Parameters by path or tie group (`meshes.gap` is mesh_1.gap, mesh_2.gap, ...).
     std::vector<std::size_t> resolve(std::string_view path) const;  // std::invalid_argument with near names
-    double get(std::string_view path) const;                        // members of a group must agree
-    void set(std::string_view path, double value);                  // checks finiteness and bounds
+    // Why no law reads the number at a path, the gap of a rigid mesh say; empty where one does. A group is read where any
+    // of its members is.
+    std::string unread(std::string_view path) const;
+    double get(std::string_view path) const;        // members of a group must agree
+    void set(std::string_view path, double value);  // checks finiteness and bounds
 
     // Everything that one parameter alone can't show: masses where there is motion, clocks, delays, places.
     void validate() const;
@@ -102,6 +105,7 @@ class Machine {
     std::size_t declare(const std::string& prefix);
     std::vector<std::string> members_of(std::string_view group) const;
     const std::string& append_effect(EffectEntry entry);
+    std::string unread(std::size_t slot) const;
     bool shapes_a_mesh(const std::string& place) const;
 
     std::vector<BodyEntry> bodies_;
