@@ -7,12 +7,13 @@
 #include <stdexcept>
 
 #include "dualdrive/effects.hpp"
+#include "dualdrive/expression.hpp"
 
 namespace dualdrive {
 
 namespace {
 
-constexpr long interrupt_period = 256;  // steps between questions whether to stop
+constexpr long interrupt_period = 16;   // steps between questions whether to stop
 constexpr long stall_period = 20'000;   // so many steps must bring the run on by stall_progress of its length
 constexpr double stall_progress = 1e-5;
 
@@ -28,6 +29,14 @@ std::string text(double v) {
 bool is_affine(const Machine& m) {
     return std::all_of(m.effects().begin(), m.effects().end(),
                        [](const EffectEntry& e) { return e.formula.empty() && effect_type(e.name).text.affine; });
+}
+
+// Numbers whose 0 takes a state, a delay or a flank out of the equations, so that no derivative is left of them there.
+bool is_switch(std::string_view path) {
+    for (const std::string_view name : {"controller.K_i", "controller.K_d", "controller.T_N", "controller.T_E",
+                                        "controller.g_E", "controller.tau_t", "controller.delta_t"})
+        if (path == name) return true;
+    return path.ends_with(".gap") || (path.starts_with("sensor_delay@") && path.ends_with(".time"));
 }
 
 }  // namespace
@@ -75,6 +84,8 @@ void Simulation::read_options() {
                " s must be a finite time after start = " + text(options_.start) + " s");
     if (!(options_.rtol >= 1e-14 && options_.rtol <= 1e-2))
         refuse("simulate: rtol = " + text(options_.rtol) + " must lie between 1e-14 and 1e-2");
+    if (!(options_.longest_step >= 0))
+        refuse("simulate: longest_step = " + text(options_.longest_step) + " s must be at least 0; 0 sets no limit");
     if (options_.times.empty()) {
         const double step = options_.output_step;
         if (!(step > 0) || (options_.end - options_.start) / step > 1e8)
@@ -105,6 +116,26 @@ void Simulation::read_options() {
     }
     if (inputs_.count("theta_ref") == 0 && machine_.controlled())
         refuse("simulate: the controller needs a commanded motion; give input theta_ref");
+    for (const auto& [name, waveform] : inputs_)
+        if (!is_read(name))
+            refuse("simulate: input " + name +
+                   " is read by nothing in this machine: a motor takes U_n (armature) or T_n (direct) only without a "
+                   "controller, other columns belong to a formula" +
+                   near_names(name, {"theta_ref", "T_load"}));
+}
+
+// A misspelt input would otherwise be a run without it.
+bool Simulation::is_read(const std::string& input) const {
+    if (input == "theta_ref" || (input == "T_load" && layout_.table >= 0)) return true;
+    for (const auto& m : machine_.motors())
+        if (!machine_.controlled() && input == (m.kind == MotorKind::armature ? "U_" : "T_") + channel_suffix(m.name))
+            return true;
+    return std::any_of(machine_.effects().begin(), machine_.effects().end(), [&](const EffectEntry& e) {
+        if (e.formula.empty()) return false;
+        const auto names = Expression::parse(e.formula).names();
+        return std::any_of(names.begin(), names.end(),
+                           [&](const std::string& name) { return name == input || name == "in." + input; });
+    });
 }
 
 void Simulation::read_parameters() {
@@ -121,6 +152,11 @@ void Simulation::read_parameters() {
             if (slot.clock)
                 throw std::invalid_argument("sensitivity " + path +
                                             ": a sample time has no derivative; vary it in a sweep instead");
+            for (const auto k : p.slots)
+                if (machine_.values()[k] == 0.0 && is_switch(machine_.slots()[k].path))
+                    throw std::invalid_argument("sensitivity " + path + ": at 0 " + machine_.slots()[k].path +
+                                                " is switched off and its derivative would come out as 0; start from "
+                                                "another value");
             const double v = std::abs(machine_.values()[p.slots.front()]);
             p.scale = v > 0 && std::isfinite(v) ? v : slot.typical;
         }

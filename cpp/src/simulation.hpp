@@ -19,6 +19,7 @@ class Simulation final : public Problem {
   private:
     // simulation.cpp: set-up, loop, recording
     void read_options();
+    bool is_read(const std::string& input) const;
     void read_parameters();
     void start();
     void start_encoder_sensitivities();
