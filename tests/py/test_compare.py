@@ -13,7 +13,7 @@ from dualdrive.compare import Comparison, compare
 from dualdrive.replay import ReplayError
 from dualdrive.traces import Trace
 from measured import emps
-from recorded import clean, demo, emps_rig, maker, relative, sheet
+from recorded import clean, demo, emps_rig, long_move, maker, relative, sheet
 
 HEADLINE = {"e", "x_1", "x_2", "I_1", "I_2"}
 
@@ -214,3 +214,20 @@ def test_without_a_controller_the_loop_cannot_be_closed() -> None:
     machine.core.set_controller("none")
     with pytest.raises(ReplayError, match="torque balance"):
         compare(machine, clean(), mode="closed_loop")
+
+
+def test_a_record_that_begins_at_constant_speed_follows_the_line_before_it() -> None:
+    trace = long_move().between(4.3, 8.0)
+    assert np.ptp(np.diff(trace["theta_ref"])[:50]) < 1e-9, "not at constant speed"
+    found = compare(sheet(torque=12000.0), trace)
+    assert found.starts == {"clean": "settled"}
+    assert found.error["headline"] < 0.03
+    assert any("begins in motion" in note for note in found.notes)
+    assert compare(sheet(torque=12000.0), trace, start="rest").error["headline"] > 0.3
+
+
+def test_stretches_too_short_to_play_are_told() -> None:
+    trace = demo("fit")
+    found = compare(sheet(), trace.take((trace.t < 9.0) | ((trace.t > 9.5) & (trace.t < 9.55))))
+    assert found.records == ("fit",)
+    assert "fit: 4 samples in stretches too short to play left out" in found.notes

@@ -121,7 +121,7 @@ def of_evaluation(machine: Any, found: Evaluation) -> Comparison:
         where_it_fails(situations),
         {record.name: record.start for record in records},
         found.initial,
-        _notes(quantities),
+        _notes(quantities, records),
     )
 
 
@@ -135,9 +135,19 @@ def _situation(record: Record, own: Sequence[Quantity], flanks: Mapping[str, Arr
     return Situation(record.name, record.t, square, speed, flanks)
 
 
-def _notes(quantities: Sequence[Quantity]) -> list[str]:
+def _notes(quantities: Sequence[Quantity], records: Sequence[Record]) -> list[str]:
     how = dict.fromkeys(q.noise.how for q in quantities if q.headline)
     notes = [f"noise floor from single records ({'; '.join(how)}): an estimate"]
+    notes += [
+        f"{record.name}: {record.left_out} samples in stretches too short to play left out"
+        for record in records
+        if record.left_out
+    ]
+    notes += [
+        f"{record.name}: begins in motion, so that its first second says little; cut it at rest"
+        for record in records
+        if record.moves_at_once
+    ]
     for record in dict.fromkeys(q.record for q in quantities):
         constants = [
             f"{q.name} {q.offset:+.3g} {q.unit}"

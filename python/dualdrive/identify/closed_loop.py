@@ -174,6 +174,8 @@ class Problem:
                 max_steps=self.max_steps,
             )
         except ValueError as error:
+            if self.runs == 0:  # an option that makes no sense, not a trial out of range
+                raise
             self.failures.append(str(error))
             return None
         self.runs += len(found)

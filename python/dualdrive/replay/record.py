@@ -36,6 +36,7 @@ class Record:
     begin:     time at which the simulation starts: t[0], or earlier to let the loop settle
     start:     rest | settled: how the machine stood before
     reference: commanded table angle at t
+    left_out:  samples of the trace in stretches too short to play
     """
 
     name: str
@@ -47,6 +48,7 @@ class Record:
     reference: Array
     channels: tuple[Compared, ...]
     trace: Trace
+    left_out: int = 0
 
     def channel(self, name: str) -> Compared:
         """The compared channel of that name."""
@@ -56,6 +58,12 @@ class Record:
     def names(self) -> tuple[str, ...]:
         """Names of the compared channels."""
         return tuple(c.name for c in self.channels)
+
+    @property
+    def moves_at_once(self) -> bool:
+        """Whether the command moves from the first sample on."""
+        steps = np.abs(np.diff(self.reference))
+        return bool(steps[0] > 1e-3 * np.max(steps))
 
 
 def core_of(machine: Any) -> Any:
@@ -80,8 +88,9 @@ def records(
             carry no ``theta_ref``.
         interpolation: of recorded inputs between samples: ``cubic`` where the reference is smooth
             and ``linear`` where it is not, unless told; a sampled loop reads it at its ticks.
-        start: ``rest`` (drives switched on at the first sample), ``settled`` (the loop held the
-            first position for long), or ``auto``: whichever meets the first second better.
+        start: ``rest`` (drives switched on at the first sample), ``settled`` (the loop had long
+            held the first position, or followed the line on which the command comes in), or
+            ``auto``: whichever meets the first second better.
 
     Raises:
         ReplayError: no controller, no commanded motion, or nothing recorded to compare with.
@@ -103,9 +112,11 @@ def records(
         parts = trace.segments(_SHORTEST)
         if not parts:
             raise ReplayError(f"{name}: no stretch of {_SHORTEST} samples without a pause")
+        left_out = len(trace) - sum(len(part) for part in parts)
         for k, part in enumerate(parts, 1):
             label = name if len(parts) == 1 else f"{name} ({k})"
-            found.append(_record(core, label, part, motion, interpolation, start))
+            record = _record(core, label, part, motion, interpolation, start)
+            found.append(replace(record, left_out=left_out if k == 1 else 0))
     return found
 
 
@@ -125,13 +136,32 @@ def _record(
     at_rest = replace(record, initial=_state_at_start(core, record))
     if start == "rest":
         return at_rest
-    settled = replace(
-        record,
-        begin=begin - _settling_time(core),
-        start="settled",
-        initial={"theta_m": float(reference[0])} if _has_state(core, "theta_m") else {},
-    )
+    settled = _settled(core, record, extend=motion is None)
     return settled if start == "settled" else _better_start(core, at_rest, settled)
+
+
+def _settled(core: Any, record: Record, *, extend: bool) -> Record:
+    """The same after the loop had time to settle on the line that leads into the record.
+
+    extend: the command is a recording, which says nothing of the time before
+    """
+    t0, time = float(record.t[0]), _settling_time(core)
+    command = record.inputs["theta_ref"]
+    if extend and record.moves_at_once:
+        rate = float(command.rate(t0))
+        line = [_core.ramp(rate, t0 - time, t0), _core.constant(-rate * time)]
+        command = _core.sum([command, *line])
+    begin = t0 - time
+    speeds = _speeds(core, float(command.rate(begin)))
+    initial = {"theta_m": float(command.value(begin)), **speeds}
+    known = dict(core.states())
+    return replace(
+        record,
+        inputs={**record.inputs, "theta_ref": command},
+        begin=begin,
+        start="settled",
+        initial={state: value for state, value in initial.items() if state in known},
+    )
 
 
 def _better_start(core: Any, *candidates: Record) -> Record:
@@ -158,10 +188,6 @@ def _better_start(core: Any, *candidates: Record) -> Record:
     return best
 
 
-def _has_state(core: Any, name: str) -> bool:
-    return name in dict(core.states())
-
-
 def _settling_time(core: Any) -> float:
     """Twenty times the slowest of the loop's own times, at least 2 s, in whole sample times."""
     slow = max(core.get(f"controller.{n}") for n in ("T_N", "T_E", "tau_t"))
@@ -174,9 +200,8 @@ def _settling_time(core: Any) -> float:
 
 def _state_at_start(core: Any, record: Record) -> dict[str, float]:
     """Angle and, where the record begins in motion, speeds and currents from its first samples."""
-    trace, states = record.trace, {name for name, _ in core.states()}
-    steps = np.abs(np.diff(record.reference))
-    moving = bool(steps[0] > 1e-3 * np.max(steps))
+    trace, states = record.trace, dict(core.states())
+    moving = record.moves_at_once
     initial: dict[str, float] = {}
     if "theta_m" in trace and "theta_m" in states:
         initial["theta_m"], speed = _first(trace.t, trace["theta_m"], moving)
@@ -184,12 +209,14 @@ def _state_at_start(core: Any, record: Record) -> dict[str, float]:
         speed = _first(record.t, record.reference, moving)[1]
     if not moving:
         return initial
-    for state in states:
-        if state.startswith("omega_"):
-            initial[state] = speed * ratio_to_table(core, _body(state))
-        if state.startswith("I_") and state in trace:
-            initial[state] = float(trace[state][0])
-    return initial
+    currents = {s: float(trace[s][0]) for s in states if s.startswith("I_") and s in trace}
+    return {**initial, **_speeds(core, speed), **currents}
+
+
+def _speeds(core: Any, speed: float) -> dict[str, float]:
+    """Speed of every body that is a state while the table turns at `speed`, nothing if it rests."""
+    states = [state for state, _ in core.states() if state.startswith("omega_")]
+    return {s: speed * ratio_to_table(core, _body(s)) for s in states} if speed != 0.0 else {}
 
 
 def _body(state: str) -> str:
