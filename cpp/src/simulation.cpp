@@ -391,13 +391,11 @@ void Simulation::loop() {
     double stalled_since = options_.start;
     while (solver_->time() < options_.end - instant(options_.end)) {
         record_until(solver_->time() + instant(solver_->time()));  // with the state itself, no interpolant
+        if (out_.status != Status::success) return;
         const double stop = next_stop();
         const Solver::Outcome outcome = solver_->step(stop);
-        if (outcome == Solver::Outcome::failed) {
-            const bool finite = std::all_of(solver_->state().begin(), solver_->state().end(),
-                                            [](double v) { return std::isfinite(v); });
-            return fail(finite ? Status::step_too_small : Status::not_finite, Solver::advice(solver_->flag()));
-        }
+        if (outcome == Solver::Outcome::failed)
+            return fail(failure(), bad_numbers_ ? Solver::not_finite : Solver::advice(solver_->flag()));
         if (++steps > options_.max_steps)
             return fail(Status::too_many_steps, "more than max_steps = " + std::to_string(options_.max_steps) +
                                                     " steps; raise it, shorten the run, or use a larger rtol");
@@ -428,13 +426,18 @@ bool Simulation::stop_now() {
     return true;
 }
 
+Status Simulation::failure() const {
+    if (bad_numbers_) return Status::not_finite;
+    return Solver::step_vanished(solver_->flag()) ? Status::step_too_small : Status::solver_failure;
+}
+
 void Simulation::fail(Status status, const std::string& message) {
     out_.status = status;
     out_.message = "at t = " + text(solver_ ? solver_->time() : options_.start) + " s: " + message;
 }
 
 void Simulation::record_until(double t) {
-    while (next_output_ < times_.size() && times_[next_output_] <= t) {
+    while (out_.status == Status::success && next_output_ < times_.size() && times_[next_output_] <= t) {
         solver_->state_at(times_[next_output_], z_scratch_.data());
         record(times_[next_output_], z_scratch_.data());
         ++next_output_;
@@ -443,6 +446,10 @@ void Simulation::record_until(double t) {
 
 void Simulation::record(double t, const double* z) {
     evaluate(t, z);
+    const bool numbers = std::all_of(recorded_.begin(), recorded_.end(), [&](int s) {
+        return std::isfinite(model_.signals()[static_cast<std::size_t>(s)]);
+    });
+    if (!numbers) return fail(Status::not_finite, Solver::not_finite);
     out_.t.push_back(t);
     for (const int s : recorded_) out_.values.push_back(model_.signals()[static_cast<std::size_t>(s)]);
     out_.modes.insert(out_.modes.end(), modes_.begin(), modes_.end());

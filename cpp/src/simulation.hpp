@@ -31,6 +31,7 @@ class Simulation final : public Problem {
     void record_sensitivities(double t, const double* z, std::size_t row);
     void remember(double from, double to);
     bool stop_now();
+    Status failure() const;
     void fail(Status status, const std::string& message);
     void finish();
     Method choose_method();
@@ -70,6 +71,7 @@ class Simulation final : public Problem {
     bool jacobian(double t, const double* z, double* column_major) override;
     bool sensitivity(double t, const double* z, const double* const* s, double* const* rate) override;
     bool quadrature(double t, const double* z, double* rate) override;
+    bool numbers(const double* v, std::size_t n);
     void evaluate(double t, const double* z);
     Model<double>::Now now() const { return {modes_.data(), cell_, past_ ? past_.get() : nullptr, nullptr}; }
     // Directional derivative of the model along (dt, dz): evaluates `along_` with one slope.
@@ -130,6 +132,7 @@ class Simulation final : public Problem {
     std::vector<double> z_scratch_, rate_scratch_, block_rate_, work_scratch_;
     std::vector<Gradient> z_along_;
     std::vector<double> instant_slope_;  // of the instant at which switches happen, per sensitivity
+    bool bad_numbers_ = false;  // the last rates or guards were not finite
     long crowded_ = 0, guard_calls_ = 0;
     double last_switch_ = 0.0;
     Trajectory out_;

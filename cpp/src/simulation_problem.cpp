@@ -6,11 +6,11 @@
 
 namespace dualdrive {
 
-namespace {
-bool finite(const double* v, std::size_t n) {
-    return std::all_of(v, v + n, [](double x) { return std::isfinite(x); });
+// Whether all are finite; the solver tries a smaller step if not, and the run says so if that ends it.
+bool Simulation::numbers(const double* v, std::size_t n) {
+    bad_numbers_ = !std::all_of(v, v + n, [](double x) { return std::isfinite(x); });
+    return !bad_numbers_;
 }
-}  // namespace
 
 // Rates, guards, work and records ask for the same points again and again; with delays the past counts too.
 void Simulation::evaluate(double t, const double* z) {
@@ -28,7 +28,7 @@ void Simulation::evaluate(double t, const double* z) {
 bool Simulation::rhs(double t, const double* z, double* rate) {
     evaluate(t, z);
     std::copy(model_.rate().begin(), model_.rate().end(), rate);
-    return finite(rate, model_.rate().size());
+    return numbers(rate, model_.rate().size());
 }
 
 bool Simulation::riding() const {
@@ -41,7 +41,7 @@ bool Simulation::guards(double t, const double* z, double* g) {
     const double* rates = riding() ? block_rates(t, z) : nullptr;
     evaluate(t, z);
     model_.guards(g, rates);
-    return finite(g, modes_.size() * guards_per_switch);
+    return numbers(g, modes_.size() * guards_per_switch);
 }
 
 void Simulation::evaluate_along(double t, const double* z, double dt, const double* dz) {
@@ -83,7 +83,7 @@ bool Simulation::jacobian(double t, const double* z, double* column_major) {
         for (std::size_t k = first; k < std::min(n, first + directions); ++k)
             for (std::size_t row = 0; row < n; ++row) column_major[k * n + row] = along_.rate()[row].slope[k - first];
     }
-    if (!finite(column_major, n * n)) return false;
+    if (!numbers(column_major, n * n)) return false;
     if (affine_) jacobians_[modes_] = std::vector<double>(column_major, column_major + n * n);
     return true;
 }
@@ -106,7 +106,7 @@ bool Simulation::sensitivity(double t, const double* z, const double* const* s, 
         for (std::size_t k = c * directions; k < std::min((c + 1) * directions, parameters_.size()); ++k) {
             for (std::size_t state = 0; state < z_along_.size(); ++state)
                 rate[k][state] = chunk_[c]->rate()[state].slope[k - c * directions];
-            if (!finite(rate[k], z_along_.size())) return false;
+            if (!numbers(rate[k], z_along_.size())) return false;
         }
     }
     return true;
@@ -115,7 +115,7 @@ bool Simulation::sensitivity(double t, const double* z, const double* const* s, 
 bool Simulation::quadrature(double t, const double* z, double* rate) {
     evaluate(t, z);
     std::copy(model_.power().begin(), model_.power().end(), rate);
-    return finite(rate, powers);
+    return numbers(rate, powers);
 }
 
 }  // namespace dualdrive

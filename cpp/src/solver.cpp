@@ -260,6 +260,10 @@ void Solver::quadrature_at(double t, double* q) const {
 std::span<const int> Solver::roots() const { return h_->root; }
 int Solver::flag() const { return h_->flag; }
 
+bool Solver::step_vanished(int flag) {
+    return flag == CV_ERR_FAILURE || flag == CV_CONV_FAILURE || flag == CV_TOO_MUCH_ACC;
+}
+
 std::string Solver::advice(int flag) {
     switch (flag) {
         case CV_TOO_MUCH_ACC:
@@ -272,7 +276,15 @@ std::string Solver::advice(int flag) {
         case CV_FIRST_RHSFUNC_ERR:
         case CV_REPTD_RHSFUNC_ERR:
         case CV_UNREC_RHSFUNC_ERR:
-            return "the equations gave a value that is not finite; check parameters and initial state";
+        case CV_QRHSFUNC_FAIL:
+        case CV_FIRST_QRHSFUNC_ERR:
+        case CV_REPTD_QRHSFUNC_ERR:
+        case CV_UNREC_QRHSFUNC_ERR:
+        case CV_SRHSFUNC_FAIL:
+        case CV_FIRST_SRHSFUNC_ERR:
+        case CV_REPTD_SRHSFUNC_ERR:
+        case CV_UNREC_SRHSFUNC_ERR:
+            return not_finite;
         case CV_LSETUP_FAIL:
         case CV_LSOLVE_FAIL:
             return "the linear solver failed; try method = adams or smaller gains";

@@ -63,6 +63,9 @@ class Solver {
     std::span<const int> roots() const;  // after Outcome::root: -1 falling, 1 rising, 0 not at a root
     int flag() const;                    // SUNDIALS' return value of the last step
     static std::string advice(int flag);
+    static bool step_vanished(int flag);
+    static constexpr const char* not_finite =
+        "the equations gave a value that is not finite; check parameters and initial state";
 
     struct Counts {
         long steps, rhs, jacobians, guards, error_test_failures;
