@@ -1,5 +1,6 @@
 #include "dualdrive/machine.hpp"
 
+#include <nanobind/stl/map.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/string_view.h>
@@ -10,7 +11,9 @@
 
 #include "bindings.hpp"
 #include "dualdrive/effects.hpp"
+#include "dualdrive/expression.hpp"
 #include "dualdrive/layout.hpp"
+#include "dualdrive/unit.hpp"
 
 namespace dualdrive::python {
 
@@ -122,6 +125,24 @@ void bind_machine(nb::module_& m) {
     m.def(
         "effect_types", [] { return std::vector<EffectType>(effect_types()); },
         "Every registered effect, in registry order.");
+    m.def(
+        "formula_unit",
+        [](const std::string& formula, const std::map<std::string, std::string>& units) {
+            const auto unit_of = [&](std::string_view name) {
+                const auto known = units.find(std::string(name));
+                if (known == units.end())
+                    throw std::invalid_argument("formula: the unit of " + std::string(name) + " is not given");
+                return Unit::parse(known->second);
+            };
+            return Expression::parse(formula).unit(unit_of).text();
+        },
+        nb::arg("formula"), nb::arg("units"),
+        "The unit of a formula whose names have these units (name -> SI unit; rad counts as a number).\n\n"
+        "Raises ValueError naming the part of the formula whose units contradict each other.");
+    m.def(
+        "formula_names", [](const std::string& formula) { return Expression::parse(formula).names(); },
+        nb::arg("formula"),
+        "The names a formula reads. Raises ValueError naming column and rule where it can't be read.");
     m.def(
         "effect_type", [](const std::string& name) { return EffectType(effect_type(name)); }, nb::arg("name"),
         "The effect of that name.\n\nRaises ValueError naming the nearest known effects.");

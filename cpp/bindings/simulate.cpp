@@ -75,7 +75,7 @@ nb::typed<nb::dict, std::string, nb::any> statistics(const Trajectory& t) {
     d["error_test_failures"] = s.error_test_failures;
     d["grazing"] = s.grazing;
     d["method"] = s.method;
-    d["energy_error"] = s.energy_error;
+    if (!t.work.empty()) d["energy_error"] = s.energy_error;  // not kept without the ledger
     return d;
 }
 

@@ -249,8 +249,9 @@ class Replay {
         put(0, total, any_standstill);
         if (chunk == 0)
             for (std::size_t e = 0; e < layout_.at.effect.size(); ++e)
-                out.effects[e * rows_ + row] =
-                    value_of(model.signals()[static_cast<std::size_t>(layout_.at.effect[e])]);
+                if (layout_.at.effect[e] >= 0)
+                    out.effects[e * rows_ + row] =
+                        value_of(model.signals()[static_cast<std::size_t>(layout_.at.effect[e])]);
     }
 
     std::vector<Gradient> kinematic_weights(const Model<Gradient>& model) const {

@@ -283,7 +283,11 @@ class Builder {
         for (const auto& k : m.motors())
             at.sensor.push_back(signal("sensed." + k.name, "rad/s", k.name + " speed as the drive reads it"));
         at.sensor.push_back(signal("sensed.table", "rad", "table angle as the control reads it"));
-        for (const auto& e : m.effects()) at.effect.push_back(signal(e.label, "N*m", "torque of " + e.label));
+        for (const auto& e : m.effects()) {  // those that act through a torque of their own
+            const unsigned hooks = e.formula.empty() ? effect_type(e.name).hooks : hook::body;
+            const bool torque = hooks & (hook::body | hook::friction | hook::motor);
+            at.effect.push_back(torque ? signal(e.label, "N*m", "torque of " + e.label) : -1);
+        }
         for (const auto& [name, waveform] : in)
             at.input.push_back(l.signal(name) >= 0 && name != "theta_ref" && name != "T_load"
                                    ? -1

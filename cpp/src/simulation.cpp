@@ -13,8 +13,8 @@ namespace dualdrive {
 
 namespace {
 
-constexpr long interrupt_period = 16;   // steps between questions whether to stop
-constexpr long stall_period = 20'000;   // so many steps must bring the run on by stall_progress of its length
+constexpr long interrupt_period = 16;  // steps between questions whether to stop
+constexpr long stall_period = 20'000;  // so many steps must bring the run on by stall_progress of its length
 constexpr double stall_progress = 1e-5;
 
 double instant(double t) { return 1e-12 * std::max(1.0, std::abs(t)); }  // times nearer than this are one time

@@ -132,7 +132,7 @@ class Simulation final : public Problem {
     std::vector<double> z_scratch_, rate_scratch_, block_rate_, work_scratch_;
     std::vector<Gradient> z_along_;
     std::vector<double> instant_slope_;  // of the instant at which switches happen, per sensitivity
-    bool bad_numbers_ = false;  // the last rates or guards were not finite
+    bool bad_numbers_ = false;           // the last rates or guards were not finite
     long crowded_ = 0, guard_calls_ = 0;
     double last_switch_ = 0.0;
     Trajectory out_;

@@ -26,10 +26,8 @@ double Simulation::guard_scale(int element, int which) const {
     const Mode m = modes_[static_cast<std::size_t>(element)];
     switch (s.kind) {
         case SwitchKind::flank: {
-            const auto c =
-                read_component<Connection<double>>(machine_.values().data() + machine_.connections()[k].first);
             const bool in_torque = flank::carries(m) || (m != flank::gap && which == 1);
-            return in_torque ? c.stiffness * c.gap : c.gap;
+            return in_torque ? model_.stiffness(k) * model_.gap(k) : model_.gap(k);
         }
         case SwitchKind::stick:
             return m == stick::stuck ? model_.friction_limit(s.index, 1) + model_.friction_limit(s.index, -1)
@@ -55,10 +53,8 @@ Mode Simulation::standing_mode(int element) {
     switch (s.kind) {
         case SwitchKind::flank: {
             const double x = model_.signals()[static_cast<std::size_t>(layout_.at.deflection[k])];
-            const auto c =
-                read_component<Connection<double>>(machine_.values().data() + machine_.connections()[k].first);
-            if (x > c.gap) return m == flank::front_parting ? m : flank::front;
-            if (x < -c.gap) return m == flank::back_parting ? m : flank::back;
+            if (x > model_.gap(k)) return m == flank::front_parting ? m : flank::front;
+            if (x < -model_.gap(k)) return m == flank::back_parting ? m : flank::back;
             return flank::gap;
         }
         case SwitchKind::stick: {
@@ -127,11 +123,10 @@ Mode Simulation::next_mode(int element, int which) {
             if (m == flank::gap) return which == 0 ? flank::front : flank::back;
             const auto side = static_cast<Mode>(flank::side(m));
             if (!flank::carries(m)) return which == 0 ? flank::gap : side;
-            const auto c =
-                read_component<Connection<double>>(machine_.values().data() + machine_.connections()[k].first);
             const double x = model_.signals()[static_cast<std::size_t>(layout_.at.deflection[k])];
-            return side * x > c.gap * (1.0 + 1e-9) && !layout_.effects_on_mesh[k].empty() ? static_cast<Mode>(2 * side)
-                                                                                          : flank::gap;
+            return side * x > model_.gap(k) * (1.0 + 1e-9) && !layout_.effects_on_mesh[k].empty()
+                       ? static_cast<Mode>(2 * side)
+                       : flank::gap;
         }
         case SwitchKind::stick: {
             if (m == stick::stuck) return which == 0 ? stick::forward : stick::backward;

@@ -236,6 +236,18 @@ class EffectType:
 def effect_types() -> list[EffectType]:
     """Every registered effect, in registry order."""
 
+def formula_unit(formula: str, units: Mapping[str, str]) -> str:
+    """
+    The unit of a formula whose names have these units (name -> SI unit; rad counts as a number).
+
+    Raises ValueError naming the part of the formula whose units contradict each other.
+    """
+
+def formula_names(formula: str) -> list[str]:
+    """
+    The names a formula reads. Raises ValueError naming column and rule where it can't be read.
+    """
+
 def effect_type(name: str) -> EffectType:
     """
     The effect of that name.

@@ -134,3 +134,35 @@ def test_no_derivative_by_what_zero_switches_off(path: str) -> None:
     core = heavy(**{f"controller__{path}": 0.0})
     with pytest.raises(ValueError, match=f"at 0 controller.{path} is switched off"):
         run(core, sensitivities=[f"controller.{path}"])
+
+
+# --- units of formulas ----------------------------------------------------------------------------
+
+
+def test_a_formula_that_is_no_torque_is_refused() -> None:
+    machine = dualdrive.Machine.load("bench")
+    with pytest.raises(dualdrive.MachineError, match="not a torque in N"):
+        machine.add("expression", "table", formula="theta_m", parameters={})
+    with pytest.raises(dualdrive.MachineError, match=r"omega_m"):
+        machine.add(
+            "expression",
+            "table",
+            formula="c * omega_m + T_1 * speed",
+            parameters={"c": "2 N*m*s/rad"},
+        )
+
+
+def test_a_formula_in_coherent_units_is_taken() -> None:
+    machine = dualdrive.Machine.load("bench")
+    label = machine.add(
+        "expression", "table", formula="-c * speed * abs(speed)", parameters={"c": "2 N*m*s^2"}
+    )
+    assert machine.get(f"{label}.c") == 2.0
+
+
+def test_effects_without_a_torque_of_their_own_show_none() -> None:
+    machine = dualdrive.Machine.load("heavy-table-100t")
+    machine.add("sensor_offset", "theta_m", value=1e-6)
+    names = {name for name, _, _ in machine.core.signals()}
+    assert "coulomb@table" in names
+    assert not names & {"sensor_offset@theta_m", "mesh_damping@meshes"}

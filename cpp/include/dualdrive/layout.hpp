@@ -95,7 +95,7 @@ struct Layout {
         std::vector<int> twist, deflection, torque, flank;  // per connection
         std::vector<int> I, U, T, Omega, T_ref;             // per motor
         std::vector<int> sensor;                            // readings in the loop: motors' speeds, table angle
-        std::vector<int> effect;                            // per effect
+        std::vector<int> effect;                            // per effect (-1: no torque of its own)
         std::vector<int> input;                             // per input, in map order
         int stored_energy;
     } at;

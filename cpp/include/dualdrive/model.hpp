@@ -52,6 +52,9 @@ class Model {
     const S& friction_limit(int g, int direction) const {
         return (direction > 0 ? limit_forward_ : limit_backward_)[static_cast<std::size_t>(g)];
     }
+    // Half gap and stiffness of a connection as effects leave them.
+    const S& gap(std::size_t connection) const { return gap_[connection]; }
+    const S& stiffness(std::size_t connection) const { return stiffness_[connection]; }
     // Speed of a body over the speed of its group.
     const S& ratio(int body) const { return ratio_[static_cast<std::size_t>(body)]; }
     const S& connection_ratio(int c) const { return connection_[static_cast<std::size_t>(c)].ratio; }

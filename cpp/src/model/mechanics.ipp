@@ -157,7 +157,8 @@ template <class S>
 void Model<S>::body_torques(const S& t) {
     const auto& at = layout_.at;
     const auto power = [&](Power kind) -> S& { return power_[static_cast<std::size_t>(kind)]; };
-    for (const int s : at.effect) signal_[static_cast<std::size_t>(s)] = S(0.0);
+    for (const int s : at.effect)
+        if (s >= 0) signal_[static_cast<std::size_t>(s)] = S(0.0);
     for (std::size_t k = 0; k < motor_.size(); ++k) {
         const auto b = static_cast<std::size_t>(machine_.motors()[k].body);
         const S& speed = signal_[static_cast<std::size_t>(at.speed[b])];

@@ -52,6 +52,7 @@ def add_effect(core: _core.Machine, s: Structure, entry: Mapping[str, Any], wher
         if entry["effect"] == "expression":
             parameters = _formula_parameters(entry, where)
             formula = expect(entry.get("formula"), str, where, "formula", "text, e.g. 'c*omega_m'")
+            _check_units(core, s, formula, parameters)
             label = core.add_expression(entry["place"], formula, parameters)
         else:
             label = core.add_effect(entry["effect"], entry["place"])
@@ -87,6 +88,26 @@ def _stated(value: Any) -> dict[str, Any]:
     if match is None:
         return {"value": value}
     return {"value": match[0], "unit": value[match.end() :].strip()}
+
+
+def _check_units(
+    core: _core.Machine, s: Structure, formula: str, parameters: list[tuple[str, str, float]]
+) -> None:
+    """Refuse a formula that is no torque, where every unit is known.
+
+    A bare number has no unit to check by, nor has a recorded column; a linear axis counts its table
+    side in other units than the core declares.
+    """
+    known = {"t": "s", "angle": "rad", "speed": "rad/s"}
+    known |= {name: unit for name, unit, _ in core.signals()}
+    known |= {name: unit for name, unit, _ in parameters}
+    bare = {name for name, unit, _ in parameters if not unit}
+    names = set(_core.formula_names(formula))
+    if s.axis != "rotary" or names & bare or not names <= known.keys():
+        return
+    found = _core.formula_unit(formula, {name: known[name] for name in names})
+    if found != "N*m":
+        raise ValueError(f"formula = {formula!r} gives {found}, not a torque in N*m")
 
 
 def _formula_parameters(entry: Mapping[str, Any], where: str) -> list[tuple[str, str, float]]:
