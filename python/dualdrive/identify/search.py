@@ -47,7 +47,7 @@ class Search:
         self.precision = precision  # relative, of cost and unknowns
         self.rounds = rounds if problem.size else 0
         self.best, self.status, self.message = problem.start, "success", ""
-        self._cost, self._number = math.inf, 1
+        self._cost, self._number, self._begun = math.inf, 1, False
 
     def run(self, starts: int = 1, seed: int = 0) -> None:
         """Leave the best point in `best`, and in `status` how the search ended.
@@ -67,10 +67,11 @@ class Search:
             self._end("interrupted", "stopped on request")
         except _EnoughError:
             self._end("not_converged", f"more than max_simulations = {self.limit}")
-        if not ends and not math.isfinite(self._cost):
+        if not ends and not self._begun:
             raise FitError(errors[0] if errors else "stopped before the first simulation ended")
-        if ends and self.status == "success":
-            self.best = min(ends, key=self._size)
+        if ends:
+            stopped_at = [] if self.status == "success" else [self.best]
+            self.best = min([*ends, *stopped_at], key=self._size)
 
     def _end(self, status: str, why: str) -> None:
         self.status, self.message = status, f"{why}; this is the best point so far"
@@ -119,7 +120,7 @@ class Search:
         left = self.problem.residual(u)
         cost = 0.5 * float(left @ left) if np.isfinite(left).all() else math.inf
         if cost < self._cost:
-            self.best, self._cost = u.copy(), cost
+            self.best, self._cost, self._begun = u.copy(), cost, True
         if self.progress:
             self.progress(Progress(self._number, self.problem.runs, cost, self._cost))
         return left
