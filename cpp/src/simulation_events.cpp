@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "instant.hpp"
 #include "simulation.hpp"
 
 namespace dualdrive {
@@ -14,8 +15,6 @@ constexpr double crowded_time = 1e-9;  // ... each within this of the one before
 constexpr double noise = 1e-9;         // of a guard's scale: below it, which way the guard moves decides
 constexpr double grazing_rate = 1e-2;  // of a guard's scale, 1/s: one that falls more slowly has a kink in its slopes
 constexpr double at_limit = 1e-6;      // of a limit: nearer than this a limited quantity stands on it
-
-double instant(double t) { return 1e-12 * std::max(1.0, std::abs(t)); }
 
 }  // namespace
 

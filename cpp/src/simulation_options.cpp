@@ -1,0 +1,119 @@
+// What a run was asked for: options and sensitivities, checked before anything moves.
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "dualdrive/expression.hpp"
+#include "instant.hpp"
+#include "simulation.hpp"
+
+namespace dualdrive {
+
+namespace {
+
+// Numbers whose 0 takes a state, a delay or a flank out of the equations, so that no derivative is left of them there.
+bool is_switch(std::string_view path) {
+    for (const std::string_view name : {"controller.K_i", "controller.K_d", "controller.T_N", "controller.T_E",
+                                        "controller.g_E", "controller.tau_t", "controller.delta_t"})
+        if (path == name) return true;
+    return path.ends_with(".gap") || (path.starts_with("sensor_delay@") && path.ends_with(".time"));
+}
+
+}  // namespace
+
+void Simulation::read_options() {
+    const auto refuse = [](const std::string& what) { throw std::invalid_argument(what); };
+    if (!std::isfinite(options_.start) || !std::isfinite(options_.end) || !(options_.end > options_.start))
+        refuse("simulate: end = " + text(options_.end) +
+               " s must be a finite time after start = " + text(options_.start) + " s");
+    if (!(options_.rtol >= 1e-14 && options_.rtol <= 1e-2))
+        refuse("simulate: rtol = " + text(options_.rtol) + " must lie between 1e-14 and 1e-2");
+    if (!(options_.longest_step >= 0))
+        refuse("simulate: longest_step = " + text(options_.longest_step) + " s must be at least 0; 0 sets no limit");
+    if (options_.times.empty()) {
+        const double step = options_.output_step;
+        if (!(step > 0) || (options_.end - options_.start) / step > 1e8)
+            refuse("simulate: output_step = " + text(step) + " s must be positive and give at most 1e8 rows");
+        const long n = std::lround(std::floor((options_.end - options_.start) / step * (1 + 1e-12)));
+        for (long k = 0; k <= n; ++k) times_.push_back(options_.start + static_cast<double>(k) * step);
+    } else {
+        times_ = options_.times;
+        for (std::size_t k = 0; k < times_.size(); ++k)
+            if (!(times_[k] >= options_.start && times_[k] <= options_.end) || (k > 0 && !(times_[k] > times_[k - 1])))
+                refuse("simulate: times[" + std::to_string(k) + "] = " + text(times_[k]) +
+                       " s must increase within start and end");
+    }
+    const auto add = [&](int s) { recorded_.push_back(s); };
+    if (options_.signals.empty())
+        for (std::size_t s = 0; s < layout_.signals.size(); ++s) add(static_cast<int>(s));
+    std::vector<std::string> known;
+    for (const auto& s : layout_.signals) known.push_back(s.name);
+    for (const auto& name : options_.signals) {
+        if (layout_.signal(name) < 0) refuse("simulate: no signal named " + name + near_names(name, known));
+        add(layout_.signal(name));
+    }
+    for (const int s : recorded_) out_.signals.push_back(layout_.signals[static_cast<std::size_t>(s)]);
+    for (const auto& [name, value] : options_.initial) {
+        if (layout_.state(name) < 0)
+            refuse("simulate: initial." + name + ": no such state" + near_names(name, layout_.state_names));
+        if (!std::isfinite(value)) refuse("simulate: initial." + name + " is not finite");
+    }
+    if (inputs_.count("theta_ref") == 0 && machine_.controlled())
+        refuse("simulate: the controller needs a commanded motion; give input theta_ref");
+    for (const auto& [name, waveform] : inputs_)
+        if (!is_read(name))
+            refuse("simulate: input " + name +
+                   " is read by nothing in this machine: a motor takes U_n (armature) or T_n (direct) only without a "
+                   "controller, other columns belong to a formula" +
+                   near_names(name, {"theta_ref", "T_load"}));
+}
+
+// A misspelt input would otherwise be a run without it.
+bool Simulation::is_read(const std::string& input) const {
+    if (input == "theta_ref" || (input == "T_load" && layout_.table >= 0)) return true;
+    for (const auto& m : machine_.motors())
+        if (!machine_.controlled() && input == (m.kind == MotorKind::armature ? "U_" : "T_") + channel_suffix(m.name))
+            return true;
+    return std::any_of(machine_.effects().begin(), machine_.effects().end(), [&](const EffectEntry& e) {
+        if (e.formula.empty()) return false;
+        const auto names = Expression::parse(e.formula).names();
+        return std::any_of(names.begin(), names.end(),
+                           [&](const std::string& name) { return name == input || name == "in." + input; });
+    });
+}
+
+void Simulation::read_parameters() {
+    for (const auto& path : options_.sensitivities) {
+        Parameter p{{}, -1, 1.0};
+        if (path.starts_with("initial.")) {
+            p.initial_state = layout_.state(path.substr(8));
+            if (p.initial_state < 0)
+                throw std::invalid_argument("sensitivity " + path + ": no such state" +
+                                            near_names(path.substr(8), layout_.state_names));
+        } else {
+            p.slots = machine_.resolve(path);
+            const auto& slot = machine_.slots()[p.slots.front()];
+            if (slot.clock)
+                throw std::invalid_argument("sensitivity " + path +
+                                            ": a sample time has no derivative; vary it in a sweep instead");
+            for (const auto k : p.slots)
+                if (machine_.values()[k] == 0.0 && is_switch(machine_.slots()[k].path))
+                    throw std::invalid_argument("sensitivity " + path + ": at 0 " + machine_.slots()[k].path +
+                                                " is switched off and its derivative would come out as 0; start from "
+                                                "another value");
+            const double v = std::abs(machine_.values()[p.slots.front()]);
+            p.scale = v > 0 && std::isfinite(v) ? v : slot.typical;
+        }
+        parameters_.push_back(std::move(p));
+        out_.parameters.push_back(path);
+    }
+    for (std::size_t c = 0; c < chunks(); ++c) {
+        chunk_.push_back(std::make_unique<Model<Gradient>>(machine_, inputs_, layout_));
+        std::vector<Gradient> values(machine_.values().begin(), machine_.values().end());
+        for (std::size_t d = 0; d < directions && c * directions + d < parameters_.size(); ++d)
+            for (const auto slot : parameters_[c * directions + d].slots) values[slot].slope[d] = 1.0;
+        chunk_.back()->set_parameters(values.data());
+    }
+}
+
+}  // namespace dualdrive
