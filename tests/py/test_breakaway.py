@@ -36,6 +36,8 @@ def test_it_breaks_away_whenever_the_torque_exceeds_friction(method: str) -> Non
 
 
 def test_a_short_pulse_in_a_long_rest_is_seen() -> None:
-    pulse = _core.sampled([0.0, 50.0, 50.01, 50.02, 100.0], [0.0, 0.0, 400.0, 0.0, 0.0], _core.Interpolation.linear)
+    pulse = _core.sampled(
+        [0.0, 50.0, 50.01, 50.02, 100.0], [0.0, 0.0, 400.0, 0.0, 0.0], _core.Interpolation.linear
+    )
     run = _core.simulate(rubbing_axis(), {"T_1": pulse}, end=100.0, output_step=1.0)
     assert [event[2:] for event in run.events][:2] == [("stuck", "forward"), ("forward", "stuck")]

@@ -47,7 +47,9 @@ def test_its_size_is_recovered(figures: dict[str, Any]) -> None:
     assert torque["value"] == pytest.approx(TRUTH["effect"]["torque"], rel=0.01)
 
 
-def test_the_error_falls_to_the_noise_floor_on_data_it_was_not_fitted_to(figures: dict[str, Any]) -> None:
+def test_the_error_falls_to_the_noise_floor_on_data_it_was_not_fitted_to(
+    figures: dict[str, Any],
+) -> None:
     sheet, refitted, grown = (step["held_out"] for step in figures["steps"])
     assert refitted < sheet
     assert grown < 0.15 * refitted
