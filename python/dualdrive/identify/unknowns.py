@@ -73,6 +73,17 @@ class Unknown:
         return self.coordinate(self.low), self.coordinate(self.high)
 
 
+@dataclass(frozen=True)
+class StateUnknown:
+    """An initial state of one record, believed to be `centre` within `sigma`."""
+
+    record: int
+    state: str
+    unit: str
+    centre: float
+    sigma: float
+
+
 def default_free(core: Any) -> list[str]:
     """Nominal mechanical parameters as tie groups, and every parameter of every effect.
 
