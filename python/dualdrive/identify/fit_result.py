@@ -125,7 +125,9 @@ class Fit:
         lines += _columns(rows)
         for (record, channel), value in self.fitted.offsets.items():
             if not channel.startswith("theta_"):
-                lines.append(f"{record}: {channel} reads {value:+.4g} too much")
+                lines.append(
+                    f"{record}: {channel} reads {value:+.4g} {self._unit(channel)} too much"
+                )
         for weak in self.directions:
             lines.append(f"barely determined ({weak.singular:.1e}): {weak.text()}")
         lines.append(
@@ -139,6 +141,14 @@ class Fit:
         end = f"{self.status}: {self.simulations} simulations"
         lines.append(f"{end}: {self.message}" if self.message else end)
         return "\n".join(lines)
+
+    def _unit(self, channel: str) -> str:
+        unit = next(
+            c.unit for r in self.fitted.replays for c in r.record.channels if c.name == channel
+        )
+        return (
+            str(self.machine.unit_of(channel, unit)) if hasattr(self.machine, "unit_of") else unit
+        )
 
     def figures(self) -> dict[str, Any]:
         """The same as plain JSON values; ``None`` where a number is not finite."""
