@@ -51,7 +51,7 @@ def verb(function: Callable[P, R]) -> Callable[P, R]:
             give_up(f"standard output cannot be written: {error.strerror}", FAILED)
         except KeyboardInterrupt:
             give_up("stopped", STOPPED)
-        except WriteError as error:
+        except (WriteError, RuntimeError) as error:  # a fit that can't be done, among others
             give_up(error, FAILED)
         except (ValueError, KeyError) as error:
             give_up(error.args[0] if error.args else error, USAGE)
@@ -99,6 +99,13 @@ def pairs(settings: tuple[str, ...]) -> list[tuple[str, str]]:
             raise click.BadParameter(f"{text!r} is not key=value, e.g. meshes.gap=20arcsec")
         found.append((key.strip(), value.strip()))
     return found
+
+
+def picture(_: click.Context, option: click.Parameter, path: Path | None) -> Path | None:
+    """Refuse a picture's file before anything is computed for it. Raises click.BadParameter."""
+    if path is not None and path.suffix.lower() not in (".png", ".pdf", ".svg"):
+        raise click.BadParameter(f"{path}: a picture ends in .png, .pdf or .svg", param=option)
+    return path
 
 
 machine_argument = click.argument("machine", default=DEFAULT)

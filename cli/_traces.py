@@ -118,7 +118,19 @@ def read_all(
     }
     for setting, value in pairs(tuple(wanted)):
         found = _recorded_under(found, setting, value)
+    _tell_repairs(found)
     return found
+
+
+def _tell_repairs(parts: dict[str, Trace], most: int = 6) -> None:
+    """On stderr, what was amiss in the recordings and how it was met."""
+    told = list(
+        dict.fromkeys(f"{name}: {issue}" for name, p in parts.items() for issue in p.log.troubles)
+    )
+    for line in told[:most]:
+        click.echo(line, err=True)
+    if len(told) > most:
+        click.echo(f"... and {len(told) - most} more; see trace.log in Python", err=True)
 
 
 def _recorded_under(parts: dict[str, Trace], setting: str, value: str) -> dict[str, Trace]:

@@ -18,6 +18,7 @@ from dualdrive_cli._shared import (
     json_option,
     load,
     overwrite_option,
+    picture,
     set_option,
     verb,
     write_json,
@@ -52,7 +53,12 @@ from dualdrive_cli._traces import (
 @interpolation_option
 @balance_options
 @click.option("-o", "--output", type=Path, help="Write measured and simulated channels as CSV.")
-@click.option("--plot", type=Path, help="Draw measured and simulated channels (png, pdf, svg).")
+@click.option(
+    "--plot",
+    type=Path,
+    callback=picture,
+    help="Draw measured and simulated channels (png, pdf, svg).",
+)
 @json_option
 @overwrite_option
 @verb

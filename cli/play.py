@@ -10,7 +10,14 @@ from dualdrive.files import refuse_existing, write_atomically
 from dualdrive.identify import PlayEstimate, estimate_play, with_torques
 from dualdrive.machine import Machine
 from dualdrive.traces import Trace
-from dualdrive_cli._shared import json_option, load, overwrite_option, verb, write_json
+from dualdrive_cli._shared import (
+    json_option,
+    load,
+    overwrite_option,
+    picture,
+    verb,
+    write_json,
+)
 from dualdrive_cli._traces import map_option, part_option, read_all, traces_argument
 
 
@@ -41,7 +48,9 @@ from dualdrive_cli._traces import map_option, part_option, read_all, traces_argu
     help="So long the torque must have had one sign.",
 )
 @click.option("--confidence", type=click.FloatRange(0.5, 0.9999), default=0.95, show_default=True)
-@click.option("--plot", type=Path, help="Draw the loop in the trace and the interval.")
+@click.option(
+    "--plot", type=Path, callback=picture, help="Draw the loop in the trace and the interval."
+)
 @json_option
 @overwrite_option
 @verb

@@ -24,6 +24,7 @@ from dualdrive_cli._shared import (
     machine_argument,
     overwrite_option,
     pairs,
+    picture,
     set_option,
     verb,
     write_json,
@@ -46,7 +47,9 @@ from dualdrive_cli._shared import (
 @click.option("--rtol", type=float, help="Relative tolerance of the integrator.")
 @click.option("--method", type=click.Choice(["auto", "adams", "bdf"]), default="auto")
 @click.option("-o", "--output", type=Path, help="Write the run as HDF5.")
-@click.option("--plot", type=Path, help="Draw the run into a picture (png, pdf, svg).")
+@click.option(
+    "--plot", type=Path, callback=picture, help="Draw the run into a picture (png, pdf, svg)."
+)
 @json_option
 @overwrite_option
 @verb

@@ -30,6 +30,7 @@ from dualdrive_cli._shared import (
     machine_argument,
     overwrite_option,
     pairs,
+    picture,
     set_option,
     verb,
     write_json,
@@ -90,7 +91,9 @@ def _check_axis(name: str, options: set[str]) -> None:
 @click.option("--jobs", type=int, help="Threads; default: all cores.")
 @click.option("-o", "--output", type=Path, default=Path("sweep.h5"), show_default=True)
 @click.option("--resume", is_flag=True, help="Complete a sweep that was stopped.")
-@click.option("--plot", type=Path, help="Draw lines (one axis) or a map into a picture.")
+@click.option(
+    "--plot", type=Path, callback=picture, help="Draw lines (one axis) or a map into a picture."
+)
 @json_option
 @overwrite_option
 @click.pass_context

@@ -56,8 +56,8 @@ std::size_t Machine::declare(const std::string& prefix, const Declaration* list,
     const std::size_t first = slots_.size();
     for (std::size_t k = 0; k < count; ++k) {
         const Declaration& d = list[k];
-        const std::string_view name = d.name;
-        const bool clock = name.ends_with("_sample") || name.ends_with("_latency");
+        const std::string_view declared = d.name;
+        const bool clock = declared.ends_with("_sample") || declared.ends_with("_latency");
         slots_.push_back({prefix + "." + d.name, d.unit, d.doc, d.bounds, d.standard, d.typical, clock});
         values_.push_back(d.standard);
     }

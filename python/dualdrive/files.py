@@ -26,7 +26,9 @@ def refuse_existing(path: Path, *, overwrite: bool) -> None:
     """
     _refuse_special(path)
     if path.exists() and not overwrite:
-        raise WriteError(f"{path}: exists already; choose another name, or allow overwriting it")
+        raise WriteError(
+            f"{path}: exists already; choose another name, or say --overwrite (overwrite=True)"
+        )
     folder = path.absolute().parent
     if not folder.is_dir():
         raise WriteError(f"{path}: cannot be written: there is no folder {folder}; make it first")

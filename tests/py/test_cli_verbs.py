@@ -209,17 +209,28 @@ def test_a_bad_command_is_one_line(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("verb", ["simulate bench", "sweep bench --delta 0:1mrad:2"])
+def test_a_picture_of_no_known_kind_is_refused_before_anything_is_computed(
+    verb: str, dualdrive: Callable[[str], Result], tmp_path: Path
+) -> None:
+    done = dualdrive(f"{verb} -o run.h5 --plot picture.bmp")
+    assert done.exit_code == 2
+    assert "picture.bmp: a picture ends in .png, .pdf or .svg" in done.output + done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_nothing_is_overwritten_unasked(dualdrive: Callable[[str], Result]) -> None:
     for line in (
         "simulate bench -o it",
         "add bench coulomb -o it",
         "machine new --preset bench -o it",
-        "simulate bench --plot it",
+        "simulate bench --plot it.png",
     ):
-        Path("it").write_text("mine")
+        mine = Path(line.split()[-1])
+        mine.write_text("mine")
         done = dualdrive(line)
-        assert (done.exit_code, Path("it").read_text()) == (1, "mine"), line
-        assert "it: exists already" in one_line(done)
+        assert (done.exit_code, mine.read_text()) == (1, "mine"), line
+        assert f"{mine}: exists already" in one_line(done)
     assert dualdrive("machine new --preset bench -o it --overwrite").exit_code == 0
 
 

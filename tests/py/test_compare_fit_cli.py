@@ -6,6 +6,8 @@ import csv
 import json
 import shlex
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -121,3 +123,16 @@ def test_a_machine_that_does_not_simulate_fails_with_one_line(
     done = dualdrive("compare machine.toml fit.csv --set controller.k_p=1e12 --start rest")
     refused(done, 1, "fit: ")
     assert done.stderr.count("\n") == 1
+
+
+def test_a_repair_of_a_recording_is_told(tmp_path: Path) -> None:
+    lines = (DEMO / "fit.csv").read_text().splitlines()
+    lines[501] = ",".join([*lines[501].split(",")[:-1], "nan"])
+    damaged = tmp_path / "damaged.csv"
+    damaged.write_text("\n".join(lines) + "\n")
+    command = ["compare", str(DEMO / "machine.toml"), str(damaged)]
+    done = subprocess.run(
+        [sys.executable, "-m", "dualdrive_cli.main", *command], capture_output=True, text=True
+    )
+    assert done.returncode == 0
+    assert "damaged: missing: I_2: rows left out (row 502)" in done.stderr

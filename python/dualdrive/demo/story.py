@@ -9,7 +9,7 @@ from importlib.resources import as_file, files
 from typing import Any
 
 from dualdrive.compare import Comparison, compare
-from dualdrive.identify import Fit, evaluate, fit
+from dualdrive.identify import Fit, FitError, evaluate, fit
 from dualdrive.identify.screening import Candidate, screen
 from dualdrive.machine import Machine
 from dualdrive.traces import Trace, read
@@ -136,7 +136,7 @@ def tell(progress: Callable[[str], None] = lambda _: None) -> Story:
     shortlist = [c for c in screening if not c.same_as][:SHORTLIST]
     progress("refitting with " + ", ".join(c.label for c in shortlist))
 
-    def refit(candidate: Candidate) -> Refit:
+    def refit(candidate: Candidate) -> Refit | None:
         grown = nominal.machine.copy()
         label = grown.add(candidate.effect, candidate.place)
         for path, size in candidate.expected.items():
@@ -144,11 +144,18 @@ def tell(progress: Callable[[str], None] = lambda _: None) -> Story:
                 grown.set(
                     path, size
                 )  # where the score expects it: a fit from far off may not arrive
-        found = fit(grown, fitting, max_simulations=REFIT_SIMULATIONS, rtol=RTOL)
-        return Refit(candidate, found, evaluate(found.machine, held_out, rtol=RTOL).error)
+        try:
+            found = fit(grown, fitting, max_simulations=REFIT_SIMULATIONS, rtol=RTOL)
+            return Refit(candidate, found, evaluate(found.machine, held_out, rtol=RTOL).error)
+        except FitError as error:  # a candidate that can't be fitted is out of the race, no more
+            progress(f"{candidate.label}: {error}")
+            return None
 
     with ThreadPoolExecutor() as pool:
-        refits = sorted(pool.map(refit, shortlist), key=lambda r: r.held_out)
+        fitted = [r for r in pool.map(refit, shortlist) if r is not None]
+    if not fitted:
+        raise FitError("none of the shortlisted effects can be fitted to the record")
+    refits = sorted(fitted, key=lambda r: r.held_out)
     best = refits[0]
     progress("comparing the improved machine with the held-out record")
     before, after = compare(nominal.machine, held_out), compare(best.fit.machine, held_out)
