@@ -91,9 +91,10 @@ _BALANCE = (
 )
 
 
-def balance_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """What a torque balance is told about filters and standstill."""
-    for option in reversed(_BALANCE):
+def replaying(function: Callable[..., Any]) -> Callable[..., Any]:
+    """How a machine meets recordings: mode, command, start, sensors, filters."""
+    shared = (mode_option, motion_option, start_option, offsets_option, interpolation_option)
+    for option in reversed((*shared, *_BALANCE)):
         function = option(function)
     return function
 

@@ -24,16 +24,11 @@ from dualdrive_cli._shared import (
     write_json,
 )
 from dualdrive_cli._traces import (
-    balance_options,
-    interpolation_option,
     map_option,
-    mode_option,
-    motion_option,
-    offsets_option,
     part_option,
     read_all,
     replay_options,
-    start_option,
+    replaying,
     traces_argument,
 )
 
@@ -46,12 +41,7 @@ from dualdrive_cli._traces import (
 @map_option
 @part_option
 @set_option
-@mode_option
-@motion_option
-@start_option
-@offsets_option
-@interpolation_option
-@balance_options
+@replaying
 @click.option("-o", "--output", type=Path, help="Write measured and simulated channels as CSV.")
 @click.option(
     "--plot",
