@@ -1,7 +1,8 @@
-// CVODES behind one small face: the only place that knows SUNDIALS.
+// What a run needs of an integrator. The engines behind it stand in cpp/src/solvers, one folder or file each:
+// CVODE's multistep methods (the only place that knows SUNDIALS), explicit Runge-Kutta, exact propagation.
 //
-// One step at a time, up to a stop time, with root-finding on every step, sensitivities and quadratures. What CVODE's
-// root-finding does not do (two crossings in one step, a start on the surface) is for the caller: see simulate.cpp.
+// One step at a time, up to a stop time, with guards watched on every step, sensitivities and quadratures. The modes are
+// frozen within a step; whoever changes them restarts the solver.
 #pragma once
 
 #include <memory>
@@ -11,6 +12,9 @@
 
 namespace dualdrive {
 
+// automatic: exact where every active effect is affine in its modes, else what docs/theory/engines.md says.
+enum class Engine { automatic, exact, explicit_rk, cvode };
+// Of the cvode engine. automatic: adams for a plant that rings, bdf for a stiff one.
 enum class Method { automatic, adams, bdf };
 
 // The problem as the solver sees it. A false return asks the solver for a smaller step.
@@ -31,50 +35,50 @@ class Solver {
     };
     enum class Outcome { stepped, root, stopped, failed };
 
-    // root_direction: -1 only falling, 0 both, per guard. parameter_scale: typical size per sensitivity.
-    Solver(Problem& problem, Size size, Method method, double rtol, std::span<const int> root_direction,
-           std::span<const double> parameter_scale);
-    ~Solver();
+    Solver() = default;
+    virtual ~Solver() = default;
     Solver(const Solver&) = delete;
     Solver& operator=(const Solver&) = delete;
 
     // Start afresh at (t, state()), with sensitivity(k) and quadrature() as they stand, absolute tolerances per state.
-    void restart(double t, std::span<const double> atol, double quadrature_atol);
-    void limit_step(double longest);
+    virtual void restart(double t, std::span<const double> atol, double quadrature_atol) = 0;
+    virtual void limit_step(double longest) = 0;
 
     // One internal step, at most to `stop`. After root or stopped, time() and state() are at that point.
-    Outcome step(double stop);
+    virtual Outcome step(double stop) = 0;
 
-    double time() const;
-    double previous_time() const;  // begin of the last step
-    std::span<double> state();
-    std::span<double> sensitivity(int k);
-    std::span<double> quadrature();
+    virtual double time() const = 0;
+    virtual double previous_time() const = 0;  // begin of the last step
+    virtual std::span<double> state() = 0;
+    virtual std::span<double> sensitivity(int k) = 0;
+    virtual std::span<double> quadrature() = 0;
 
     // Take back the last step from `t` on: time, state, sensitivities and quadratures are then those at t. Needs a
     // restart before the next step.
-    void go_back(double t);
+    virtual void go_back(double t) = 0;
 
     // State, sensitivity and quadrature inside the last step.
-    void state_at(double t, double* z) const;
-    void sensitivity_at(double t, int k, double* s) const;
-    void quadrature_at(double t, double* q) const;
+    virtual void state_at(double t, double* z) const = 0;
+    virtual void sensitivity_at(double t, int k, double* s) const = 0;
+    virtual void quadrature_at(double t, double* q) const = 0;
 
-    std::span<const int> roots() const;  // after Outcome::root: -1 falling, 1 rising, 0 not at a root
-    int flag() const;                    // SUNDIALS' return value of the last step
-    static std::string advice(int flag);
-    static bool step_vanished(int flag);
+    virtual std::span<const int> roots() const = 0;  // after Outcome::root: -1 falling, 1 rising, 0 not at a root
+    // Whether a step that crosses a guard always ends there: no second look is needed.
+    virtual bool finds_every_root() const { return false; }
+
+    struct Failure {
+        bool step_vanished;
+        std::string advice;
+    };
+    virtual Failure failure() const = 0;  // after Outcome::failed
     static constexpr const char* not_finite =
         "the equations gave a value that is not finite; check parameters and initial state";
 
     struct Counts {
         long steps, rhs, jacobians, guards, error_test_failures;
     };
-    Counts counts() const;
-
-  private:
-    struct Hidden;
-    std::unique_ptr<Hidden> h_;
+    virtual Counts counts() const = 0;
+    virtual std::string name() const = 0;  // as statistics report it: adams, bdf, exact, ...
 };
 
 }  // namespace dualdrive

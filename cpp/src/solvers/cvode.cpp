@@ -1,4 +1,4 @@
-#include "dualdrive/solver.hpp"
+#include "cvode.hpp"
 
 #include <cvodes/cvodes.h>
 #include <nvector/nvector_serial.h>
@@ -27,11 +27,43 @@ int create_context(SUNContext* c) { return SUNContext_Create(nullptr, c); }
 
 void silence(int, const char*, const char*, char*, void*) {}  // failures come back as a status, not on stderr
 
+std::string advice(int flag) {
+    switch (flag) {
+        case CV_TOO_MUCH_ACC:
+            return "the tolerance is finer than arithmetic allows; raise rtol";
+        case CV_ERR_FAILURE:
+        case CV_CONV_FAILURE:
+            return "the step size fell to nothing; try method = bdf, a larger rtol, or look for a stiffness or gain "
+                   "that is far too large";
+        case CV_RHSFUNC_FAIL:
+        case CV_FIRST_RHSFUNC_ERR:
+        case CV_REPTD_RHSFUNC_ERR:
+        case CV_UNREC_RHSFUNC_ERR:
+        case CV_QRHSFUNC_FAIL:
+        case CV_FIRST_QRHSFUNC_ERR:
+        case CV_REPTD_QRHSFUNC_ERR:
+        case CV_UNREC_QRHSFUNC_ERR:
+        case CV_SRHSFUNC_FAIL:
+        case CV_FIRST_SRHSFUNC_ERR:
+        case CV_REPTD_SRHSFUNC_ERR:
+        case CV_UNREC_SRHSFUNC_ERR:
+            return Solver::not_finite;
+        case CV_LSETUP_FAIL:
+        case CV_LSOLVE_FAIL:
+            return "the linear solver failed; try method = adams or smaller gains";
+        case CV_RTFUNC_FAIL:
+            return "a switching condition was not finite; check parameters and initial state";
+        default:
+            return "CVODE returned code " + std::to_string(flag);
+    }
+}
+
 }  // namespace
 
-struct Solver::Hidden {
+struct Cvode::Hidden {
     Problem& problem;
     Size size;
+    Method method;
     double rtol;
     SUNContext context = nullptr;
     void* memory = nullptr;
@@ -49,7 +81,7 @@ struct Solver::Hidden {
     std::exception_ptr thrown;  // carried across SUNDIALS' C frames
     Counts before{};
 
-    Hidden(Problem& p, Size n, double relative) : problem(p), size(n), rtol(relative) {}
+    Hidden(Problem& p, Size n, Method m, double relative) : problem(p), size(n), method(m), rtol(relative) {}
     ~Hidden() {
         if (memory) CVodeFree(&memory);
         if (linear) SUNLinSolFree(linear);
@@ -113,9 +145,9 @@ struct Solver::Hidden {
     }
 };
 
-Solver::Solver(Problem& problem, Size size, Method method, double rtol, std::span<const int> root_direction,
+Cvode::Cvode(Problem& problem, Size size, Method method, double rtol, std::span<const int> root_direction,
                std::span<const double> parameter_scale)
-    : h_(std::make_unique<Hidden>(problem, size, rtol)) {
+    : h_(std::make_unique<Hidden>(problem, size, method, rtol)) {
     Hidden& h = *h_;
     Hidden::need(create_context(&h.context), "context");
     h.y = N_VNew_Serial(size.states, h.context);
@@ -141,9 +173,9 @@ Solver::Solver(Problem& problem, Size size, Method method, double rtol, std::spa
     if (!h.memory) throw std::bad_alloc();
 }
 
-Solver::~Solver() = default;
+Cvode::~Cvode() = default;
 
-void Solver::restart(double t, std::span<const double> atol, double quadrature_atol) {
+void Cvode::restart(double t, std::span<const double> atol, double quadrature_atol) {
     Hidden& h = *h_;
     std::copy(atol.begin(), atol.end(), N_VGetArrayPointer(h.tolerance));
     h.t = h.begin = t;
@@ -191,9 +223,9 @@ void Solver::restart(double t, std::span<const double> atol, double quadrature_a
     if (h.longest > 0) CVodeSetMaxStep(h.memory, h.longest);
 }
 
-void Solver::limit_step(double longest) { h_->longest = longest; }
+void Cvode::limit_step(double longest) { h_->longest = longest; }
 
-Solver::Outcome Solver::step(double stop) {
+Solver::Outcome Cvode::step(double stop) {
     Hidden& h = *h_;
     CVodeSetStopTime(h.memory, stop);
     h.begin = h.t;
@@ -215,18 +247,18 @@ Solver::Outcome Solver::step(double stop) {
     return h.flag == CV_TSTOP_RETURN ? Outcome::stopped : Outcome::stepped;
 }
 
-double Solver::time() const { return h_->t; }
-double Solver::previous_time() const { return h_->begin; }
-std::span<double> Solver::state() { return {N_VGetArrayPointer(h_->y), static_cast<std::size_t>(h_->size.states)}; }
-std::span<double> Solver::sensitivity(int k) {
+double Cvode::time() const { return h_->t; }
+double Cvode::previous_time() const { return h_->begin; }
+std::span<double> Cvode::state() { return {N_VGetArrayPointer(h_->y), static_cast<std::size_t>(h_->size.states)}; }
+std::span<double> Cvode::sensitivity(int k) {
     return {N_VGetArrayPointer(h_->s[k]), static_cast<std::size_t>(h_->size.states)};
 }
-std::span<double> Solver::quadrature() {
+std::span<double> Cvode::quadrature() {
     if (!h_->q) return {};
     return {N_VGetArrayPointer(h_->q), static_cast<std::size_t>(h_->size.quadratures)};
 }
 
-void Solver::go_back(double t) {
+void Cvode::go_back(double t) {
     Hidden& h = *h_;
     CVodeGetDky(h.memory, t, 0, h.y);
     if (h.size.sensitivities > 0) CVodeGetSensDky(h.memory, t, 0, h.s);
@@ -234,21 +266,21 @@ void Solver::go_back(double t) {
     h.t = t;
 }
 
-void Solver::state_at(double t, double* z) const {
+void Cvode::state_at(double t, double* z) const {
     Hidden& h = *h_;
     const double* from = N_VGetArrayPointer(h.y);
     if (t != h.t && CVodeGetDky(h.memory, t, 0, h.scratch) == CV_SUCCESS) from = N_VGetArrayPointer(h.scratch);
     std::copy(from, from + h.size.states, z);
 }
 
-void Solver::sensitivity_at(double t, int k, double* s) const {
+void Cvode::sensitivity_at(double t, int k, double* s) const {
     Hidden& h = *h_;
     const double* from = N_VGetArrayPointer(h.s[k]);
     if (t != h.t && CVodeGetSensDky1(h.memory, t, 0, k, h.scratch) == CV_SUCCESS) from = N_VGetArrayPointer(h.scratch);
     std::copy(from, from + h.size.states, s);
 }
 
-void Solver::quadrature_at(double t, double* q) const {
+void Cvode::quadrature_at(double t, double* q) const {
     Hidden& h = *h_;
     if (!h.q) return;
     const double* from = N_VGetArrayPointer(h.q);
@@ -257,45 +289,15 @@ void Solver::quadrature_at(double t, double* q) const {
     std::copy(from, from + h.size.quadratures, q);
 }
 
-std::span<const int> Solver::roots() const { return h_->root; }
-int Solver::flag() const { return h_->flag; }
+std::span<const int> Cvode::roots() const { return h_->root; }
+std::string Cvode::name() const { return h_->method == Method::bdf ? "bdf" : "adams"; }
 
-bool Solver::step_vanished(int flag) {
-    return flag == CV_ERR_FAILURE || flag == CV_CONV_FAILURE || flag == CV_TOO_MUCH_ACC;
+Solver::Failure Cvode::failure() const {
+    const bool vanished = h_->flag == CV_ERR_FAILURE || h_->flag == CV_CONV_FAILURE || h_->flag == CV_TOO_MUCH_ACC;
+    return {vanished, advice(h_->flag)};
 }
 
-std::string Solver::advice(int flag) {
-    switch (flag) {
-        case CV_TOO_MUCH_ACC:
-            return "the tolerance is finer than arithmetic allows; raise rtol";
-        case CV_ERR_FAILURE:
-        case CV_CONV_FAILURE:
-            return "the step size fell to nothing; try method = bdf, a larger rtol, or look for a stiffness or gain "
-                   "that is far too large";
-        case CV_RHSFUNC_FAIL:
-        case CV_FIRST_RHSFUNC_ERR:
-        case CV_REPTD_RHSFUNC_ERR:
-        case CV_UNREC_RHSFUNC_ERR:
-        case CV_QRHSFUNC_FAIL:
-        case CV_FIRST_QRHSFUNC_ERR:
-        case CV_REPTD_QRHSFUNC_ERR:
-        case CV_UNREC_QRHSFUNC_ERR:
-        case CV_SRHSFUNC_FAIL:
-        case CV_FIRST_SRHSFUNC_ERR:
-        case CV_REPTD_SRHSFUNC_ERR:
-        case CV_UNREC_SRHSFUNC_ERR:
-            return not_finite;
-        case CV_LSETUP_FAIL:
-        case CV_LSOLVE_FAIL:
-            return "the linear solver failed; try method = adams or smaller gains";
-        case CV_RTFUNC_FAIL:
-            return "a switching condition was not finite; check parameters and initial state";
-        default:
-            return "CVODE returned code " + std::to_string(flag);
-    }
-}
-
-Solver::Counts Solver::counts() const {
+Solver::Counts Cvode::counts() const {
     const Hidden& h = *h_;
     if (!h.started) return h.before;
     const Counts c = h.read_counts();

@@ -107,7 +107,7 @@ void Simulation::loop() {
         const double stop = next_stop();
         const Solver::Outcome outcome = solver_->step(stop);
         if (outcome == Solver::Outcome::failed)
-            return fail(failure(), bad_numbers_ ? Solver::not_finite : Solver::advice(solver_->flag()));
+            return fail(failure(), bad_numbers_ ? Solver::not_finite : solver_->failure().advice);
         if (++steps > options_.max_steps)
             return fail(Status::too_many_steps, "more than max_steps = " + std::to_string(options_.max_steps) +
                                                     " steps; raise it, shorten the run, or use a larger rtol");
@@ -140,7 +140,7 @@ bool Simulation::stop_now() {
 
 Status Simulation::failure() const {
     if (bad_numbers_) return Status::not_finite;
-    return Solver::step_vanished(solver_->flag()) ? Status::step_too_small : Status::solver_failure;
+    return solver_->failure().step_vanished ? Status::step_too_small : Status::solver_failure;
 }
 
 void Simulation::fail(Status status, const std::string& message) {

@@ -17,7 +17,7 @@ class Simulation final : public Problem {
     Trajectory run();
 
   private:
-    // simulation.cpp: set-up, loop, recording
+    // run.cpp, options.cpp, start.cpp, record.cpp: set-up, loop, recording
     void read_options();
     bool is_read(const std::string& input) const;
     void read_parameters();
@@ -37,7 +37,7 @@ class Simulation final : public Problem {
     Method choose_method();
     std::vector<double> tolerances() const;
 
-    // simulation_events.cpp: everything that changes modes or state at an instant
+    // events.cpp: everything that changes modes or state at an instant
     void classify();
     bool settle(bool located);
     void switch_at(const std::vector<int>& fallen);
@@ -55,7 +55,7 @@ class Simulation final : public Problem {
     void slave_riding();
     void add_delayed_breaks(double t, const std::vector<double>& time_slope);
 
-    // simulation_crossing.cpp: which guards fell in the last step, and when first
+    // crossing.cpp: which guards fell in the last step, and when first
     std::vector<int> fallen_guards(Solver::Outcome outcome);
     struct Crossing {
         double t;
@@ -65,7 +65,7 @@ class Simulation final : public Problem {
     double guard_at(std::size_t guard, double t);
     double locate(std::size_t guard, double above, double under);
 
-    // simulation_problem.cpp: what the solver asks
+    // problem.cpp: what the solver asks
     bool rhs(double t, const double* z, double* rate) override;
     bool guards(double t, const double* z, double* g) override;
     bool jacobian(double t, const double* z, double* column_major) override;

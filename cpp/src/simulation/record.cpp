@@ -88,6 +88,7 @@ void Simulation::remember(double from, double to) {
 
 void Simulation::finish() {
     if (!solver_) return;
+    out_.statistics.method = solver_->name();
     const auto c = solver_->counts();
     out_.statistics.steps = c.steps;
     out_.statistics.rhs = c.rhs;

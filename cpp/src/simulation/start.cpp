@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "../solvers/cvode.hpp"
 #include "instant.hpp"
 #include "simulation.hpp"
 
@@ -134,8 +135,7 @@ void Simulation::start() {
     std::vector<double> parameter_scale;
     for (const auto& p : parameters_) parameter_scale.push_back(p.scale);
     const Method method = choose_method();
-    out_.statistics.method = method == Method::bdf ? "bdf" : "adams";
-    solver_ = std::make_unique<Solver>(
+    solver_ = std::make_unique<Cvode>(
         *this,
         Solver::Size{layout_.size(), static_cast<int>(guards), static_cast<int>(parameters_.size()),
                      options_.energy ? static_cast<int>(powers) : 0},
