@@ -8,6 +8,7 @@ found.dataset["peak_error"].plot()
 
 from __future__ import annotations
 
+from .executors import Executor, Threads
 from .grid import ALIASES, Axis, Grid, GridError, lay_out
 from .grid_file import Outcome
 from .layout import PENDING
@@ -18,11 +19,13 @@ __all__ = [
     "ALIASES",
     "PENDING",
     "Axis",
+    "Executor",
     "Grid",
     "GridError",
     "Outcome",
     "Progress",
     "Sweep",
+    "Threads",
     "lay_out",
     "load_sweep",
     "resume",

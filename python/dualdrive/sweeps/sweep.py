@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 from dualdrive.files import FileError, refuse_existing
 from dualdrive.machine import DEFAULT, Machine
 
+from .executors import Executor, Threads
 from .grid import GridError, lay_out
 from .grid_file import GridFile, Outcome, attributes_of, axes_of
 from .layout import lay_file
-from .parallel import as_finished, cores, interrupt
+from .parallel import interrupt
 from .plan import Plan
 from .result import Sweep
 
@@ -41,6 +42,7 @@ def sweep(
     method: str = "auto",
     max_steps: int | None = None,
     jobs: int | None = None,
+    executor: Executor | None = None,
     output: str | Path | None = None,
     resume: bool = False,
     overwrite: bool = False,
@@ -56,6 +58,7 @@ def sweep(
     load:      constant torque on the table that opposes positive motion, N·m (N)
     max_steps: integration steps after which a run counts as failed
     jobs:      threads; all cores without it. Results do not depend on it
+    executor:  where runs are computed, in place of `jobs` threads of this process
     output:    HDF5 file; without one the grid lives as long as the returned object
     resume:    complete a file that a killed or interrupted sweep of the same things left
     keep:      signals to store whole, beside the figures
@@ -66,9 +69,7 @@ def sweep(
     Raises GridError (axes), MachineError (machine), FileError (file there already, of something
     else, disk refuses), each one line naming the way out.
     """
-    jobs = cores() if jobs is None else jobs
-    if jobs < 1:
-        raise GridError(f"jobs = {jobs}: must be at least 1; leave it out for all cores")
+    executor = executor or Threads(jobs)
     plan = _plan(
         machine, axes or {}, motion, load, end, output_step, rtol, method, max_steps, tuple(keep)
     )
@@ -78,11 +79,17 @@ def sweep(
         output = Path(folder.name) / "sweep.h5"
     path = Path(output)
     with _open(path, plan, resume=resume, overwrite=overwrite, command=command) as file:
-        _work(plan, file, jobs, progress)
+        _work(plan, file, executor, progress)
     return Sweep(path, folder)
 
 
-def resume(path: str | Path, *, jobs: int | None = None, progress: Progress | None = None) -> Sweep:
+def resume(
+    path: str | Path,
+    *,
+    jobs: int | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Sweep:
     """Complete the sweep that a file holds, with the machine, axes and motion stored there.
 
     Raises FileError when it is no sweep, GridError when the motion cannot be read from its text:
@@ -104,6 +111,7 @@ def resume(path: str | Path, *, jobs: int | None = None, progress: Progress | No
         max_steps=int(found["max_steps"]) or None,
         keep=json.loads(found["keep"]),
         jobs=jobs,
+        executor=executor,
         output=path,
         resume=True,
         progress=progress,
@@ -153,13 +161,13 @@ def _open(path: Path, plan: Plan, *, resume: bool, overwrite: bool, command: str
     return GridFile(path)
 
 
-def _work(plan: Plan, file: GridFile, jobs: int, progress: Progress | None) -> None:
+def _work(plan: Plan, file: GridFile, executor: Executor, progress: Progress | None) -> None:
     pending = file.pending()
     done = plan.grid.size - len(pending)
     if progress is not None:
         progress(done, plan.grid.size, [])
     with interrupt() as stop:
-        for outcomes in as_finished(plan.run, pending, jobs, stop):
+        for outcomes in executor.outcomes(plan, pending, stop):
             file.write(outcomes)
             done += len(outcomes)
             if progress is not None:
