@@ -10,6 +10,7 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 #include "dualdrive/balance.hpp"
+#include "options.hpp"
 
 namespace dualdrive::python {
 
@@ -30,24 +31,20 @@ std::function<bool()> signal_check() {
     };
 }
 
-Method method_of(const std::string& name) {
-    if (name == "auto") return Method::automatic;
-    if (name == "adams") return Method::adams;
-    if (name == "bdf") return Method::bdf;
-    throw std::invalid_argument("method = '" + name + "' is unknown; choose one of auto, adams, bdf");
-}
-
 Trajectory run(const Machine& machine, const Inputs& inputs, double end, double start, double output_step,
-               const std::vector<double>& times, double rtol, const std::string& method, double longest_step,
-               long max_steps, const std::vector<std::string>& signals, const std::vector<std::string>& sensitivities,
-               const std::map<std::string, double>& initial, bool energy) {
+               const std::vector<double>& times, const std::string& engine, double rtol, const std::string& method,
+               bool long_double, double longest_step, long max_steps, const std::vector<std::string>& signals,
+               const std::vector<std::string>& sensitivities, const std::map<std::string, double>& initial,
+               bool energy) {
     SimulateOptions o;
     o.start = start;
     o.end = end;
     o.output_step = output_step;
     o.times = times;
+    o.engine = engine_of(engine);
     o.rtol = rtol;
     o.method = method_of(method);
+    o.long_double = long_double;
     o.longest_step = longest_step;
     o.max_steps = max_steps;
     o.signals = signals;
@@ -154,7 +151,8 @@ void bind_simulate(nb::module_& m) {
 
     m.def("simulate", &run, nb::arg("machine"), nb::arg("inputs"), nb::kw_only(), nb::arg("end"),
           nb::arg("start") = 0.0, nb::arg("output_step") = 1e-3, nb::arg("times") = nb::list(),
-          nb::arg("rtol") = SimulateOptions{}.rtol, nb::arg("method") = "auto", nb::arg("longest_step") = 0.0,
+          nb::arg("engine") = "auto", nb::arg("rtol") = SimulateOptions{}.rtol, nb::arg("method") = "auto",
+          nb::arg("long_double") = false, nb::arg("longest_step") = 0.0,
           nb::arg("max_steps") = SimulateOptions{}.max_steps, nb::arg("signals") = nb::list(),
           nb::arg("sensitivities") = nb::list(), nb::arg("initial") = nb::dict(), nb::arg("energy") = true,
           "Integrate a machine with every switch located.\n\n"

@@ -63,6 +63,6 @@ std::unique_ptr<Effect<S>> make_effect(std::string_view name, const S* values) {
 
 template std::unique_ptr<Effect<double>> make_effect(std::string_view, const double*);
 template std::unique_ptr<Effect<Gradient>> make_effect(std::string_view, const Gradient*);
-template std::unique_ptr<Effect<long double>> make_effect(std::string_view, const long double*);
+template std::unique_ptr<Effect<FineGradient>> make_effect(std::string_view, const FineGradient*);
 
 }  // namespace dualdrive

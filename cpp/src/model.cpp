@@ -18,6 +18,6 @@ const char* const power_names[powers] = {"delivered", "conversion", "copper", "v
 
 template class Model<double>;
 template class Model<Gradient>;
-template class Model<long double>;
+template class Model<FineGradient>;
 
 }  // namespace dualdrive

@@ -148,6 +148,20 @@ double Track::end() const {
     return knots_.empty() ? -std::numeric_limits<double>::infinity() : knots_.back();
 }
 
+void Track::add_jet(const Instant& at, Polynomial& jet) const {
+    const std::size_t piece = piece_at(at);
+    const double x = at.t - begin_of(piece);
+    Polynomial c{};  // c[j] xʲ, shifted to x by repeated synthetic division: then c[j] = derivative / j!
+    std::copy_n(coefficients_.data() + piece * terms_, terms_, c.begin());
+    for (std::size_t j = 0; j + 1 < terms_; ++j)
+        for (std::size_t k = terms_ - 1; k-- > j;) c[k] += c[k + 1] * x;
+    double factorial = 1.0;
+    for (std::size_t j = 0; j < terms_; ++j) {
+        if (j > 1) factorial *= static_cast<double>(j);
+        jet[j] += factorial * c[j];
+    }
+}
+
 Track Track::scaled(double factor) const {
     Track result = *this;
     for (double& c : result.coefficients_) {
@@ -229,6 +243,18 @@ double Waveform::end() const {
     for (const Track& track : tracks_) last = std::max(last, track.end());
     for (const Harmonic& h : harmonics_) last = std::max(last, h.end);
     return last == -std::numeric_limits<double>::infinity() ? 0.0 : last;
+}
+
+Polynomial Waveform::polynomial_jet(const Instant& at) const {
+    Polynomial jet{};
+    for (const Track& track : tracks_) track.add_jet(at, jet);
+    return jet;
+}
+
+std::size_t Waveform::polynomial_order() const {
+    std::size_t terms = 1;
+    for (const Track& track : tracks_) terms = std::max(terms, track.terms());
+    return terms;
 }
 
 Waveform Waveform::scaled(double factor) const {

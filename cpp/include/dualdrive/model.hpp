@@ -1,7 +1,7 @@
 // The physics, once: signals, forces, rates, guards and ticks of a machine with its modes frozen.
 //
-// Model<double> drives the solver, Model<Gradient> the Jacobian and the sensitivities, Model<long double> a finer
-// reference, all from these lines. A Model is a worker: it owns scratch memory and belongs to one thread.
+// Model<double> drives the solver, Model<Gradient> the Jacobian, the sensitivities and the exact engine's matrices,
+// Model<FineGradient> the same matrices in long double, all from these lines. A Model is a worker: it owns scratch memory and belongs to one thread.
 #pragma once
 
 #include <array>
@@ -124,6 +124,6 @@ class Model {
 
 extern template class Model<double>;
 extern template class Model<Gradient>;
-extern template class Model<long double>;
+extern template class Model<FineGradient>;
 
 }  // namespace dualdrive

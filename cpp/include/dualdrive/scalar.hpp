@@ -1,4 +1,4 @@
-// Scalars the physics is written on: double, a forward-mode dual number, long double.
+// Scalars the physics is written on: double, and forward-mode dual numbers over double or long double.
 //
 // Every law of the machine is a template on its scalar, so that the Jacobian and the parameter
 // sensitivities come from the very lines that compute the forces. A dual number carries a value and
@@ -137,5 +137,6 @@ bool operator>(const Dual<S, N>& a, const Dual<S, N>& b) {
 // Directions carried at once by the Jacobian and the sensitivities.
 inline constexpr int directions = 8;
 using Gradient = Dual<double, directions>;
+using FineGradient = Dual<long double, directions>;  // of the exact engine's reference arithmetic
 
 }  // namespace dualdrive

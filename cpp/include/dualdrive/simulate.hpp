@@ -1,4 +1,4 @@
-// simulate(machine, inputs, options) -> trajectory: event-accurate, with CVODE's root-finding.
+// simulate(machine, inputs, options) -> trajectory, every switch located.
 #pragma once
 
 #include <functional>
@@ -17,8 +17,10 @@ struct SimulateOptions {
     double start = 0.0, end = 1.0;      // s
     double output_step = 1e-3;          // s; ignored where `times` is given
     std::vector<double> times;          // increasing, within [start, end]
-    double rtol = 1e-10;                // local; the error reached is larger, see docs/theory/accuracy.md
-    Method method = Method::automatic;  // adams for a plant that rings, bdf for a stiff one
+    Engine engine = Engine::automatic;
+    double rtol = 1e-10;                // local; the error reached is larger, see docs/theory/accuracy.md; exact: unused
+    Method method = Method::automatic;  // of the cvode engine: adams for a plant that rings, bdf for a stiff one
+    bool long_double = false;           // exact engine alone: its linear algebra in long double, for reference runs
     double longest_step = 0.0;          // s; 0 = no limit
     long max_steps = 50'000'000;
     std::vector<std::string> signals;        // to record; empty = all

@@ -62,6 +62,9 @@ class Solver {
     virtual void sensitivity_at(double t, int k, double* s) const = 0;
     virtual void quadrature_at(double t, double* q) const = 0;
 
+    // The recorded signals at t within the last step, where the solver has them cheaper than the model does.
+    virtual bool signals_at(double /*t*/, double* /*signals*/) const { return false; }
+
     virtual std::span<const int> roots() const = 0;  // after Outcome::root: -1 falling, 1 rising, 0 not at a root
     // Whether a step that crosses a guard always ends there: no second look is needed.
     virtual bool finds_every_root() const { return false; }

@@ -70,6 +70,9 @@ class Track {
     const std::vector<double>& breaks() const { return breaks_; }
     double end() const;  // the last knot; infinite when the last piece is not constant
     double turning_time() const;
+    std::size_t terms() const { return terms_; }  // of the longest piece
+    // Adds the derivatives of orders 0 to 5 at `at` to `jet`, from which the piece goes on as a polynomial.
+    void add_jet(const Instant& at, Polynomial& jet) const;
     Track scaled(double factor) const;
     Track shifted(double delay) const;
 
@@ -154,6 +157,12 @@ class Waveform {
     // A time within which the signal cannot swing there and back unseen: an eighth of its fastest period, half of its
     // shortest curved piece. Infinite for steps and ramps. A solver at rest sees its inputs only where it steps.
     double turning_time() const;
+
+    // The parts as a generator of the signal needs them: all derivatives of the polynomial part at an instant, how many
+    // of them can differ from zero at any time, and the harmonics.
+    Polynomial polynomial_jet(const Instant& at) const;
+    std::size_t polynomial_order() const;
+    const std::vector<Harmonic>& harmonics() const { return harmonics_; }
 
     Waveform scaled(double factor) const;
     Waveform shifted(double delay) const;  // later by `delay` s

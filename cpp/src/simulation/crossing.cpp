@@ -32,7 +32,7 @@ std::vector<int> Simulation::fallen_guards(Solver::Outcome outcome) {
             if (roots[k] != 0) fallen.push_back(static_cast<int>(k));
     }
     const double from = solver_->previous_time(), to = solver_->time();
-    if (guard_end_.empty() || !(to > from)) return fallen;
+    if (guard_end_.empty() || !(to > from) || solver_->finds_every_root()) return fallen;
     const double middle = from + 0.5 * (to - from);
     guards(to, solver_->state().data(), guard_end_.data());
     solver_->state_at(middle, z_scratch_.data());

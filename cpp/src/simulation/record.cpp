@@ -15,14 +15,26 @@ void Simulation::record_until(double t) {
     }
 }
 
+// The recorded signals as one row more.
+bool Simulation::record_signals(double t, const double* z) {
+    const std::size_t first = out_.values.size();
+    out_.values.resize(first + recorded_.size());
+    double* row = out_.values.data() + first;
+    if (options_.energy || !recorded_are_linear_ || !solver_->signals_at(t, row)) {
+        evaluate(t, z);
+        for (const int s : recorded_) *row++ = model_.signals()[static_cast<std::size_t>(s)];
+    }
+    if (std::all_of(out_.values.begin() + static_cast<std::ptrdiff_t>(first), out_.values.end(),
+                    [](double v) { return std::isfinite(v); }))
+        return true;
+    out_.values.resize(first);
+    fail(Status::not_finite, Solver::not_finite);
+    return false;
+}
+
 void Simulation::record(double t, const double* z) {
-    evaluate(t, z);
-    const bool numbers = std::all_of(recorded_.begin(), recorded_.end(), [&](int s) {
-        return std::isfinite(model_.signals()[static_cast<std::size_t>(s)]);
-    });
-    if (!numbers) return fail(Status::not_finite, Solver::not_finite);
+    if (!record_signals(t, z)) return;
     out_.t.push_back(t);
-    for (const int s : recorded_) out_.values.push_back(model_.signals()[static_cast<std::size_t>(s)]);
     out_.modes.insert(out_.modes.end(), modes_.begin(), modes_.end());
     if (options_.energy) {
         solver_->quadrature_at(t, work_scratch_.data());

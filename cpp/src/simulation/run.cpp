@@ -84,7 +84,7 @@ void Simulation::restart() {
     solver_->restart(solver_->time() == 0.0 && out_.statistics.restarts == 0 ? options_.start : solver_->time(),
                      tolerances(), options_.rtol * energy_scale_);
     ++out_.statistics.restarts;
-    guards(solver_->time(), z.data(), guard_begin_.data());
+    if (!solver_->finds_every_root()) guards(solver_->time(), z.data(), guard_begin_.data());
 }
 
 Trajectory Simulation::run() {

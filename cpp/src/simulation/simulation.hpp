@@ -28,6 +28,7 @@ class Simulation final : public Problem {
     double next_stop();
     void record_until(double t);
     void record(double t, const double* z);
+    bool record_signals(double t, const double* z);
     void record_sensitivities(double t, const double* z, std::size_t row);
     void remember(double from, double to);
     bool stop_now();
@@ -35,6 +36,9 @@ class Simulation final : public Problem {
     void fail(Status status, const std::string& message);
     void finish();
     Method choose_method();
+    void choose_solver(int guards, std::span<const double> parameter_scale);
+    bool exact_is_possible(std::string& reason) const;
+    double exact_grid() const;
     std::vector<double> tolerances() const;
 
     // events.cpp: everything that changes modes or state at an instant
@@ -126,6 +130,7 @@ class Simulation final : public Problem {
     std::unique_ptr<Solver> solver_;
     std::map<Modes, std::vector<double>> jacobians_;  // of an affine machine: one per mode
     bool affine_ = false;
+    bool recorded_are_linear_ = true;  // in the states: no energies, no shares of dry friction
     std::vector<double> guard_begin_, guard_middle_, guard_end_, guard_probe_;  // of the last step
     std::vector<double> scale_;  // typical size of each state, growing with what was seen
     double energy_scale_ = 0.0, energy_start_ = 0.0, energy_moved_ = 0.0, energy_worst_ = 0.0;

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "../solvers/cvode.hpp"
 #include "instant.hpp"
 #include "simulation.hpp"
 
@@ -131,15 +130,9 @@ void Simulation::start() {
 
     const std::size_t guards = layout_.switches.size() * guards_per_switch;
     for (auto* g : {&guard_begin_, &guard_middle_, &guard_end_, &guard_probe_}) g->assign(guards, 1.0);
-    const std::vector<int> direction(guards, -1);
     std::vector<double> parameter_scale;
     for (const auto& p : parameters_) parameter_scale.push_back(p.scale);
-    const Method method = choose_method();
-    solver_ = std::make_unique<Cvode>(
-        *this,
-        Solver::Size{layout_.size(), static_cast<int>(guards), static_cast<int>(parameters_.size()),
-                     options_.energy ? static_cast<int>(powers) : 0},
-        method, options_.rtol, direction, parameter_scale);
+    choose_solver(static_cast<int>(guards), parameter_scale);
     std::copy(z_scratch_.begin(), z_scratch_.end(), solver_->state().begin());
     for (std::size_t k = 0; k < parameters_.size(); ++k)
         for (std::size_t state = 0; state < n; ++state)

@@ -146,7 +146,7 @@ struct Cvode::Hidden {
 };
 
 Cvode::Cvode(Problem& problem, Size size, Method method, double rtol, std::span<const int> root_direction,
-               std::span<const double> parameter_scale)
+             std::span<const double> parameter_scale)
     : h_(std::make_unique<Hidden>(problem, size, method, rtol)) {
     Hidden& h = *h_;
     Hidden::need(create_context(&h.context), "context");

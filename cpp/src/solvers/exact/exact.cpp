@@ -1,0 +1,363 @@
+#include "exact.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "../../simulation/instant.hpp"
+#include "arithmetic.hpp"
+#include "crossing.hpp"
+
+namespace dualdrive::exact {
+
+template <class R>
+Exact<R>::Exact(Problem& problem, Size size, Setup setup)
+    : problem_(problem),
+      size_(size),
+      setup_(std::move(setup)),
+      generator_(setup_.inputs),
+      reader_(setup_.machine, setup_.inputs, setup_.layout, generator_, setup_.recorded),
+      n_(reader_.size()),
+      rows_(padded(n_)),
+      y_(static_cast<std::size_t>(rows_) * (block + 2), R(0)),
+      scratch_(static_cast<std::size_t>(rows_) * 2),
+      probe_(static_cast<std::size_t>(rows_)),
+      probe_scratch_(static_cast<std::size_t>(rows_) * 2),
+      z_(static_cast<std::size_t>(size.states), 0.0),
+      works_(static_cast<std::size_t>(size.quadratures) * (block + 2), 0.0),
+      roots_(static_cast<std::size_t>(size.guards), 0) {
+    y_[static_cast<std::size_t>(reader_.one())] = R(1);
+}
+
+template <class R>
+void Exact<R>::take_modes() {
+    auto& known = known_[setup_.modes];
+    if (!known) {
+        known = std::make_unique<Propagator<R>>(reader_.read(setup_.modes), setup_.grid);
+        ++counts_.jacobians;
+    }
+    now_ = known.get();
+}
+
+template <class R>
+void Exact<R>::restart(double t, std::span<const double>, double) {
+    // Whoever stopped the engine may have changed the state; what was not touched keeps its own digits.
+    begin_again();
+    R* y = column(0);
+    for (std::size_t k = 0; k < z_.size(); ++k)
+        if (static_cast<double>(y[k]) != z_[k]) y[k] = R(z_[k]);
+    take_modes();
+    probe_signals_.resize(static_cast<std::size_t>(now_->outputs()));
+    find_place(t);
+    begin_ = t_;
+    fresh_ = true;
+    wide_ = 2;
+}
+
+// The end of the last step is the begin of the next.
+template <class R>
+void Exact<R>::begin_again() {
+    if (last() > 0) {
+        std::copy_n(column(last()), rows_, column(0));
+        std::copy_n(work(last()), size_.quadratures, work(0));
+    }
+    done_ = 0;
+    ended_ = false;
+    begin_ = t_;
+}
+
+// The grid step and the step within it that hold t. Right after one's own switch the local time is known better than t.
+template <class R>
+void Exact<R>::find_place(double t) {
+    if (t != t_ || now_ == nullptr) {
+        place_ = static_cast<long>(std::floor((t - setup_.start) / setup_.grid + 1e-9));
+        local_ = R(t - grid_time(place_));
+        if (std::abs(static_cast<double>(local_)) <= instant(t)) local_ = R(0);
+        t_ = t;
+    }
+    part_ = static_cast<long>(std::floor(static_cast<double>(local_) / now_->step() + 1e-9));
+    if (std::abs(static_cast<double>(local_) - static_cast<double>(part_) * now_->step()) <= instant(t))
+        local_ = R(static_cast<double>(part_) * now_->step());
+    next_place();
+}
+
+template <class R>
+void Exact<R>::next_place() {
+    const long parts = 1L << now_->halvings();
+    if (part_ < parts) return;
+    place_ += part_ / parts;
+    part_ %= parts;
+    local_ = R(static_cast<double>(part_) * now_->step());
+}
+
+template <class R>
+double Exact<R>::knot_before(double stop) {
+    const auto& knots = generator_.knots();
+    while (next_knot_ < knots.size() && knots[next_knot_] <= t_ + instant(t_)) ++next_knot_;
+    return next_knot_ < knots.size() ? std::min(stop, knots[next_knot_]) : stop;
+}
+
+template <class R>
+Solver::Outcome Exact<R>::step(double stop) {
+    begin_again();
+    const double target = knot_before(stop);
+    generator_.set(t_, setup_.cell, column(0) + size_.states);
+    const double left = target - t_, h = now_->step();
+    Outcome outcome;
+    if (const auto whole = static_cast<long>((left + instant(t_)) / h); aligned() && whole > 0) {
+        outcome = walk(static_cast<int>(std::min<long>(whole, wide_)));
+    } else {
+        const R boundary = R(static_cast<double>(part_ + 1) * h), end = R(target - grid_time(place_));
+        const bool whole_step = std::abs(static_cast<double>(boundary - end)) <= instant(t_);
+        outcome = end < boundary && !whole_step ? go_to(end, false) : go_to(boundary, true);
+    }
+    if (outcome == Outcome::stepped && t_ >= stop - instant(t_)) {
+        t_ = stop;
+        return Outcome::stopped;
+    }
+    return outcome;
+}
+
+// Whole steps, all at once; where one of them may hold a crossing it is looked at closely.
+template <class R>
+Solver::Outcome Exact<R>::walk(int count) {
+    Arithmetic<R>::chain(rows_, n_, now_->power(0).data(), count, column(0));
+    watch(count, R(1));
+    for (int k = suspect(0, count, R(1)); k < count; k = suspect(k + 1, count, R(1)))
+        if (const auto fall = first_fall(k, R(1))) {
+            take_steps(k);
+            take_part(fall->at * R(now_->step()));
+            return arrive_at(fall->guard);
+        }
+    take_steps(count);
+    wide_ = std::min(block, 2 * wide_);
+    return arrive();
+}
+
+// A part of a step, to `end` or to the end of the step.
+template <class R>
+Solver::Outcome Exact<R>::go_to(R end, bool boundary) {
+    const R length = end - local_, fraction = length / R(now_->step());
+    take_part(length);
+    watch(1, fraction);
+    if (suspect(0, 1, fraction) == 0)
+        if (const auto fall = first_fall(0, fraction)) {
+            local_ -= length;
+            take_part(fall->at * R(now_->step()));
+            return arrive_at(fall->guard);
+        }
+    if (boundary) {
+        ++part_;
+        local_ = R(static_cast<double>(part_) * now_->step());
+        next_place();
+    }
+    return arrive();
+}
+
+template <class R>
+void Exact<R>::take_steps(int count) {
+    done_ = count;
+    part_ += count;
+    if (count == 0) return;
+    local_ = R(static_cast<double>(part_) * now_->step());
+    next_place();
+}
+
+template <class R>
+void Exact<R>::take_part(R length) {
+    std::copy_n(column(done_), rows_, column(done_ + 1));
+    now_->advance(column(done_ + 1), length, scratch_.data());
+    local_ += length;
+    ended_ = true;
+}
+
+template <class R>
+Solver::Outcome Exact<R>::arrive() {
+    const double end = static_cast<double>(R(grid_time(place_)) + local_);
+    const R* y = column(last());
+    for (std::size_t k = 0; k < z_.size(); ++k) z_[k] = static_cast<double>(y[k]);
+    fresh_ = false;
+    counts_.steps += last();
+    if (!std::all_of(z_.begin(), z_.end(), [](double x) { return std::isfinite(x); })) return Outcome::failed;
+    for (int k = 0; size_.quadratures > 0 && k < last(); ++k)
+        if (!integrate_work(k, k < done_ ? now_->step() : end - time_of(done_))) return Outcome::failed;
+    t_ = end;
+    return Outcome::stepped;
+}
+
+template <class R>
+Solver::Outcome Exact<R>::arrive_at(int guard) {
+    std::fill(roots_.begin(), roots_.end(), 0);
+    roots_[static_cast<std::size_t>(guard)] = -1;
+    return arrive() == Outcome::failed ? Outcome::failed : Outcome::root;
+}
+
+// Watched quantities, their scaled derivatives, and over all steps the bounds of what a quintic does not show of them.
+template <class R>
+void Exact<R>::watch(int count, R fraction) {
+    const int m = now_->watch_rows();
+    watched_.resize(static_cast<std::size_t>(3 * m * (block + 2)));
+    bounds_.resize(static_cast<std::size_t>(2 * m));
+    largest_.assign(static_cast<std::size_t>(rows_), R(0));
+    if (m == 0) return;
+    Arithmetic<R>::multiply(3 * m, n_, now_->watch().data(), rows_, column(0), count + 1, watched_.data());
+    for (int k = 0; k < count; ++k)
+        for (int i = 0; i < rows_; ++i)
+            largest_[static_cast<std::size_t>(i)] =
+                std::max(largest_[static_cast<std::size_t>(i)], std::abs(column(k)[i]));
+    Arithmetic<R>::multiply(2 * m, n_, now_->bounds().data(), rows_, largest_.data(), 1, bounds_.data());
+    const R sixth = std::pow(fraction, 6);
+    for (int i = 0; i < m; ++i)
+        bounds_[static_cast<std::size_t>(i)] =
+            bounds_[static_cast<std::size_t>(i)] * sixth + bounds_[static_cast<std::size_t>(m + i)];
+}
+
+// The first step of those from `from` on that may hold a crossing: where the Bernstein coefficients of the quintic through
+// both ends (value, slope, curvature) do not keep their distance from the limits.
+template <class R>
+int Exact<R>::suspect(int from, int count, R fraction) const {
+    const int m = now_->watch_rows();
+    const auto& limits = now_->upper_limits();
+    const R square = fraction * fraction;
+    for (int k = from; k < count; ++k) {
+        const R *a = watched_.data() + static_cast<std::ptrdiff_t>(k) * 3 * m, *b = a + 3 * m;
+        bool near = false;
+        for (int i = 0; i < m; ++i) {
+            const R v0 = fraction * a[m + i], a0 = square * a[2 * m + i];
+            const R v1 = fraction * b[m + i], a1 = square * b[2 * m + i];
+            const R b1 = a[i] + v0, b2 = b1 + v0 + a0, b4 = b[i] - v1, b3 = b4 - v1 + a1;
+            const R low = std::min(std::min(std::min(a[i], b[i]), std::min(b1, b2)), std::min(b3, b4));
+            const R high = std::max(std::max(std::max(a[i], b[i]), std::max(b1, b2)), std::max(b3, b4));
+            const R margin = bounds_[static_cast<std::size_t>(i)];
+            near |= !(low > margin) | !(high + margin < limits[static_cast<std::size_t>(i)]);
+        }
+        if (near) return k;
+    }
+    return count;
+}
+
+// The earliest crossing within step k, from the power series of all quantities that come near a limit.
+template <class R>
+std::optional<typename Exact<R>::Fall> Exact<R>::first_fall(int k, R fraction) {
+    ++counts_.guards;
+    const int m = now_->watch_rows(), terms = now_->terms();
+    const R* noise = bounds_.data() + m;
+    std::optional<Fall> first;
+    series_.resize(static_cast<std::size_t>(padded(terms)));
+    for (std::size_t i = 0; i < now_->watched().size(); ++i) {
+        const auto& quantity = now_->watched()[i];
+        Arithmetic<R>::multiply(padded(terms), n_, now_->series(i).data(), rows_, column(k), 1, series_.data());
+        R power(1);
+        for (int j = 1; j < terms; ++j) series_[static_cast<std::size_t>(j)] *= power *= fraction;
+        const auto look = [&](int guard) {
+            const bool on_surface = fresh_ && k == 0 && series_[0] <= noise[i];
+            const auto x = FirstFall<R>(series_.data(), terms, noise[i], on_surface).find();
+            if (x && (!first || *x * fraction < first->at)) first = Fall{*x * fraction, guard};
+        };
+        look(quantity.low);
+        if (quantity.high < 0) continue;
+        for (R& c : series_) c = -c;
+        series_[0] += quantity.upper;
+        look(quantity.high);
+    }
+    return first;
+}
+
+template <class R>
+const R* Exact<R>::y_at(double t) const {
+    if (std::abs(t - t_) <= instant(t)) return column(last());
+    const int k = std::clamp(static_cast<int>((t - begin_) / now_->step() + 1e-9), 0, done_);
+    const double ahead = t - time_of(k);
+    if (std::abs(ahead) <= instant(t)) return column(k);
+    std::copy_n(column(k), rows_, probe_.data());
+    now_->advance(probe_.data(), R(std::max(0.0, ahead)), probe_scratch_.data());
+    return probe_.data();
+}
+
+template <class R>
+void Exact<R>::state_at(double t, double* z) const {
+    const R* y = y_at(t);
+    for (int k = 0; k < size_.states; ++k) z[k] = static_cast<double>(y[k]);
+}
+
+template <class R>
+bool Exact<R>::signals_at(double t, double* signals) const {
+    const int m = now_->outputs();
+    const R* y = y_at(t);
+    Arithmetic<R>::multiply(m, n_, now_->output_rows().data(), rows_, y, 1, probe_signals_.data());
+    for (std::size_t k = 0; k < setup_.recorded.size(); ++k) signals[k] = static_cast<double>(probe_signals_[k]);
+    return true;
+}
+
+template <class R>
+void Exact<R>::go_back(double t) {
+    const R* y = y_at(t);
+    std::vector<R> there(y, y + rows_);
+    quadrature_at(t, work(0));
+    std::copy(there.begin(), there.end(), column(0));
+    done_ = 0;
+    ended_ = false;
+    for (std::size_t k = 0; k < z_.size(); ++k) z_[k] = static_cast<double>(there[k]);
+    t_ = t;
+}
+
+namespace {
+
+// Gauss-Legendre nodes and weights on [0, 1] (M. Abramowitz, I. Stegun, table 25.4).
+struct Node {
+    double x, weight;
+};
+constexpr Node ten[] = {{0.5 - 0.5 * 0.9739065285171717, 0.5 * 0.0666713443086881},
+                        {0.5 - 0.5 * 0.8650633666889845, 0.5 * 0.1494513491505806},
+                        {0.5 - 0.5 * 0.6794095682990244, 0.5 * 0.2190863625159820},
+                        {0.5 - 0.5 * 0.4333953941292472, 0.5 * 0.2692667193099963},
+                        {0.5 - 0.5 * 0.1488743389816312, 0.5 * 0.2955242247147529},
+                        {0.5 + 0.5 * 0.1488743389816312, 0.5 * 0.2955242247147529},
+                        {0.5 + 0.5 * 0.4333953941292472, 0.5 * 0.2692667193099963},
+                        {0.5 + 0.5 * 0.6794095682990244, 0.5 * 0.2190863625159820},
+                        {0.5 + 0.5 * 0.8650633666889845, 0.5 * 0.1494513491505806},
+                        {0.5 + 0.5 * 0.9739065285171717, 0.5 * 0.0666713443086881}};
+
+}  // namespace
+
+// The work over a whole or part step: the powers are quadratic in y, which ten nodes integrate to rounding.
+template <class R>
+bool Exact<R>::integrate_work(int k, double length) {
+    const auto q = static_cast<std::size_t>(size_.quadratures);
+    std::vector<double> z(z_.size()), rate(q);
+    std::copy_n(work(k), q, work(k + 1));
+    for (const Node& node : ten) {
+        std::copy_n(column(k), rows_, probe_.data());
+        now_->advance(probe_.data(), R(node.x * length), probe_scratch_.data());
+        for (std::size_t i = 0; i < z.size(); ++i) z[i] = static_cast<double>(probe_[i]);
+        if (!problem_.quadrature(time_of(k) + node.x * length, z.data(), rate.data())) return false;
+        for (std::size_t i = 0; i < q; ++i) work(k + 1)[i] += node.weight * length * rate[i];
+    }
+    return true;
+}
+
+template <class R>
+void Exact<R>::quadrature_at(double t, double* q) const {
+    if (size_.quadratures == 0) return;
+    int k = std::abs(t - t_) <= instant(t) ? last() : static_cast<int>((t - begin_) / now_->step() + 0.5);
+    k = std::clamp(k, 0, last());
+    std::copy_n(works_.data() + static_cast<std::ptrdiff_t>(k) * size_.quadratures, size_.quadratures, q);
+    double from = k == last() ? t_ : time_of(k);
+    if (k == last() && t < from - instant(t) && k > 0) {
+        --k;
+        std::copy_n(works_.data() + static_cast<std::ptrdiff_t>(k) * size_.quadratures, size_.quadratures, q);
+        from = time_of(k);
+    }
+    const double length = t - from;
+    if (std::abs(length) <= instant(t)) return;
+    std::vector<double> z(z_.size()), rate(static_cast<std::size_t>(size_.quadratures));
+    for (const Node& node : ten) {
+        state_at(from + node.x * length, z.data());
+        problem_.quadrature(from + node.x * length, z.data(), rate.data());
+        for (int i = 0; i < size_.quadratures; ++i) q[i] += node.weight * length * rate[static_cast<std::size_t>(i)];
+    }
+}
+
+template class Exact<double>;
+template class Exact<long double>;
+
+}  // namespace dualdrive::exact

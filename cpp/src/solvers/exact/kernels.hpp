@@ -1,0 +1,31 @@
+// The few loops in which the exact engine spends its time, built once for every processor the program may meet.
+//
+// Matrices are column-major with a leading dimension that is a multiple of `lane`; vectors have as many entries. Which
+// build runs is chosen when the program starts; DUALDRIVE_KERNELS=baseline in the environment takes the plain one.
+#pragma once
+
+namespace dualdrive::exact {
+
+inline constexpr int lane = 4;
+inline constexpr int padded(int n) { return (n + lane - 1) / lane * lane; }
+
+struct Kernels {
+    const char* name;
+    // out[:, k] = M x[:, k] for k < count. M has `rows` rows and n columns, x a leading dimension ldx.
+    void (*multiply)(int rows, int n, const double* M, int ldx, const double* x, int count, double* out);
+    // y[:, k + 1] = M y[:, k] for k < count.
+    void (*chain)(int rows, int n, const double* M, int count, double* y);
+    // y = Σ (A r)^k y / k! for k ≤ order; `scratch` holds 2 × rows.
+    void (*taylor)(int rows, int n, const double* A, double r, int order, double* y, double* scratch);
+};
+
+const Kernels& kernels();
+
+namespace build {
+extern const Kernels baseline;
+#if DUALDRIVE_KERNELS_X86
+extern const Kernels avx2, avx512;
+#endif
+}  // namespace build
+
+}  // namespace dualdrive::exact

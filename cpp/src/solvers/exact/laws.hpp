@@ -1,0 +1,76 @@
+// A machine as a linear system while its modes are frozen: ẏ = A y with y = (states, generator of the inputs, 1).
+//
+// Nothing is derived a second time: the rows are read off the one model, as its derivatives along the states and along
+// the inputs. Machine and controller are affine between switches, so that these derivatives are all there is.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "dualdrive/model.hpp"
+#include "generator.hpp"
+
+namespace dualdrive::exact {
+
+template <class R>
+using Matrix = Eigen::Matrix<R, Eigen::Dynamic, Eigen::Dynamic>;
+
+// Each matrix has one column per entry of y.
+template <class R>
+struct Laws {
+    Matrix<R> A;        // rates
+    Matrix<R> guards;   // guards_per_switch per element
+    Matrix<R> outputs;  // the recorded signals
+};
+
+template <class R>
+class Reader {
+  public:
+    using D = Dual<R, directions>;
+
+    Reader(const Machine& machine, const Inputs& inputs, const Layout& layout, const Generator& generator,
+           const std::vector<int>& recorded);
+
+    int states() const { return layout_.size(); }
+    int size() const { return states() + generator_.size() + 1; }  // of y
+    int one() const { return size() - 1; }                         // the entry that is 1
+
+    Laws<R> read(const Modes& modes);
+
+    // ∂(laws)/∂p for each list of parameter slots that move together.
+    std::vector<Laws<R>> derivatives(const Modes& modes, const std::vector<std::vector<std::size_t>>& parameters);
+
+  private:
+    // Everything that is affine in y, stacked: rates, guards, outputs, then the blocks' unlimited values.
+    struct Stack {
+        Matrix<R> rows;
+        Eigen::Index rates, guards, outputs, raws;  // how many of each
+        auto A() { return rows.topRows(rates); }
+        auto raw() { return rows.bottomRows(raws); }
+    };
+    Stack empty() const;
+    void evaluate(const Modes& modes, const D& t, const std::vector<D>& z, const Inputs& inputs);
+    Stack stack(const Modes& modes);
+    Laws<R> unstack(const Stack& s) const;
+    // The guards of riding limiters are rates of blocks: their weights, (guard, block, weight) each.
+    struct Weight {
+        Eigen::Index guard, block;
+        R weight;
+    };
+    std::vector<Weight> block_rate_weights(const Modes& modes);
+
+    const Machine& machine_;
+    const Layout& layout_;
+    const Generator& generator_;
+    const std::vector<int>& recorded_;
+    Inputs zero_;
+    std::vector<Inputs> value_, rate_;  // one input of them 1·t, or with the rate 1·t, all others zero
+    std::vector<Inputs> one_value_, one_rate_;
+    Model<D> model_;
+    std::vector<D> found_, block_rates_;
+};
+
+extern template class Reader<double>;
+extern template class Reader<long double>;
+
+}  // namespace dualdrive::exact

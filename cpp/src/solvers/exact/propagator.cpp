@@ -1,0 +1,209 @@
+#include "propagator.hpp"
+
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "arithmetic.hpp"
+#include "crossing.hpp"
+
+namespace dualdrive::exact {
+
+namespace {
+
+constexpr double widest = 3.0;  // of ‖A‖ h: beyond it more halvings cost less than more terms
+constexpr int most_halvings = 24;
+// max of |∏ (t − nodes)| / 6! h⁻⁶ for two triple nodes: (1/2)⁶ / 720
+constexpr double hermite_error = 1.0 / 46080.0;
+constexpr int bound_nodes = 8;
+
+// A bound on the spectral radius of |A|, whatever the units of the states: max √(row sum · column sum) (A. Ostrowski,
+// 1951) after balancing by powers of two. Entries that only drive or are only driven have no part in it.
+template <class R>
+R spectral_bound(const Matrix<R>& A) {
+    Matrix<R> B = A.cwiseAbs();
+    B.diagonal().setZero();
+    for (bool again = true; again;) {
+        again = false;
+        for (Eigen::Index i = 0; i < B.rows(); ++i) {
+            const bool drives = B.col(i).any(), driven = B.row(i).any();
+            if (drives == driven) continue;
+            B.row(i).setZero();
+            B.col(i).setZero();
+            again = true;
+        }
+    }
+    for (int sweep = 0; sweep < 6; ++sweep)
+        for (Eigen::Index i = 0; i < B.rows(); ++i) {
+            const R row = B.row(i).sum(), column = B.col(i).sum();
+            if (!(row > 0)) continue;
+            const R f = std::exp2(std::round(std::log2(row / column) / 2));
+            B.row(i) /= f;
+            B.col(i) *= f;
+        }
+    B.diagonal() = A.diagonal().cwiseAbs();
+    R bound(0);
+    for (Eigen::Index i = 0; i < B.rows(); ++i) bound = std::max(bound, std::sqrt(B.row(i).sum() * B.col(i).sum()));
+    return bound;
+}
+
+// Terms until θ^k / k! is lost in rounding, and some more for what chains of integrators put in front of it.
+template <class R>
+int terms_for(R theta) {
+    R term(1);
+    int k = 0;
+    while (k < 200 && (term > std::numeric_limits<R>::epsilon() / 32 || R(k) < theta)) term *= theta / R(++k);
+    return k + 4;
+}
+
+}  // namespace
+
+template <class R>
+std::vector<R> Propagator<R>::pack(const Matrix<R>& m, int rows) const {
+    std::vector<R> packed(static_cast<std::size_t>(rows) * static_cast<std::size_t>(m.cols()), R(0));
+    for (Eigen::Index j = 0; j < m.cols(); ++j)
+        for (Eigen::Index i = 0; i < m.rows(); ++i) packed[static_cast<std::size_t>(j * rows + i)] = m(i, j);
+    return packed;
+}
+
+template <class R>
+Propagator<R>::Propagator(Laws<R> laws, double grid)
+    : laws_(std::move(laws)), n_(static_cast<int>(laws_.A.rows())), rows_(padded(n_)), step_(grid) {
+    if (!laws_.A.allFinite() || !laws_.guards.allFinite())
+        throw std::domain_error("a coefficient of the linear equations is not finite");
+    const R norm = spectral_bound<R>(laws_.A);
+    while (norm * R(step_) > R(widest) && halvings_ < most_halvings) {
+        step_ /= 2;
+        ++halvings_;
+    }
+    A_ = pack(laws_.A, rows_);
+    exponentials(norm);
+    terms_ = std::min(most_terms, terms_for<R>(norm * R(step_)) + 1);
+    find_watched();
+    find_bounds();
+    outputs_rows_ = padded(static_cast<int>(laws_.outputs.rows()));
+    outputs_ = pack(laws_.outputs, outputs_rows_);
+}
+
+template <class R>
+void Propagator<R>::exponentials(R norm) {
+    const R finest = R(step_) / R(1 << levels);
+    order_ = terms_for<R>(norm * finest);
+    const auto size = static_cast<std::size_t>(rows_) * static_cast<std::size_t>(n_);
+    // Horner's rule on e^X = 1 + X (1 + X/2 (1 + X/3 (...)))
+    std::vector<R> E(size, R(0)), product(size), X = A_;
+    for (R& x : X) x *= finest;
+    for (int i = 0; i < n_; ++i) E[static_cast<std::size_t>(i * rows_ + i)] = R(1);
+    for (int k = order_; k > 0; --k) {
+        Arithmetic<R>::multiply(rows_, n_, X.data(), rows_, E.data(), n_, product.data());
+        for (std::size_t i = 0; i < size; ++i) E[i] = product[i] / R(k);
+        for (int i = 0; i < n_; ++i) E[static_cast<std::size_t>(i * rows_ + i)] += R(1);
+    }
+    power_.assign(levels + 1, {});
+    power_[levels] = std::move(E);
+    for (int b = levels; b-- > 0;) {
+        auto& next = power_[static_cast<std::size_t>(b)];
+        const auto& root = power_[static_cast<std::size_t>(b + 1)];
+        next.resize(size);
+        Arithmetic<R>::multiply(rows_, n_, root.data(), rows_, root.data(), n_, next.data());
+    }
+}
+
+// Pairs of guards that differ in sign and a constant become one quantity with two limits.
+template <class R>
+void Propagator<R>::find_watched() {
+    const Matrix<R>& G = laws_.guards;
+    const Eigen::Index one = n_ - 1;
+    std::vector<Eigen::Index> rows;
+    const auto constant = [&](Eigen::Index g) { return G.row(g).head(one).isZero(0); };
+    for (Eigen::Index g = 0; g < G.rows(); ++g) {
+        if (constant(g) && G(g, one) > R(0)) continue;  // an unused guard never falls
+        const bool pair = g % guards_per_switch == 0 && g + 1 < G.rows() &&
+                          (G.row(g).head(one) + G.row(g + 1).head(one)).isZero(0) && !constant(g);
+        rows.push_back(g);
+        if (pair) {
+            watched_.push_back({static_cast<int>(g), static_cast<int>(g) + 1, G(g, one) + G(g + 1, one)});
+            ++g;
+        } else {
+            watched_.push_back({static_cast<int>(g), -1, std::numeric_limits<R>::infinity()});
+        }
+    }
+    const int m = watch_rows();
+    watched_rows_.resize(static_cast<Eigen::Index>(rows.size()), n_);
+    Matrix<R> all = Matrix<R>::Zero(3 * m, n_);
+    for (std::size_t k = 0; k < rows.size(); ++k) watched_rows_.row(static_cast<Eigen::Index>(k)) = G.row(rows[k]);
+    const R h(step_);
+    const auto count = static_cast<Eigen::Index>(rows.size());
+    const Matrix<R> first = watched_rows_ * laws_.A, second = first * laws_.A;
+    all.topRows(count) = watched_rows_;
+    all.middleRows(m, count) = first * (h / 5);
+    all.middleRows(2 * m, count) = second * (h * h / 20);
+    for (Eigen::Index k = count; k < m; ++k) all(k, one) = R(1);  // what fills the lane is always valid
+    watch_ = pack(all, 3 * m);
+    upper_.assign(static_cast<std::size_t>(m), std::numeric_limits<R>::infinity());
+    for (std::size_t k = 0; k < watched_.size(); ++k) upper_[k] = watched_[k].upper;
+    series_.resize(watched_.size());
+}
+
+// |q⁽⁶⁾(t + s)| = |G A⁶ e^{A s} y(t)| ≤ Σ_j w_j |y_j| for all s in the step, with w_j ≥ max_s |(G A⁶ e^{A s})_j|. The maximum
+// is taken at the middles of `bound_nodes` parts and carried to their ends by |v e^{A δ}| ≤ |v| e^{|A| δ}.
+template <class R>
+void Propagator<R>::find_bounds() {
+    const int m = watch_rows();
+    Matrix<R> bounds = Matrix<R>::Zero(2 * m, n_);
+    const Eigen::Index count = watched_rows_.rows();
+    if (count > 0) {
+        using Map = Eigen::Map<const Matrix<R>, 0, Eigen::OuterStride<>>;
+        const auto part = [&](int level) { return Map(power(level).data(), n_, n_, Eigen::OuterStride<>(rows_)); };
+        const Matrix<R> A2 = laws_.A * laws_.A;
+        Matrix<R> v = ((watched_rows_ * A2) * A2) * A2;
+        const R scale = R(hermite_error) * std::pow(R(step_), 6);
+        v = (v * part(4)).eval();
+        Matrix<R> worst = v.cwiseAbs();
+        for (int k = 1; k < bound_nodes; ++k) {
+            v = (v * part(3)).eval();
+            worst = worst.cwiseMax(v.cwiseAbs());
+        }
+        const R half = R(step_) / R(2 * bound_nodes);
+        const Matrix<R> size = laws_.A.cwiseAbs() * half;
+        Matrix<R> term = worst;
+        for (int k = 1; k <= order_ + 2; ++k) {
+            term = (term * size / R(k)).eval();
+            worst += term;
+        }
+        bounds.topRows(count) = worst * (scale * R(1.001));
+        bounds.middleRows(m, count) = watched_rows_.cwiseAbs() * (R(4) * std::numeric_limits<R>::epsilon());
+    }
+    bounds_ = pack(bounds, 2 * m);
+}
+
+template <class R>
+const std::vector<R>& Propagator<R>::series(std::size_t watched) const {
+    auto& s = series_[watched];
+    if (!s.empty()) return s;
+    Eigen::Matrix<R, 1, Eigen::Dynamic> row = watched_rows_.row(static_cast<Eigen::Index>(watched));
+    const int rows = padded(terms_);
+    s.assign(static_cast<std::size_t>(rows) * static_cast<std::size_t>(n_), R(0));
+    for (int k = 0; k < terms_; ++k) {
+        for (int j = 0; j < n_; ++j) s[static_cast<std::size_t>(j * rows + k)] = row(j);
+        row = (row * laws_.A * (R(step_) / R(k + 1))).eval();
+    }
+    return s;
+}
+
+template <class R>
+void Propagator<R>::advance(R* y, R length, R* scratch) const {
+    R part(step_);
+    for (int b = 0; b <= levels && length > R(0); ++b, part /= 2) {
+        if (length < part) continue;
+        Arithmetic<R>::multiply(rows_, n_, power(b).data(), rows_, y, 1, scratch);
+        std::copy_n(scratch, rows_, y);
+        length -= part;
+    }
+    if (length > R(0)) Arithmetic<R>::taylor(rows_, n_, A_.data(), length, order_, y, scratch);
+}
+
+template class Propagator<double>;
+template class Propagator<long double>;
+
+}  // namespace dualdrive::exact
