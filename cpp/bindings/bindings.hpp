@@ -13,6 +13,7 @@ namespace nb = nanobind;
 
 void bind_machine(nb::module_& m);
 void bind_simulate(nb::module_& m);
+void bind_ensemble(nb::module_& m);
 void bind_linearise(nb::module_& m);
 
 }  // namespace dualdrive::python

@@ -11,5 +11,6 @@ NB_MODULE(_core, m) {
     dualdrive::bind_waveform(m);
     bind_machine(m);
     bind_simulate(m);
+    bind_ensemble(m);
     bind_linearise(m);
 }

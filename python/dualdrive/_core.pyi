@@ -29,6 +29,10 @@ class Waveform:
         Raises ValueError naming index, value and rule.
         """
 
+    def __getstate__(self) -> tuple: ...
+
+    def __setstate__(self, state: tuple, /) -> None: ...
+
     def value(self, times: numpy.typing.ArrayLike) -> Any:
         """
         The signal at times in s: a float for a float, else an array of the same shape.
@@ -265,6 +269,10 @@ class Machine:
 
     def __init__(self) -> None: ...
 
+    def __getstate__(self) -> tuple: ...
+
+    def __setstate__(self, state: tuple, /) -> None: ...
+
     @property
     def name(self) -> str: ...
 
@@ -425,7 +433,7 @@ class Trajectory:
     @property
     def statistics(self) -> dict[str, Any]: ...
 
-def simulate(machine: Machine, inputs: Mapping[str, Waveform], *, end: float, start: float = 0.0, output_step: float = 0.001, times: Sequence[float] = [], rtol: float = 1e-10, method: str = 'auto', longest_step: float = 0.0, max_steps: int = 50000000, signals: Sequence[str] = [], sensitivities: Sequence[str] = [], initial: Mapping[str, float] = {}, energy: bool = True) -> Trajectory:
+def simulate(machine: Machine, inputs: Mapping[str, Waveform], *, end: float, start: float = 0.0, output_step: float = 0.001, times: Sequence[float] = [], engine: str = 'auto', rtol: float = 1e-10, method: str = 'auto', long_double: bool = False, longest_step: float = 0.0, max_steps: int = 50000000, signals: Sequence[str] = [], sensitivities: Sequence[str] = [], initial: Mapping[str, float] = {}, energy: bool = True) -> Trajectory:
     """
     Integrate a machine with every switch located.
 
@@ -441,6 +449,82 @@ def torque_balance(machine: Machine, channels: Mapping[str, Annotated[NDArray[nu
     channels: t, theta_*, omega_*, alpha_* per body, T_n per motor, all SI and of one length. Returns a dict: equations (names;
     'total' first), residual (eq, rows) = J alpha + losses - motor torque, jacobian (eq, rows, parameters), standstill (eq, rows)
     1 where dry friction is set-valued (table speed below `standstill`), effects (effects, rows). Raises ValueError.
+    """
+
+class Scenario:
+    """
+    What a machine of an ensemble is put through, and what of it is summed up.
+    """
+
+    def __init__(self, inputs: Mapping[str, Waveform], *, end: float, start: float = 0.0, rtol: float = 1e-10, method: str = 'auto', longest_step: float = 0.0, max_steps: int = 50000000, initial: Mapping[str, float] = {}, energy: bool = True, reductions: Sequence[tuple[str, str, float, float]] = []) -> None:
+        """
+        Inputs and options as of simulate. reductions: (signal, measure, begin, end), times in s, both included;
+        measures: min, max, range, peak, mean, rms, final. Raises ValueError for an unknown measure or method.
+        """
+
+class EnsembleRun:
+    """What one run of an ensemble leaves."""
+
+    @property
+    def number(self) -> int: ...
+
+    @property
+    def status(self) -> str:
+        """Of the trajectory, or 'refused'."""
+
+    @property
+    def message(self) -> str:
+        """What went wrong and what to try; empty on success."""
+
+    @property
+    def method(self) -> str:
+        """Of the solver."""
+
+    @property
+    def numbers(self) -> Annotated[NDArray[numpy.float64], dict(writable=False)]:
+        """
+        Reductions, reversals of every connection, tallies; NaN unless the run succeeded.
+        """
+
+    def signals(self, count: int) -> Annotated[NDArray[numpy.float64], dict(writable=False)]:
+        """
+        The `count` signals kept, shape (count, times); NaN from where the run failed.
+        """
+
+class Ensemble:
+    """Many runs of one machine on many threads, in bounded memory."""
+
+    def __init__(self, machine: Machine, scenarios: Sequence[Scenario], *, paths: Sequence[str], values: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], times: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], signals: Sequence[str] = [], threads: int = 1, ordered: bool = False) -> None:
+        """
+        scenarios: one for all runs, or one for each. paths: parameters, tie groups or initial.<state>; values, SI,
+        shape (runs, paths). times in s. signals: kept whole. The first runs begin at once. Raises ValueError.
+        """
+
+    def take(self, patience: float = 0.05) -> list[EnsembleRun]:
+        """
+        What has finished, as soon as it is a batch or `patience`, s, ends; with `ordered` in order of numbers.
+        The GIL is released.
+        """
+
+    @property
+    def done(self) -> bool:
+        """Whether everything that will ever come was taken."""
+
+    def stop(self) -> None:
+        """Begin no more runs; those under way are finished and handed over."""
+
+    tallies: Final[list[str]] = ...
+    """(arg: object, /) -> list[str]"""
+
+def reduce(t: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], x: Annotated[NDArray[numpy.float64], dict(shape=(None,), device='cpu', writable=False)], windows: Sequence[tuple[str, float, float]]) -> list[float]:
+    """
+    Sum up a signal x, shape (n,), at increasing times t: one number per (measure, begin, end), as a Scenario does.
+    Raises ValueError.
+    """
+
+def count_flanks(switches: Sequence[tuple[str, str]]) -> tuple[int, int]:
+    """
+    (contacts, reversals) of one connection's switches in order, each (mode before, mode after).
     """
 
 class LinearSystem:
