@@ -14,6 +14,7 @@
 #include "dualdrive/expression.hpp"
 #include "dualdrive/layout.hpp"
 #include "dualdrive/unit.hpp"
+#include "pickle.hpp"
 
 namespace dualdrive::python {
 
@@ -147,12 +148,14 @@ void bind_machine(nb::module_& m) {
         "effect_type", [](const std::string& name) { return EffectType(effect_type(name)); }, nb::arg("name"),
         "The effect of that name.\n\nRaises ValueError naming the nearest known effects.");
 
-    nb::class_<Machine>(
+    nb::class_<Machine> bound(
         m, "Machine",
         "A machine as an assembly: bodies, connections, motors, a controller, effects.\n\n"
         "Every number has a stable path (mesh_1.gap, table.J, controller.K_v) in SI units; tie groups (meshes.gap)\n"
-        "reach all members. Eq. 22/23 of the source paper is one instance. Raises ValueError naming part, value, rule.")
-        .def(nb::init<>())
+        "reach all members. Eq. 22/23 of the source paper is one instance. Raises ValueError naming part, value, "
+        "rule.");
+    pickles(bound, machine_of);
+    bound.def(nb::init<>())
         .def_rw("name", &Machine::name)
         .def(
             "copy", [](const Machine& self) { return Machine(self); }, "An independent copy.")

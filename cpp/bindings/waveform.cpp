@@ -7,6 +7,7 @@
 #include <nanobind/stl/vector.h>
 
 #include "dualdrive/motion.hpp"
+#include "pickle.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -65,10 +66,12 @@ std::vector<Polynomial> polynomials(const nb::object& pieces) {
 }
 
 void bind_class(nb::module_& m) {
-    nb::class_<Waveform>(m, "Waveform", R"(An input signal over time: polynomial pieces plus harmonics. Immutable.
+    nb::class_<Waveform> bound(m, "Waveform", R"(An input signal over time: polynomial pieces plus harmonics. Immutable.
 
 A commanded motion is an angle of the table in rad (a position in m on a linear axis); times are in s.
-Build one with the functions beside this class; add signals with +, scale them with *.)")
+Build one with the functions beside this class; add signals with +, scale them with *.)");
+    python::pickles(bound, python::waveform_of);
+    bound
         .def(
             "__init__",
             [](Waveform* self, const nb::object& knots, const nb::object& pieces) {

@@ -254,9 +254,6 @@ class Machine:
             history=self.history,
         )
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return (type(self).from_toml, (self.toml(), self.name))
-
     def __repr__(self) -> str:
         return f"<Machine {self.name}: {self.title}>"
 

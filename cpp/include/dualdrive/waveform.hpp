@@ -68,6 +68,8 @@ class Track {
 
     const std::vector<double>& knots() const { return knots_; }
     const std::vector<double>& breaks() const { return breaks_; }
+    const std::vector<double>& coefficients() const { return coefficients_; }  // terms() per piece
+    double origin() const { return origin_; }  // from which the first piece counts its time
     double end() const;  // the last knot; infinite when the last piece is not constant
     double turning_time() const;
     std::size_t terms() const { return terms_; }  // of the longest piece
@@ -162,6 +164,7 @@ class Waveform {
     // of them can differ from zero at any time, and the harmonics.
     Polynomial polynomial_jet(const Instant& at) const;
     std::size_t polynomial_order() const;
+    const std::vector<Track>& tracks() const { return tracks_; }
     const std::vector<Harmonic>& harmonics() const { return harmonics_; }
 
     Waveform scaled(double factor) const;

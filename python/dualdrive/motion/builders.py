@@ -48,9 +48,6 @@ class Motion:
     kind: str
     arguments: Mapping[str, Any] = field(repr=False)
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return (_again, (self.kind, dict(self.arguments)))
-
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Motion):
             return NotImplemented
@@ -61,10 +58,6 @@ class Motion:
 
     def __hash__(self) -> int:
         return hash((self.kind, self.text))
-
-
-def _again(kind: str, arguments: dict[str, Any]) -> Motion:
-    return BUILDERS[kind](**arguments)
 
 
 def _motion(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
@@ -104,6 +104,11 @@ class Trace:
                 raise fail(f"{name} is not finite", self.rows[~np.isfinite(values)].tolist())
             if name in CHANNELS and self.units[name] != CHANNELS[name].unit:
                 raise fail(f"{name} is in {self.units[name]!r}, not {CHANNELS[name].unit}")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Read-only views of a mapping don't travel: the trace is made again from plain ones."""
+        own = (getattr(self, f.name) for f in fields(self))
+        return type(self), tuple(dict(v) if isinstance(v, MappingProxyType) else v for v in own)
 
     # --- looking at it -----------------------------------------------------------------------
 
