@@ -8,6 +8,7 @@ NB_MODULE(_core, m) {
     m.doc() = "The C++ core of dualdrive.";
     m.attr("__version__") = dualdrive::version();
     m.attr("__sundials_version__") = dualdrive::sundials_version();
+    m.attr("__kernels__") = dualdrive::kernels_name();
     dualdrive::bind_waveform(m);
     bind_machine(m);
     bind_simulate(m);
