@@ -68,6 +68,9 @@ class Solver {
     virtual std::span<const int> roots() const = 0;  // after Outcome::root: -1 falling, 1 rising, 0 not at a root
     // Whether a step that crosses a guard always ends there: no second look is needed.
     virtual bool finds_every_root() const { return false; }
+    // Else: at how many points inside a step guards must be looked at, so that a parabola follows them from each odd one
+    // to its neighbours. An odd number.
+    virtual int looks() const { return 1; }
 
     struct Failure {
         bool step_vanished;

@@ -6,6 +6,7 @@
 
 #include "../solvers/cvode.hpp"
 #include "../solvers/exact/exact.hpp"
+#include "../solvers/explicit/runge_kutta.hpp"
 #include "instant.hpp"
 #include "simulation.hpp"
 
@@ -67,6 +68,10 @@ void Simulation::choose_solver(int guards, std::span<const double> parameter_sca
             solver_ = build.operator()<long double>();
         else
             solver_ = build.operator()<double>();
+        return;
+    }
+    if (options_.engine == Engine::explicit_rk) {
+        solver_ = std::make_unique<RungeKutta>(*this, size, options_.rtol, parameter_scale);
         return;
     }
     const std::vector<int> direction(static_cast<std::size_t>(guards), -1);

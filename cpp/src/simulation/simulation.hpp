@@ -65,7 +65,10 @@ class Simulation final : public Problem {
         double t;
         int guard;
     };
-    void find_missed(std::size_t guard, Crossing& first);
+    struct Glimpse {  // a guard at three times
+        double x[3], g[3];
+    };
+    bool find_missed(std::size_t guard, Glimpse seen, Crossing& first);
     double guard_at(std::size_t guard, double t);
     double locate(std::size_t guard, double above, double under);
 
@@ -131,7 +134,8 @@ class Simulation final : public Problem {
     std::map<Modes, std::vector<double>> jacobians_;  // of an affine machine: one per mode
     bool affine_ = false;
     bool recorded_are_linear_ = true;  // in the states: no energies, no shares of dry friction
-    std::vector<double> guard_begin_, guard_middle_, guard_end_, guard_probe_;  // of the last step
+    std::vector<double> guard_begin_, guard_end_, guard_probe_;  // of the last step
+    std::vector<std::vector<double>> guard_inside_;
     std::vector<double> scale_;  // typical size of each state, growing with what was seen
     double energy_scale_ = 0.0, energy_start_ = 0.0, energy_moved_ = 0.0, energy_worst_ = 0.0;
     std::vector<double> z_scratch_, rate_scratch_, block_rate_, work_scratch_;

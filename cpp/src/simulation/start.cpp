@@ -129,10 +129,11 @@ void Simulation::start() {
         }
 
     const std::size_t guards = layout_.switches.size() * guards_per_switch;
-    for (auto* g : {&guard_begin_, &guard_middle_, &guard_end_, &guard_probe_}) g->assign(guards, 1.0);
+    for (auto* g : {&guard_begin_, &guard_end_, &guard_probe_}) g->assign(guards, 1.0);
     std::vector<double> parameter_scale;
     for (const auto& p : parameters_) parameter_scale.push_back(p.scale);
     choose_solver(static_cast<int>(guards), parameter_scale);
+    guard_inside_.assign(static_cast<std::size_t>(solver_->looks()), std::vector<double>(guards, 1.0));
     std::copy(z_scratch_.begin(), z_scratch_.end(), solver_->state().begin());
     for (std::size_t k = 0; k < parameters_.size(); ++k)
         for (std::size_t state = 0; state < n; ++state)

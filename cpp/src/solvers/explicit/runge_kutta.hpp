@@ -1,0 +1,74 @@
+// An explicit Runge-Kutta method of order 8 behind the face of a solver: few, long steps, no memory of steps before, so
+// that a switch costs little. For machines that ring; a stiff one drives it into small steps and is better left to
+// CVODE's bdf.
+//
+// States, sensitivities and quadratures are one vector: all are under error control, all have the same dense output.
+// Guards are not looked at here, see simulation/crossing.cpp.
+#pragma once
+
+#include "dualdrive/solver.hpp"
+
+namespace dualdrive {
+
+class RungeKutta final : public Solver {
+  public:
+    // parameter_scale: typical size per sensitivity.
+    RungeKutta(Problem& problem, Size size, double rtol, std::span<const double> parameter_scale);
+
+    void restart(double t, std::span<const double> atol, double quadrature_atol) override;
+    void limit_step(double longest) override { longest_ = longest; }
+    Outcome step(double stop) override;
+    double time() const override { return t_; }
+    double previous_time() const override { return begin_; }
+    std::span<double> state() override { return part(0, states_); }
+    std::span<double> sensitivity(int k) override;
+    std::span<double> quadrature() override { return part(quadratures_from_, width_ - quadratures_from_); }
+    void go_back(double t) override;
+    void state_at(double t, double* z) const override { at(t, 0, states_, z); }
+    void sensitivity_at(double t, int k, double* s) const override;
+    void quadrature_at(double t, double* q) const override;
+    std::span<const int> roots() const override { return {}; }
+    Failure failure() const override;
+    Counts counts() const override { return counts_; }
+    std::string name() const override { return "dop853"; }
+    int looks() const override { return 3; }
+
+  private:
+    using Vector = std::vector<double>;
+    std::span<double> part(std::size_t from, std::size_t n) { return {now_.data() + from, n}; }
+    double* rate(std::size_t stage) { return rates_.data() + stage * width_; }
+    double* F(std::size_t k) { return extension_.data() + k * width_; }
+    const double* F(std::size_t k) const { return extension_.data() + k * width_; }
+
+    bool rates(double t, const double* y, double* rate);
+    template <const auto& row>
+    void combine(double h, Vector& y) const;
+    template <const auto& row>
+    bool stage(std::size_t k, double h);
+    double try_step(double end);
+    double error(double h) const;
+    double defect(double h);
+    template <class Component>
+    double size(Component&& component) const;
+    double first_step();
+    bool extend(double h);
+    void inside(double t, std::size_t first, std::size_t n, double* out) const;
+    void at(double t, std::size_t first, std::size_t n, double* out) const;
+
+    Problem& problem_;
+    const std::size_t states_, quadratures_from_, width_;
+    const double rtol_;
+    const Vector parameter_scale_;
+    std::vector<std::size_t> ends_;  // of the parts whose errors count separately: state, each sensitivity, work
+
+    double t_ = 0.0, begin_ = 0.0, end_ = 0.0;  // now; the last step, even where part of it was taken back
+    double next_ = 0.0, longest_ = 0.0;
+    bool rate_known_ = false, finite_ = true;
+    Vector now_, from_, to_, atol_, weight_, stage_, middle_;
+    Vector rates_, extension_;  // [stage][component], [coefficient][component]
+    std::vector<const double*> slope_in_;
+    std::vector<double*> slope_out_;
+    Counts counts_{};
+};
+
+}  // namespace dualdrive
