@@ -22,13 +22,14 @@ using Matrix = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::
 using Window = std::tuple<std::string, double, double>;              // measure, begin, end
 using Named = std::tuple<std::string, std::string, double, double>;  // signal, measure, begin, end
 
-Scenario scenario(const Inputs& inputs, double end, double start, double rtol, const std::string& method,
-                  double longest_step, long max_steps, const std::map<std::string, double>& initial, bool energy,
-                  const std::vector<Named>& reductions) {
+Scenario scenario(const Inputs& inputs, double end, double start, const std::string& engine, double rtol,
+                  const std::string& method, double longest_step, long max_steps,
+                  const std::map<std::string, double>& initial, bool energy, const std::vector<Named>& reductions) {
     Scenario s;
     s.inputs = inputs;
     s.options.start = start;
     s.options.end = end;
+    s.options.engine = engine_of(engine);
     s.options.rtol = rtol;
     s.options.method = method_of(method);
     s.options.longest_step = longest_step;
@@ -54,9 +55,14 @@ void construct(Ensemble* self, const Machine& machine, const std::vector<Scenari
     new (self) Ensemble(std::move(plan), threads, ordered ? Ensemble::Order::by_number : Ensemble::Order::as_finished);
 }
 
-std::vector<EnsembleRun> take(Ensemble& runs, double patience) {
-    const nb::gil_scoped_release unlocked;
-    return runs.take(std::chrono::milliseconds(std::lround(1e3 * patience)));
+// Into a list that the caller keeps: an interrupt right after the call loses nothing.
+void take(Ensemble& runs, nb::list into, double patience) {
+    std::vector<EnsembleRun> found;
+    {
+        const nb::gil_scoped_release unlocked;
+        found = runs.take(std::chrono::milliseconds(std::lround(1e3 * patience)));
+    }
+    for (auto& run : found) into.append(nb::cast(std::move(run)));
 }
 
 std::vector<double> reduce(const Vector& t, const Column& x, const std::vector<Window>& windows) {
@@ -90,13 +96,13 @@ void bind_ensemble(nb::module_& m) {
     nb::class_<Scenario>(m, "Scenario", "What a machine of an ensemble is put through, and what of it is summed up.")
         .def(
             "__init__",
-            [](Scenario* self, const Inputs& inputs, double end, double start, double rtol, const std::string& method,
-               double longest_step, long max_steps, const std::map<std::string, double>& initial, bool energy,
-               const std::vector<Named>& reductions) {
-                new (self) Scenario(
-                    scenario(inputs, end, start, rtol, method, longest_step, max_steps, initial, energy, reductions));
+            [](Scenario* self, const Inputs& inputs, double end, double start, const std::string& engine, double rtol,
+               const std::string& method, double longest_step, long max_steps,
+               const std::map<std::string, double>& initial, bool energy, const std::vector<Named>& reductions) {
+                new (self) Scenario(scenario(inputs, end, start, engine, rtol, method, longest_step, max_steps, initial,
+                                             energy, reductions));
             },
-            nb::arg("inputs"), nb::kw_only(), nb::arg("end"), nb::arg("start") = 0.0,
+            nb::arg("inputs"), nb::kw_only(), nb::arg("end"), nb::arg("start") = 0.0, nb::arg("engine") = "auto",
             nb::arg("rtol") = SimulateOptions{}.rtol, nb::arg("method") = "auto", nb::arg("longest_step") = 0.0,
             nb::arg("max_steps") = SimulateOptions{}.max_steps, nb::arg("initial") = nb::dict(),
             nb::arg("energy") = true, nb::arg("reductions") = nb::list(),
@@ -126,11 +132,14 @@ void bind_ensemble(nb::module_& m) {
              "scenarios: one for all runs, or one for each. paths: parameters, tie groups or initial.<state>; values, "
              "SI,\n"
              "shape (runs, paths). times in s. signals: kept whole. The first runs begin at once. Raises ValueError.")
-        .def("take", &take, nb::arg("patience") = 0.05,
-             "What has finished, as soon as it is a batch or `patience`, s, ends; with `ordered` in order of numbers.\n"
-             "The GIL is released.")
+        .def("take", &take, nb::arg("into"), nb::arg("patience") = 0.05,
+             nb::sig("def take(self, into: list[EnsembleRun], patience: float = 0.05) -> None"),
+             "Append what has finished, as soon as it is a batch or `patience`, s, ends; with `ordered` in order of\n"
+             "numbers. The GIL is released.")
         .def_prop_ro("done", &Ensemble::done, "Whether everything that will ever come was taken.")
         .def("stop", &Ensemble::stop, "Begin no more runs; those under way are finished and handed over.")
+        .def("close", &Ensemble::close, nb::call_guard<nb::gil_scoped_release>(),
+             "Cut the runs under way short and end the threads.")
         .def_prop_ro_static(
             "tallies", [](const nb::handle&) { return std::vector<std::string>(tally_names, tally_names + tallies); });
 

@@ -70,7 +70,8 @@ void sum_up(const Machine& machine, const Scenario& scenario, const Trajectory& 
         contacts += f.contacts;
     }
     const Statistics& s = t.statistics;
-    for (const double tally : {static_cast<double>(contacts), static_cast<double>(t.events.size()), s.energy_error,
+    const double energy_error = scenario.options.energy ? s.energy_error : none;
+    for (const double tally : {static_cast<double>(contacts), static_cast<double>(t.events.size()), energy_error,
                                static_cast<double>(s.steps), seconds})
         numbers.push_back(tally);
 }
@@ -91,10 +92,11 @@ Ensemble::Ensemble(EnsemblePlan plan, std::size_t threads, Order order) : plan_(
     for (std::size_t k = 0; k < threads; ++k) threads_.emplace_back([this] { work(); });
 }
 
-Ensemble::~Ensemble() {
+void Ensemble::close() {
     abandoned_ = true;
     stop();
     for (auto& thread : threads_) thread.join();
+    threads_.clear();
 }
 
 void Ensemble::stop() {
@@ -165,7 +167,7 @@ EnsembleRun Ensemble::run(std::size_t number) const {
         result.message = "not enough memory; keep fewer signals or use fewer threads";
     } catch (const std::exception& error) {
         result.status = "refused";
-        result.message = error.what();
+        result.message = plan_.machine.name + ": " + error.what();
     }
     const std::size_t count = scenario(number).reductions.size() + plan_.machine.connections().size() + tallies;
     if (result.status != status_name(Status::success)) result.numbers.assign(count, none);

@@ -19,6 +19,8 @@ if TYPE_CHECKING:  # for editors and type checkers: what _HOMES says; a test com
     from dualdrive import plots as plots
     from dualdrive import traces as traces
     from dualdrive import units as units
+    from dualdrive.ensembles import Ensemble as Ensemble
+    from dualdrive.ensembles.ensemble import ensemble as ensemble
     from dualdrive.files import FileError as FileError
     from dualdrive.machine import Machine as Machine
     from dualdrive.machine import MachineError as MachineError
@@ -35,6 +37,8 @@ if TYPE_CHECKING:  # for editors and type checkers: what _HOMES says; a test com
 
 #: public name -> the module that holds it; one line per name, here and above
 _HOMES: dict[str, str] = {
+    "Ensemble": "dualdrive.ensembles",
+    "ensemble": "dualdrive.ensembles.ensemble",
     "FileError": "dualdrive.files",
     "Machine": "dualdrive.machine",
     "MachineError": "dualdrive.machine",

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 __sundials_version__: str = '6.4.1'
 
+__kernels__: str = 'avx512'
+
 class Waveform:
     """
     An input signal over time: polynomial pieces plus harmonics. Immutable.
@@ -29,9 +31,9 @@ class Waveform:
         Raises ValueError naming index, value and rule.
         """
 
-    def __getstate__(self) -> tuple: ...
+    def __getstate__(self) -> tuple[Any, ...]: ...
 
-    def __setstate__(self, state: tuple, /) -> None: ...
+    def __setstate__(self, state: tuple[Any, ...], /) -> None: ...
 
     def value(self, times: numpy.typing.ArrayLike) -> Any:
         """
@@ -269,9 +271,9 @@ class Machine:
 
     def __init__(self) -> None: ...
 
-    def __getstate__(self) -> tuple: ...
+    def __getstate__(self) -> tuple[Any, ...]: ...
 
-    def __setstate__(self, state: tuple, /) -> None: ...
+    def __setstate__(self, state: tuple[Any, ...], /) -> None: ...
 
     @property
     def name(self) -> str: ...
@@ -456,7 +458,7 @@ class Scenario:
     What a machine of an ensemble is put through, and what of it is summed up.
     """
 
-    def __init__(self, inputs: Mapping[str, Waveform], *, end: float, start: float = 0.0, rtol: float = 1e-10, method: str = 'auto', longest_step: float = 0.0, max_steps: int = 50000000, initial: Mapping[str, float] = {}, energy: bool = True, reductions: Sequence[tuple[str, str, float, float]] = []) -> None:
+    def __init__(self, inputs: Mapping[str, Waveform], *, end: float, start: float = 0.0, engine: str = 'auto', rtol: float = 1e-10, method: str = 'auto', longest_step: float = 0.0, max_steps: int = 50000000, initial: Mapping[str, float] = {}, energy: bool = True, reductions: Sequence[tuple[str, str, float, float]] = []) -> None:
         """
         Inputs and options as of simulate. reductions: (signal, measure, begin, end), times in s, both included;
         measures: min, max, range, peak, mean, rms, final. Raises ValueError for an unknown measure or method.
@@ -500,10 +502,10 @@ class Ensemble:
         shape (runs, paths). times in s. signals: kept whole. The first runs begin at once. Raises ValueError.
         """
 
-    def take(self, patience: float = 0.05) -> list[EnsembleRun]:
+    def take(self, into: list[EnsembleRun], patience: float = 0.05) -> None:
         """
-        What has finished, as soon as it is a batch or `patience`, s, ends; with `ordered` in order of numbers.
-        The GIL is released.
+        Append what has finished, as soon as it is a batch or `patience`, s, ends; with `ordered` in order of
+        numbers. The GIL is released.
         """
 
     @property
@@ -512,6 +514,9 @@ class Ensemble:
 
     def stop(self) -> None:
         """Begin no more runs; those under way are finished and handed over."""
+
+    def close(self) -> None:
+        """Cut the runs under way short and end the threads."""
 
     tallies: Final[list[str]] = ...
     """(arg: object, /) -> list[str]"""

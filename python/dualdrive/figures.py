@@ -8,24 +8,28 @@ machine (no controller, so no following error) is not declared for it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-import numpy as np
+from dualdrive import _core
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from dualdrive.machine import Machine
-    from dualdrive.run import Event, Run
+    from dualdrive.motion import Motion
+    from dualdrive.run import Run
 
-__all__ = ["STANDSTILL", "Figure", "declared", "figures", "is_controlled", "signals"]
+__all__ = [
+    "STANDSTILL",
+    "Figure",
+    "Reduction",
+    "declared",
+    "figures",
+    "is_controlled",
+    "reductions",
+    "signals",
+]
 
 #: s at the end of a run over which the standstill amplitude is taken
 STANDSTILL: Final = 2.0
-
-#: modes of a mesh in which a flank carries torque, and the side it does so on
-_SIDE: Final = {"front": 1, "back": -1}
 
 
 class Figure(NamedTuple):
@@ -34,6 +38,18 @@ class Figure(NamedTuple):
     name: str
     unit: str
     long_name: str
+
+
+class Reduction(NamedTuple):
+    """A signal summed up by the core over output times from begin to end, s, both included.
+
+    measure: min, max, range, peak, mean, rms or final
+    """
+
+    signal: str
+    measure: str
+    begin: float = -math.inf
+    end: float = math.inf
 
 
 def _plays(machine: Machine) -> list[str]:
@@ -81,8 +97,20 @@ def declared(machine: Machine) -> tuple[Figure, ...]:
 
 def signals(machine: Machine) -> list[str]:
     """The signals that `figures` reads: what a run must record at least."""
-    torques = [_torque(motor) for motor in machine.core.motors]
-    return [*(["e"] if is_controlled(machine) else []), *torques]
+    return list(dict.fromkeys(r.signal for r in reductions(machine, None, 0.0).values()))
+
+
+def reductions(machine: Machine, motion: Motion | None, end: float) -> dict[str, Reduction]:
+    """The figures that the core sums up from signals, by name; the others are counts."""
+    found: dict[str, Reduction] = {}
+    if is_controlled(machine):
+        found["peak_error"] = Reduction("e", "peak")
+        found["rms_error"] = Reduction("e", "rms")
+        begin = _standstill_begin(motion, end)
+        found["standstill_amplitude"] = Reduction("e", "range", begin)
+    for motor in machine.core.motors:
+        found[f"{motor}.torque_rms"] = Reduction(_torque(motor), "rms")
+    return found
 
 
 def figures(run: Run) -> dict[str, float]:
@@ -96,20 +124,14 @@ def figures(run: Run) -> dict[str, float]:
     if not run.ok:
         return dict.fromkeys(names, math.nan)
     found: dict[str, float] = {}
-    if is_controlled(machine):
-        error = run["e"]
-        found["peak_error"] = float(np.abs(error).max())
-        found["rms_error"] = _rms(run.t, error)
-        found["standstill_amplitude"] = _standstill_amplitude(run.t, error, _rest_begin(run))
-    for motor in machine.core.motors:
-        found[f"{motor}.torque_rms"] = _rms(run.t, run[_torque(motor)])
-    switches: dict[str, list[Event]] = {mesh: [] for mesh in _plays(machine)}
-    for event in run.events:
-        if event.element in switches:
-            switches[event.element].append(event)
-    for mesh, events in switches.items():
-        found[f"{mesh}.reversals"] = float(_reversals(events))
-    found["contact_events"] = float(sum(map(_contacts, switches.values())))
+    for name, of in reductions(machine, run.motion, float(run.t[-1])).items():
+        (found[name],) = _core.reduce(run.t, run[of.signal], [(of.measure, of.begin, of.end)])
+    found["contact_events"] = 0.0
+    for mesh in _plays(machine):
+        switches = [(event.from_, event.to) for event in run.events if event.element == mesh]
+        contacts, reversals = _core.count_flanks(switches)
+        found["contact_events"] += contacts
+        found[f"{mesh}.reversals"] = float(reversals)
     found["events"] = float(len(run.events))
     found["energy_error"] = float(run.statistics["energy_error"])
     found["steps"] = float(run.statistics["steps"])
@@ -121,39 +143,11 @@ def _torque(motor: str) -> str:
     return f"T_{motor.removeprefix('motor_')}"
 
 
-def _rms(t: NDArray[np.float64], x: NDArray[np.float64]) -> float:
-    square = x * x
-    integral = 0.5 * float(np.dot(square[1:] + square[:-1], np.diff(t)))
-    return math.sqrt(integral / float(t[-1] - t[0]))
+def _standstill_begin(motion: Motion | None, end: float) -> float:
+    """From when on the table is looked at: the last seconds, never the first half of the rest.
 
-
-def _rest_begin(run: Run) -> float:
-    """The time from which the commanded angle rests; infinite if it never does."""
-    return float(run.motion.waveform.end()) if run.motion is not None else 0.0
-
-
-def _standstill_amplitude(
-    t: NDArray[np.float64], error: NDArray[np.float64], rest_begin: float
-) -> float:
-    """Peak to peak at the end: the last seconds, and never the first half of the rest.
-
-    A hunting table still moves there; one that comes to rest has settled by then.
+    A hunting table still moves there; one that comes to rest has settled by then. Infinite where
+    the commanded angle never rests.
     """
-    end = float(t[-1])
-    begin = max(end - STANDSTILL, (rest_begin + end) / 2)
-    return float(np.ptp(error[t >= begin])) if rest_begin < end else math.nan
-
-
-def _reversals(events: Iterable[Event]) -> int:
-    """Changes from one carrying flank to the other, through the gap or (gap 0) at once."""
-    count, side = 0, 0
-    for event in events:
-        for mode in (event.from_, event.to):
-            now = _SIDE.get(mode, 0)
-            count += now == -side != 0
-            side = now or side
-    return count
-
-
-def _contacts(events: Iterable[Event]) -> int:
-    return sum((event.from_ in _SIDE) != (event.to in _SIDE) for event in events)
+    rest = float(motion.waveform.end()) if motion is not None else 0.0
+    return max(end - STANDSTILL, (rest + end) / 2) if rest < end else math.inf

@@ -13,7 +13,7 @@ from dualdrive.machine import Machine, MachineError
 from dualdrive.motion import Motion, default_motion
 from dualdrive.run import Run
 
-__all__ = ["simulate"]
+__all__ = ["Signal", "driven", "simulate"]
 
 #: what an input may be: a signal, a motion, a constant, or (times, values)
 Signal = _core.Waveform | Motion | float | tuple[ArrayLike, ArrayLike]
@@ -53,14 +53,7 @@ def simulate(
     Returns a Run; a failed integration is a Run whose status says so, with all that was computed.
     Raises MachineError (a ValueError) for input that makes no sense, KeyboardInterrupt on Ctrl-C.
     """
-    given = {name: _waveform(value) for name, value in (inputs or {}).items()}
-    controlled = machine.core.controller_options["kind"] != "none"
-    if motion is None and controlled and "theta_ref" not in given:
-        motion = default_motion(machine)
-    if motion is not None:
-        given["theta_ref"] = motion.waveform
-    if load is not None:
-        given["T_load"] = _waveform(load)
+    motion, given = driven(machine, motion, load, inputs)
     points = [] if times is None else np.asarray(times, float).tolist()
     if end is None:
         end = points[-1] if points else _end_of(motion)
@@ -88,6 +81,24 @@ def simulate(
     except ValueError as error:
         raise MachineError(f"{machine.name}: {error}") from None
     return Run.of(trajectory, machine.copy(), motion)
+
+
+def driven(
+    machine: Machine,
+    motion: Motion | None,
+    load: Signal | None,
+    inputs: Mapping[str, Signal] | None,
+) -> tuple[Motion | None, dict[str, _core.Waveform]]:
+    """The motion that is made, and every input as the core takes it. See `simulate`."""
+    given = {name: _waveform(value) for name, value in (inputs or {}).items()}
+    controlled = machine.core.controller_options["kind"] != "none"
+    if motion is None and controlled and "theta_ref" not in given:
+        motion = default_motion(machine)
+    if motion is not None:
+        given["theta_ref"] = motion.waveform
+    if load is not None:
+        given["T_load"] = _waveform(load)
+    return motion, given
 
 
 def _end_of(motion: Motion | None) -> float:

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from dualdrive.ensembles import SPEED
 from dualdrive.machine import Machine
 from dualdrive.sweeps import Outcome, Sweep, lay_out, sweep
 from dualdrive.sweeps.grid_file import GridFile
 from dualdrive.sweeps.layout import Kept, lay_file
-from dualdrive.sweeps.plan import SPEED
 
 AXES = {"meshes.gap": "0:2mrad:20", "controller.T_ten": "0,60"}
 MOTION = "move:0.01,v=0.03,a=0.01,j=0.05,start=1,end=4"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+import threading
 from collections.abc import Iterator
 from typing import Any, TypeVar
 
@@ -15,7 +16,7 @@ from dualdrive.machine import presets
 from dualdrive.motion import Motion, cycle, move, multisine, sampled, sine
 from dualdrive.replay import named, play_all, records
 from dualdrive.simulation import simulate
-from dualdrive.sweeps.grid import lay_out
+from dualdrive.sweeps import Outcome, Threads, lay_out
 from dualdrive.sweeps.plan import Plan
 from recorded import demo, sheet
 
@@ -162,12 +163,17 @@ def test_a_run_of_what_arrived_is_the_same_run() -> None:
     assert travelled(here).values.tobytes() == here.values.tobytes()
 
 
+def computed(plan: Plan) -> list[Outcome]:
+    batches = Threads(1).outcomes(plan, range(3), threading.Event())
+    return sorted((outcome for batch in batches for outcome in batch), key=lambda one: one.run)
+
+
 def test_a_plan_computes_the_same_runs() -> None:
     machine = Machine.load("heavy-table-100t")
     motion = move(0.01, v=0.03, a=0.01, j=0.05, start=1.0, end=4.0)
     grid = lay_out(machine, {"delta": "0:1e-3:3"})
     plan = Plan(machine, motion, grid, 0.0, 4.0, 1e-3, 1e-9, "auto", keep=("e",))
-    for here, there in ((plan.run(k), travelled(plan).run(k)) for k in range(3)):
+    for here, there in zip(computed(plan), computed(travelled(plan)), strict=True):
         assert here.status == there.status == "success"
         assert {**here.figures, "speed": 0} == {**there.figures, "speed": 0}
         assert here.signals is not None

@@ -20,8 +20,16 @@ from dualdrive.files import FileError
 from dualdrive.machine import Machine
 from dualdrive.motion import Motion, move, sampled, sine
 from dualdrive.simulation import simulate
-from dualdrive.sweeps import GridError, Sweep, lay_out, load_sweep, resume, sweep
-from dualdrive.sweeps.parallel import as_finished
+from dualdrive.sweeps import (
+    GridError,
+    Sweep,
+    Threads,
+    lay_out,
+    load_sweep,
+    resume,
+    sweep,
+)
+from dualdrive.sweeps.plan import Plan
 
 MOTION = move(0.01, v=0.03, a=0.01, j=0.05, start=1.0, end=4.5)
 AXES: dict[str, Any] = {"meshes.gap": [0.0, 1.1e-3, 2.2e-3], "controller.T_ten": "0,60"}
@@ -259,45 +267,28 @@ def test_simulations_leave_the_interpreter_to_others(machine: Machine) -> None:
     assert longest < 0.5 * (end - begin)
 
 
-def test_memory_stays_bounded() -> None:
-    """However many jobs there are, no more than two per thread are begun and not handed over."""
-    begun, worst, lock = 0, 0, threading.Lock()
-
-    def job(number: int) -> int:
-        nonlocal begun
-        with lock:
-            begun += 1
-        return number
-
-    handed: list[int] = []
-    for batch in as_finished(job, range(300), 3, threading.Event()):
-        worst = max(worst, begun - len(handed))
+def test_a_stop_hands_over_what_is_under_way_and_no_more(machine: Machine) -> None:
+    """With whole signals kept, two runs per thread at most are begun and not handed over."""
+    grid, stop = lay_out(machine, {"delta": "0:2mrad:40"}), threading.Event()
+    plan = Plan(machine, MOTION, grid, 0.0, 4.5, 1e-3, 1e-9, "auto", keep=("e",))
+    handed = []
+    for batch in Threads(2).outcomes(plan, range(40), stop):
+        stop.set()
         handed += batch
-    assert sorted(handed) == list(range(300))
-    assert worst <= 6
+    assert {outcome.status for outcome in handed} == {"success"}
+    assert 1 <= len(handed) <= 8
+    assert sorted(outcome.run for outcome in handed) == list(range(len(handed)))
 
 
-def test_a_stop_hands_over_what_is_under_way() -> None:
-    stop, begun = threading.Event(), []
-
-    def job(number: int) -> int:
-        begun.append(number)
-        if number == 4:
-            stop.set()
-        time.sleep(0.01)
-        return number
-
-    handed = [n for batch in as_finished(job, range(1000), 2, stop) for n in batch]
-    assert sorted(handed) == sorted(begun)
-    assert 5 <= len(handed) < 12
-
-
-def test_an_error_of_a_job_is_not_swallowed() -> None:
-    def job(number: int) -> int:
-        return 1 // (number - 3)
-
-    with pytest.raises(ZeroDivisionError):
-        list(as_finished(job, range(10), 2, threading.Event()))
+def test_a_sweep_has_the_bits_of_single_runs(machine: Machine, swept: Sweep) -> None:
+    """At the same output times: figures and kept signals of `simulate`, to the last digit."""
+    for number in (0, 3, 5):
+        one = machine.copy()
+        for name, value in swept.point(number).items():
+            one.set(name, value)
+        run = simulate(one, MOTION, times=swept.dataset["t"].values, signals=["e", "T_1", "T_2"])
+        for name, value in figures(run).items():
+            assert swept.dataset[name].values.flat[number] == value, name
 
 
 # --- files that are there already -----------------------------------------------------------------

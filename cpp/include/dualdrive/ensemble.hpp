@@ -63,7 +63,7 @@ class Ensemble {
 
     // Errors: std::invalid_argument for a plan that makes no sense, such as an unknown path.
     Ensemble(EnsemblePlan plan, std::size_t threads, Order order);
-    ~Ensemble();  // runs under way are cut short
+    ~Ensemble() { close(); }
     Ensemble(const Ensemble&) = delete;
     Ensemble& operator=(const Ensemble&) = delete;
 
@@ -73,6 +73,8 @@ class Ensemble {
     bool done();
     // Begin no more runs; those under way are finished and handed over.
     void stop();
+    // Cut the runs under way short, as interrupted, and end the threads.
+    void close();
 
     const EnsemblePlan& plan() const { return plan_; }
 

@@ -8,10 +8,10 @@ found.dataset["peak_error"].plot()
 
 from __future__ import annotations
 
+from dualdrive.ensembles import PENDING, Outcome
+
 from .executors import Executor, Threads
 from .grid import ALIASES, Axis, Grid, GridError, lay_out
-from .grid_file import Outcome
-from .layout import PENDING
 from .result import Sweep, load_sweep
 from .sweep import Progress, resume, sweep
 

@@ -8,17 +8,20 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 from .grid import GridError
-from .parallel import as_finished, cores
 
 if TYPE_CHECKING:
-    from .grid_file import Outcome
+    from distributed import Client
+
+    from dualdrive.ensembles import Outcome
+
     from .plan import Plan
 
-__all__ = ["Executor", "Threads"]
+__all__ = ["Executor", "Threads", "executor_for"]
 
 
 class Executor(Protocol):
@@ -48,4 +51,30 @@ class Threads:
         self, plan: Plan, runs: Sequence[int], stop: threading.Event
     ) -> Iterator[list[Outcome]]:
         """See `Executor`."""
-        return as_finished(plan.run, runs, self.jobs or cores(), stop)
+        if not runs:
+            return
+        with plan.ensemble(runs, self.jobs) as under_way:
+            for batch in under_way.batches():
+                if stop.is_set():
+                    under_way.stop()
+                if batch:
+                    yield [replace(outcome, run=runs[outcome.run]) for outcome in batch]
+
+
+@contextmanager
+def executor_for(jobs: int | None, scheduler: str | Client | None) -> Iterator[Executor]:
+    """Threads of this process, or the workers of a Dask scheduler.
+
+    Raises GridError where both are asked for, SchedulerError where the workers can't do the work.
+    """
+    if scheduler is None:
+        yield Threads(jobs)
+        return
+    if jobs is not None:
+        raise GridError(f"jobs = {jobs}: are threads of this process; leave jobs or scheduler out")
+    from dualdrive.distributed import connected
+
+    from .distributed import Workers
+
+    with connected(scheduler) as cluster:
+        yield Workers(cluster)

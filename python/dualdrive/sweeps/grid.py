@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -67,6 +67,11 @@ class Grid:
         """The value of every axis in this run: path -> SI value."""
         index = np.unravel_index(run, self.shape)
         return {a.path: float(a.values[i]) for a, i in zip(self.axes, index, strict=True)}
+
+    def values(self, runs: Sequence[int]) -> dict[str, NDArray[np.float64]]:
+        """The values of every axis in these runs: path -> SI values, shape (runs,)."""
+        indices = np.unravel_index(np.asarray(runs, int), self.shape)
+        return {a.path: a.values[i] for a, i in zip(self.axes, indices, strict=True)}
 
     def machine(self, base: Machine, run: int) -> Machine:
         """The machine of this run: a copy of `base` with the values of the run."""

@@ -11,14 +11,14 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple, Self
 
 import h5py
 import numpy as np
 
+from dualdrive.ensembles import Outcome
 from dualdrive.files import FileError, WriteError
 
 from .layout import PENDING, SCHEMA
@@ -28,17 +28,6 @@ __all__ = ["GridFile", "Outcome", "attributes_of", "axes_of"]
 Array = np.ndarray[Any, Any]
 
 _NOT_A_SWEEP: Final = "is not a sweep; name a file that 'dualdrive sweep' wrote"
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What one run leaves: its number in the grid, figures, status, kept signals."""
-
-    run: int
-    figures: Mapping[str, float]
-    status: str
-    message: str = ""
-    signals: Mapping[str, Array] | None = None
 
 
 class _Place(NamedTuple):
@@ -99,22 +88,28 @@ class GridFile:
     def write(self, outcomes: Iterable[Outcome]) -> None:
         """Put finished runs in their places. Raises WriteError when the disk refuses."""
         try:
-            for outcome in outcomes:
-                self._write(outcome)
+            for neighbours in _neighbours(outcomes):
+                self._write(neighbours)
         except OSError as error:
             raise self._refused(error) from None
 
-    def _write(self, outcome: Outcome) -> None:
+    def _write(self, outcomes: Sequence[Outcome]) -> None:
+        """Runs of consecutive numbers, whose places meet; last the status that says they count."""
+        first = outcomes[0].run
         for name in self._figures:
-            self._put(name, outcome.run, np.float64(outcome.figures.get(name, np.nan)).tobytes())
-        for name, values in (outcome.signals or {}).items():
-            self._put(name, outcome.run, np.asarray(values, np.float64).tobytes())
-        self._put("message", outcome.run, _fit(outcome.message, self._places["message"].size))
-        self._put("status", outcome.run, _fit(outcome.status, self._places["status"].size))
+            figures = [outcome.figures.get(name, np.nan) for outcome in outcomes]
+            self._put(name, first, np.array(figures).data)
+        for outcome in outcomes:
+            for name, values in (outcome.signals or {}).items():
+                self._put(name, outcome.run, np.ascontiguousarray(values, np.float64).data)
+        for name in ("message", "status"):
+            size = self._places[name].size
+            texts = [_fit(getattr(outcome, name), size) for outcome in outcomes]
+            self._put(name, first, memoryview(b"".join(texts)))
 
-    def _put(self, name: str, run: int, content: bytes) -> None:
+    def _put(self, name: str, run: int, content: memoryview) -> None:
         place = self._places[name]
-        left, at = memoryview(content), place.begin + run * place.size
+        left, at = content.cast("B"), place.begin + run * place.size
         while left:
             written = os.pwrite(self._file, left, at)
             left, at = left[written:], at + written
@@ -124,6 +119,18 @@ class GridFile:
             f"{self.path}: cannot be written: {error.strerror}; "
             "runs already there are kept, --resume completes them"
         )
+
+
+def _neighbours(outcomes: Iterable[Outcome]) -> Iterator[list[Outcome]]:
+    """Outcomes in order, those with consecutive numbers in one list."""
+    found: list[Outcome] = []
+    for outcome in sorted(outcomes, key=lambda outcome: outcome.run):
+        if found and outcome.run != found[-1].run + 1:
+            yield found
+            found = []
+        found.append(outcome)
+    if found:
+        yield found
 
 
 def attributes_of(path: Path) -> dict[str, Any]:

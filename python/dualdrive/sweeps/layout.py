@@ -16,6 +16,7 @@ from typing import Any, Final
 import h5py
 import numpy as np
 
+from dualdrive.ensembles import PENDING
 from dualdrive.figures import Figure
 from dualdrive.files import FileError, WriteError, write_atomically
 from dualdrive.units import human
@@ -25,7 +26,6 @@ from .grid import Grid
 __all__ = ["PENDING", "SCHEMA", "Kept", "lay_file"]
 
 SCHEMA: Final = "dualdrive sweep 1"
-PENDING: Final = "pending"
 
 _STATUS_BYTES: Final = 24
 _MESSAGE_BYTES: Final = 400

@@ -5,23 +5,21 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from difflib import get_close_matches
-from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dualdrive import __version__, _core, units
-from dualdrive.figures import Figure, declared, figures, is_controlled, signals
+from dualdrive import __version__, units
+from dualdrive.build import core_digest
+from dualdrive.ensembles import SPEED, Ensemble, ensemble
+from dualdrive.figures import Figure, declared, is_controlled
 from dualdrive.machine import Machine
 
 from .grid import Grid, GridError
-from .grid_file import Outcome
 from .layout import Kept
 
 if TYPE_CHECKING:
@@ -30,9 +28,6 @@ if TYPE_CHECKING:
     from dualdrive.motion import Motion
 
 __all__ = ["Plan", "machine_differences"]
-
-#: the one figure that is measured, not computed: it differs from computer to computer
-SPEED = Figure("speed", "", "simulated seconds per second of computing, this run alone")
 
 
 @dataclass(frozen=True)
@@ -97,7 +92,7 @@ class Plan:
         """What the file says about where its numbers come from."""
         return {
             "version": __version__,
-            "core": _core_digest(),
+            "core": core_digest(),
             "machine": self.machine.toml(),
             "machine_name": self.machine.name,
             "motion": self.motion.text,
@@ -116,31 +111,20 @@ class Plan:
             "error": "energy_error holds the error reached, per run; rtol is the local tolerance",
         }
 
-    def run(self, number: int) -> Outcome:
-        """Compute one run; a machine or integration that fails is an outcome too."""
-        from dualdrive.simulation import simulate
-
-        try:
-            machine = self.grid.machine(self.machine, number)
-            begin = time.perf_counter()
-            run = simulate(
-                machine,
-                self.motion,
-                load=self.load or None,
-                times=self.times,
-                signals=sorted({*signals(machine), *self.keep}),
-                rtol=self.rtol,
-                method=self.method,
-                max_steps=self.max_steps,
-            )
-            elapsed = time.perf_counter() - begin
-        except (ValueError, MemoryError) as error:
-            text = str(error) or "not enough memory; keep fewer signals or use fewer jobs"
-            return Outcome(number, {}, "refused", text)
-        speed = self.end / elapsed if run.ok else math.nan
-        kept = {name: np.array(run[name]) for name in self.keep} or None
-        found = {**figures(run), SPEED.name: speed}
-        return Outcome(number, found, run.status, run.message, kept)
+    def ensemble(self, runs: Sequence[int], jobs: int | None) -> Ensemble:
+        """Begin these runs of the grid, numbered anew from 0, on so many threads (all cores)."""
+        return ensemble(
+            self.machine,
+            self.motion,
+            self.grid.values(runs),
+            load=self.load or None,
+            times=self.times,
+            keep=self.keep,
+            jobs=jobs,
+            rtol=self.rtol,
+            method=self.method,
+            max_steps=self.max_steps,
+        )
 
     def differences(self, attributes: Mapping[str, Any], axes: Mapping[str, Any]) -> list[str]:
         """What of a file is not this plan: one text per difference, empty when it is the same."""
@@ -155,7 +139,7 @@ class Plan:
             found.append(f"keep: {there} there, {', '.join(self.keep) or 'none'} here")
         here = {
             "version": __version__,
-            "core": _core_digest(),
+            "core": core_digest(),
             "load": self.load,
             "end": self.end,
             "output_step": self.output_step,
@@ -180,12 +164,6 @@ class Plan:
 def _digest(motion: Motion, times: NDArray[np.float64]) -> str:
     """A fingerprint of the commanded angle itself: sampled motions have no telling text."""
     return hashlib.sha256(np.asarray(motion.waveform.value(times)).tobytes()).hexdigest()
-
-
-@cache
-def _core_digest() -> str:
-    """A fingerprint of the compiled core: another build may differ in the last digit."""
-    return hashlib.sha256(Path(str(_core.__file__)).read_bytes()).hexdigest()[:16]
 
 
 def _axes_differences(grid: Grid, there: Mapping[str, Any]) -> list[str]:

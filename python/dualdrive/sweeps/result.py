@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from dualdrive.ensembles import PENDING
 from dualdrive.machine import Machine
 from dualdrive.units import human
 
 from .grid_file import attributes_of, axes_of
-from .layout import PENDING
 
 if TYPE_CHECKING:
     from tempfile import TemporaryDirectory

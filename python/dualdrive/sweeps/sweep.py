@@ -8,18 +8,20 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dualdrive.ensembles import Outcome
 from dualdrive.files import FileError, refuse_existing
 from dualdrive.machine import DEFAULT, Machine
 
-from .executors import Executor, Threads
+from .executors import Executor, executor_for
 from .grid import GridError, lay_out
-from .grid_file import GridFile, Outcome, attributes_of, axes_of
+from .grid_file import GridFile, attributes_of, axes_of
 from .layout import lay_file
 from .parallel import interrupt
 from .plan import Plan
 from .result import Sweep
 
 if TYPE_CHECKING:
+    from distributed import Client
     from numpy.typing import ArrayLike
 
     from dualdrive.motion import Motion
@@ -42,7 +44,7 @@ def sweep(
     method: str = "auto",
     max_steps: int | None = None,
     jobs: int | None = None,
-    executor: Executor | None = None,
+    scheduler: str | Client | None = None,
     output: str | Path | None = None,
     resume: bool = False,
     overwrite: bool = False,
@@ -58,7 +60,8 @@ def sweep(
     load:      constant torque on the table that opposes positive motion, N·m (N)
     max_steps: integration steps after which a run counts as failed
     jobs:      threads; all cores without it. Results do not depend on it
-    executor:  where runs are computed, in place of `jobs` threads of this process
+    scheduler: address of a Dask scheduler (``tcp://HOST:8786``) or a connected distributed.Client,
+               whose workers compute in place of this process; they must have the same build
     output:    HDF5 file; without one the grid lives as long as the returned object
     resume:    complete a file that a killed or interrupted sweep of the same things left
     keep:      signals to store whole, beside the figures
@@ -67,9 +70,9 @@ def sweep(
     way are finished and written, then KeyboardInterrupt is raised.
 
     Raises GridError (axes), MachineError (machine), FileError (file there already, of something
-    else, disk refuses), each one line naming the way out.
+    else, disk refuses), SchedulerError (scheduler or workers lost; the file keeps what was
+    finished), each one line naming the way out.
     """
-    executor = executor or Threads(jobs)
     plan = _plan(
         machine, axes or {}, motion, load, end, output_step, rtol, method, max_steps, tuple(keep)
     )
@@ -78,7 +81,10 @@ def sweep(
         folder = tempfile.TemporaryDirectory(prefix="dualdrive-")
         output = Path(folder.name) / "sweep.h5"
     path = Path(output)
-    with _open(path, plan, resume=resume, overwrite=overwrite, command=command) as file:
+    with (
+        executor_for(jobs, scheduler) as executor,
+        _open(path, plan, resume=resume, overwrite=overwrite, command=command) as file,
+    ):
         _work(plan, file, executor, progress)
     return Sweep(path, folder)
 
@@ -87,7 +93,7 @@ def resume(
     path: str | Path,
     *,
     jobs: int | None = None,
-    executor: Executor | None = None,
+    scheduler: str | Client | None = None,
     progress: Progress | None = None,
 ) -> Sweep:
     """Complete the sweep that a file holds, with the machine, axes and motion stored there.
@@ -111,7 +117,7 @@ def resume(
         max_steps=int(found["max_steps"]) or None,
         keep=json.loads(found["keep"]),
         jobs=jobs,
-        executor=executor,
+        scheduler=scheduler,
         output=path,
         resume=True,
         progress=progress,
