@@ -46,7 +46,6 @@ void Simulation::record(double t, const double* z) {
             energy_moved_ = std::max(energy_moved_, std::abs(w));
         }
         energy_moved_ = std::max(energy_moved_, std::abs(stored));
-        energy_scale_ = std::max(energy_scale_, energy_moved_);
         energy_worst_ = std::max(energy_worst_, std::abs(stored - energy_start_ - work));
     }
     if (!parameters_.empty()) record_sensitivities(t, z, out_.t.size() - 1);

@@ -81,6 +81,7 @@ std::vector<double> Simulation::tolerances() const {
 void Simulation::restart() {
     const auto z = solver_->state();
     for (std::size_t k = 0; k < scale_.size(); ++k) scale_[k] = std::max(scale_[k], std::abs(z[k]));
+    for (const double work : solver_->quadrature()) energy_scale_ = std::max(energy_scale_, std::abs(work));
     solver_->restart(solver_->time() == 0.0 && out_.statistics.restarts == 0 ? options_.start : solver_->time(),
                      tolerances(), options_.rtol * energy_scale_);
     ++out_.statistics.restarts;
