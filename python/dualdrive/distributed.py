@@ -14,14 +14,15 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from itertools import islice
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from dualdrive.build import fingerprint
+from dualdrive.mapper import Mapper, Threads
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-__all__ = ["Cluster", "SchedulerError", "connected"]
+__all__ = ["Cluster", "SchedulerError", "connected", "mapper_for"]
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -68,6 +69,16 @@ def connected(scheduler: str | Client) -> Iterator[Cluster]:
             client.close(timeout=2)
 
 
+@contextmanager
+def mapper_for(scheduler: str | Client | None) -> Iterator[Mapper]:
+    """Threads of this process, or the workers of a scheduler. Raises SchedulerError."""
+    if scheduler is None:
+        yield Threads()
+        return
+    with connected(scheduler) as cluster:
+        yield cluster
+
+
 class Cluster:
     """The workers of a scheduler, all of this build. A `dualdrive.mapper.Mapper`."""
 
@@ -92,8 +103,8 @@ class Cluster:
                 warnings.filterwarnings("ignore", "Sending large graph")  # that is what this is for
                 future = self._client.submit(_same, value, pure=False)
             self._kept[id(value)] = (value, future)  # held, so that its id stays its own
-        result: Any = self._kept[id(value)][1]
-        return result  # Dask puts the value in its place where a job is computed
+        # Dask puts the value in the place of its future where a job is computed
+        return cast("T", self._kept[id(value)][1])
 
     def as_finished(
         self, do: Callable[..., R], jobs: Iterable[Job], stop: threading.Event | None = None
@@ -122,8 +133,9 @@ class Cluster:
                     return
                 with suppress(queue.Empty):
                     future = ready.get(timeout=_TICK)
-                    if future.key in running and (found := self._result(future, ready)):
-                        yield running.pop(future.key)[0], found[0]
+                    found: list[R] = self._result(future, ready) if future.key in running else []
+                    for result in found:
+                        yield running.pop(future.key)[0], result
                 self._look()
         finally:
             self._forget(running)

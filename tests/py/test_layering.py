@@ -17,7 +17,7 @@ PACKAGE = ROOT / "python" / "dualdrive"
 CLI = ROOT / "cli"
 
 #: what a bare `import dualdrive` must not load; NumPy comes with the core
-HEAVY = {"h5py", "matplotlib", "pandas", "pint", "rich", "scipy", "xarray"}
+HEAVY = {"dask", "distributed", "h5py", "matplotlib", "pandas", "pint", "rich", "scipy", "xarray"}
 PLOTTING = {"matplotlib"}
 #: the writers of runs, of sweeps, of traces
 HDF5_WRITERS = {"store.py", "sweeps/layout.py", "traces/export.py"}

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from dualdrive.identify.coloured import correlation_time
 from dualdrive.identify.regression import Prior, Rows
 from dualdrive.identify.unknowns import StateUnknown, Unknown, values_at
+from dualdrive.mapper import Mapper, Threads
 from dualdrive.replay import RTOL, Record, Replay, play_all
 from dualdrive.replay.errors import may_be_off
 from dualdrive.replay.run import MAX_STEPS
@@ -50,7 +51,9 @@ class Problem:
         channels: Sequence[str],
         offsets: str = "all",
         rtol: float = RTOL,
+        mapper: Mapper | None = None,
     ) -> None:
+        self.mapper: Mapper = mapper or Threads()
         self.core, self.records = core, list(records)
         self.parameters, self.states = list(parameters), list(states)
         self.rtol, self.granted = rtol, offsets
@@ -67,6 +70,11 @@ class Problem:
         self.max_steps = MAX_STEPS
         self._fresh: tuple[bytes, list[Replay]] | None = None
         self._known: tuple[bytes, dict[tuple[int, str], Array]] | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What copies and pickles take along; a copy plays its records one after the other."""
+        own = {"mapper": Threads(1), "weights": dict(self.weights), "failures": []}
+        return {**self.__dict__, **own, "_fresh": None, "_known": None}
 
     # --- where things stand in the vector of unknowns -----------------------------------------
 
@@ -159,6 +167,7 @@ class Problem:
                 self.records,
                 asked,
                 self.initial(u),
+                mapper=self.mapper,
                 rtol=self.rtol,
                 max_steps=self.max_steps,
             )

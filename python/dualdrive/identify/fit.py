@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dualdrive.distributed import mapper_for
 from dualdrive.identify.balance import torque_balance
 from dualdrive.identify.closed_loop import Problem, channels_to_fit
 from dualdrive.identify.evaluation import state_unknowns
@@ -17,6 +18,9 @@ from dualdrive.identify.standstill import Standstill
 from dualdrive.identify.unknowns import default_free, default_tolerances, unknowns
 from dualdrive.replay import RTOL, Record, core_of, named, ratio_to_table, records
 from dualdrive.traces import Trace
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 MODES = ("auto", "closed_loop", "balance")
 
@@ -40,6 +44,7 @@ def fit(
     rtol: float = RTOL,
     processing: Processing | None = None,
     standstill: Standstill | None = None,
+    scheduler: str | Client | None = None,
     progress: Callable[[Progress], None] | None = None,
 ) -> Any:
     """Fit parameters of a machine to traces.
@@ -71,12 +76,17 @@ def fit(
             the priors (effects between a tenth and ten times their usual size).
         seed: of those draws.
         confidence: of the intervals.
-        max_simulations: limit on simulated records; the best point so far is returned.
+        max_simulations: limit on simulated records of each start; the best point so far is
+            returned.
         rtol: local tolerance of the simulations.
         processing: filters and decimation of the torque balance.
         standstill: what the torque balance does near standstill.
-        progress: told where the fit stands after each simulation of all records; whatever it
-            raises ends the fit, KeyboardInterrupt with the best point so far.
+        scheduler: address of a Dask scheduler (``tcp://HOST:8786``) or a connected
+            distributed.Client, whose workers take a start each, or a record each where there is
+            one start. One start with one record has nothing to spread and is computed here.
+        progress: told where the fit stands after each simulation of all records (on a scheduler
+            with several starts: after each start); whatever it raises ends the fit,
+            KeyboardInterrupt with the best point so far.
 
     Returns:
         :class:`Fit`, or :class:`~dualdrive.identify.BalanceFit` from the torque balance.
@@ -84,6 +94,7 @@ def fit(
     Raises:
         ValueError: unknown path or option, or a trace that can't be played.
         FitError: the simulation fails at every starting point.
+        SchedulerError: nobody answers at the scheduler, or its workers can't do the work.
 
     """
     if mode not in MODES:
@@ -92,6 +103,8 @@ def fit(
     if mode == "auto":
         mode = which_mode(core, recorded, motion)
     if mode == "balance":
+        if scheduler is not None:
+            raise ValueError("scheduler: a torque balance has nothing to spread; leave it out")
         paths, prior = _balance_free(core, free, tolerance, offsets)
         return torque_balance(
             machine,
@@ -108,18 +121,20 @@ def fit(
     paths = default_free(core) if free is None else list(free)
     if not paths:
         raise ValueError("free: nothing to fit; name parameters or add an effect")
-    problem = Problem(
-        core,
-        played,
-        unknowns(core, paths, tolerance, _sizes(core, played)),
-        state_unknowns(core, played),
-        channels=channels_to_fit(played, channels),
-        offsets=offsets,
-        rtol=rtol,
-    )
-    search = Search(problem, max_simulations, progress)
-    search.run(starts, seed)
-    return summary(machine, problem, search, confidence)
+    with mapper_for(scheduler) as mapper:
+        problem = Problem(
+            core,
+            played,
+            unknowns(core, paths, tolerance, _sizes(core, played)),
+            state_unknowns(core, played),
+            channels=channels_to_fit(played, channels),
+            offsets=offsets,
+            rtol=rtol,
+            mapper=mapper,
+        )
+        search = Search(problem, max_simulations, progress)
+        search.run(starts, seed)
+        return summary(machine, problem, search, confidence)
 
 
 def which_mode(core: Any, traces: Mapping[str, Trace], motion: Any) -> str:

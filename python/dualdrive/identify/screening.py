@@ -13,17 +13,22 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
+from dualdrive.distributed import mapper_for
 from dualdrive.identify.closed_loop import Problem, channels_to_fit
 from dualdrive.identify.evaluation import state_unknowns
 from dualdrive.identify.unknowns import Unknown, default_free, unknowns
-from dualdrive.replay import RTOL, core_of, named, records
+from dualdrive.mapper import Mapper, mapped
+from dualdrive.replay import RTOL, Record, core_of, named, records
 from dualdrive.traces import Trace
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 Array = NDArray[np.float64]
 
@@ -83,6 +88,7 @@ def screen(
     interpolation: str = "auto",
     start: str = "auto",
     rtol: float = RTOL,
+    scheduler: str | Client | None = None,
 ) -> list[Candidate]:
     """Score candidate effects on traces, best first. The machine should be refitted before.
 
@@ -93,11 +99,13 @@ def screen(
         motion: as for :func:`dualdrive.identify.fit`, as are
         interpolation: how recorded inputs are read,
         start: how the machine stood before the record, and
-        rtol: local tolerance of the simulation.
+        rtol: local tolerance of the simulation, and
+        scheduler: whose workers take a record each, and a delay each.
 
     Raises:
         ValueError: unknown effect or place, or a trace that can't be played.
         FitError: the machine does not simulate.
+        SchedulerError: nobody answers at the scheduler, or its workers can't do the work.
 
     """
     core = core_of(machine)
@@ -107,6 +115,42 @@ def screen(
     wanted = list(candidates_of(core) if candidates is None else candidates)
     probed = core.copy()
     probes = [probe for pair in wanted for probe in _put_in(probed, *pair)]
+    with mapper_for(scheduler) as mapper:
+        seen = _observed(core, probed, played, probes, mapper, rtol)
+    rest = _Projection(seen.others, seen.sigma)
+    residual = rest.remove(seen.left)
+    scored: list[tuple[Candidate, Array]] = []
+    for effect, place in wanted:
+        own = [p for p in probes if (p.effect, p.place) == (effect, place)]
+        columns = np.stack([rest.remove(seen.signatures[p.key]) for p in own], axis=1)
+        explained, strengths = _regress(columns, residual)
+        expected = {p.path: s * p.unknown.scale for p, s in zip(own, strengths, strict=True)}
+        found = Candidate(effect, place, explained, expected, own[0].unknown.unit)
+        scored.append((found, columns))
+    return _name_twins(sorted(scored, key=lambda item: -item[0].explained))
+
+
+@dataclass(frozen=True, eq=False)
+class _Observed:
+    """Weighted residual (n,), what every probe does to it, and what other unknowns do (n, m).
+
+    sigma: how far those may move, shape (m,)
+    """
+
+    left: Array
+    signatures: Mapping[str, Array]
+    others: Array
+    sigma: Array
+
+
+def _observed(
+    core: Any,
+    probed: Any,
+    played: Sequence[Record],
+    probes: Sequence[_Probe],
+    mapper: Mapper,
+    rtol: float,
+) -> _Observed:
     nominal = unknowns(core, default_free(core), None, {})
     smooth = [p for p in probes if not p.delay]
     problem = Problem(
@@ -116,6 +160,7 @@ def screen(
         state_unknowns(core, played),
         channels=channels_to_fit(played, None),
         rtol=rtol,
+        mapper=mapper,
     )
     at = problem.start
     problem.reweigh(at)
@@ -124,23 +169,13 @@ def screen(
     left = _stack(problem, problem.unweighted(replays, at))
     slopes = _stack(problem, problem.slopes(at))
     split = range(len(nominal), len(nominal) + len(smooth))
-    others = np.delete(slopes, split, axis=1)
     signatures = {p.key: slopes[:, len(nominal) + k] for k, p in enumerate(smooth)}
-    for p in probes:
-        if p.delay:
-            signatures[p.key] = _delayed(problem, p, at, left)
-    sigma = np.delete(problem.prior.sigma, split)
-    rest = _Projection(others, sigma)
-    residual = rest.remove(left)
-    scored: list[tuple[Candidate, Array]] = []
-    for effect, place in wanted:
-        own = [p for p in probes if (p.effect, p.place) == (effect, place)]
-        columns = np.stack([rest.remove(signatures[p.key]) for p in own], axis=1)
-        explained, strengths = _regress(columns, residual)
-        expected = {p.path: s * p.unknown.scale for p, s in zip(own, strengths, strict=True)}
-        found = Candidate(effect, place, explained, expected, own[0].unknown.unit)
-        scored.append((found, columns))
-    return _name_twins(sorted(scored, key=lambda item: -item[0].explained))
+    late = [p for p in probes if p.delay]
+    jobs = [(mapper.keep(problem), p, at, left) for p in late]
+    for p, signature in zip(late, mapped(mapper, _delayed, jobs), strict=True):
+        signatures[p.key] = signature
+    others, sigma = np.delete(slopes, split, axis=1), np.delete(problem.prior.sigma, split)
+    return _Observed(left, signatures, others, sigma)
 
 
 @dataclass(frozen=True)

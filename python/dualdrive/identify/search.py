@@ -1,39 +1,34 @@
-"""Least squares in rounds, weights renewed in between, from one or several starting points."""
+"""The best point of a problem, looked for from one or several starting points side by side."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+import threading
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.distributed import SchedulerError
 from dualdrive.identify.closed_loop import FitError, Problem
+from dualdrive.identify.descent import Descent, End, Progress, Rules, descend
+from dualdrive.interrupt import interrupt
+from dualdrive.mapper import Threads
+
+__all__ = ["Progress", "Search"]
 
 Array = NDArray[np.float64]
 
 ROUNDS = 8  # of fitting and weighing anew
-_SETTLED = 1.15  # weights that move by a smaller factor have settled
 _DECADES = 1.0  # other starts put an effect within ten times its usual size, up or down
 
 
-@dataclass(frozen=True)
-class Progress:
-    """Where a fit stands: number of the start, simulations so far, cost and the best cost."""
-
-    start: int
-    simulations: int
-    cost: float
-    best: float
-
-
-class _EnoughError(Exception):
-    """As many simulations as were allowed."""
-
-
 class Search:
-    """Looks for the best point of a problem, and keeps the best one seen if it is stopped."""
+    """Looks for the best point of a problem from one or several starting points.
+
+    best, status, message: the best point, and how the descent that found it ended
+    """
 
     def __init__(
         self,
@@ -43,92 +38,92 @@ class Search:
         precision: float = 1e-6,
         rounds: int = ROUNDS,
     ) -> None:
-        self.problem, self.limit, self.progress = problem, limit, progress
-        self.precision = precision  # relative, of cost and unknowns
-        self.rounds = rounds if problem.size else 0
+        self.problem, self.progress = problem, progress
+        self.rules = Rules(limit, precision, rounds if problem.size else 0)
         self.best, self.status, self.message = problem.start, "success", ""
-        self._cost, self._number, self._begun = math.inf, 1, False
 
     def run(self, starts: int = 1, seed: int = 0) -> None:
         """Leave the best point in `best`, and in `status` how the search ended.
 
         Raises:
             FitError: no starting point simulates.
+            SchedulerError: the workers were lost before a start had ended.
 
         """
-        random, ends, errors = np.random.default_rng(seed), [], []
-        try:
-            for self._number in range(1, starts + 1):
-                try:
-                    ends.append(self._descend(self._begin(random)))
-                except FitError as error:
-                    errors.append(str(error))
-        except KeyboardInterrupt:
-            self._end("interrupted", "stopped on request")
-        except _EnoughError:
-            self._end("not_converged", f"more than max_simulations = {self.limit}")
-        if not ends and not self._begun:
+        if starts == 1:
+            ends = [Descent(self.problem, 1, self.rules, self.progress).run(self.problem.start)]
+        else:
+            ends = self._spread(self._beginnings(starts, seed))
+        errors = [end.error for end in ends if end.error]
+        ends = [end for end in ends if end.point is not None]
+        if not ends:
             raise FitError(errors[0] if errors else "stopped before the first simulation ended")
-        if ends:
-            stopped_at = [] if self.status == "success" else [self.best]
-            self.best = min([*ends, *stopped_at], key=self._size)
+        found = min(ends, key=lambda end: end.size)
+        assert found.point is not None
+        self.best = found.point
+        if self.status == "success":  # all starts have ended by themselves
+            self.status, self.message = found.status, found.message
 
-    def _end(self, status: str, why: str) -> None:
-        self.status, self.message = status, f"{why}; this is the best point so far"
-
-    def _begin(self, random: np.random.Generator) -> Array:
+    def _beginnings(self, starts: int, seed: int) -> list[Array]:
         """The nominal machine first, then draws from the priors."""
-        u = self.problem.start
-        if self._number == 1:
-            return u
-        for k, p in enumerate(self.problem.parameters):
-            if math.isfinite(p.sigma):
-                u[k] = p.centre + p.sigma * random.standard_normal()
-            else:
-                u[k] *= 10.0 ** random.uniform(-_DECADES, _DECADES)
+        random, points = np.random.default_rng(seed), [self.problem.start]
         low, high = self.problem.bounds
-        inside: Array = np.clip(u, low, high)
-        return inside
+        for _ in range(1, starts):
+            u = self.problem.start
+            for k, p in enumerate(self.problem.parameters):
+                if math.isfinite(p.sigma):
+                    u[k] = p.centre + p.sigma * random.standard_normal()
+                else:
+                    u[k] *= 10.0 ** random.uniform(-_DECADES, _DECADES)
+            points.append(np.clip(u, low, high))
+        return points
 
-    def _descend(self, u: Array) -> Array:
-        from scipy.optimize import least_squares
+    def _spread(self, points: Sequence[Array]) -> list[End]:
+        """A descent from each point, side by side; their ends in the order of the points."""
+        problem, ends = self.problem, dict[int, End]()
+        mapper = problem.mapper
+        problem.replays(points[0])  # so that all know how many steps are usual
+        with interrupt() as stop:
+            task = partial(descend, self.rules)
+            if mapper.near:
+                task = partial(task, progress=self._in_turn(), stop=stop)
+            jobs = [(mapper.keep(problem), k, u) for k, u in enumerate(points, 1)]
+            try:
+                for k, end in mapper.as_finished(task, jobs, stop):
+                    ends[k] = end
+                    if self.progress and not mapper.near:
+                        self.progress(Progress(k + 1, end.simulations, end.cost, end.cost))
+                    if end.status == "interrupted":
+                        stop.set()
+            except KeyboardInterrupt:
+                stop.set()
+            except SchedulerError as failure:
+                if not ends:
+                    raise
+                problem.mapper = Threads()  # what is left to do is done here
+                self._cut("not_converged", str(failure), len(ends), len(points))
+            finally:
+                stopped = stop.is_set()
+                stop.set()  # whatever ends this ends the others
+            if stopped:
+                self._cut("interrupted", "stopped on request", len(ends), len(points))
+        found = [ends[k] for k in sorted(ends)]
+        problem.runs += sum(end.simulations for end in found)
+        problem.failures += [text for end in found for text in end.failures]
+        return found
 
-        u = self.problem.levelled(u)
-        self.problem.reweigh(u)
-        for _ in range(self.rounds):
-            self._cost = math.inf  # costs under other weights do not compare
-            found = least_squares(
-                self._residual,
-                u,
-                self.problem.jacobian,
-                bounds=self.problem.bounds,
-                method="trf",
-                x_scale=self.problem.scale,
-                ftol=self.precision,
-                xtol=self.precision,
-                gtol=1e-12,
-                max_nfev=40,
-            )
-            u = self.best = np.asarray(found.x)
-            if self.problem.reweigh(u) < _SETTLED:
-                break
-        return u
+    def _cut(self, status: str, why: str, ended: int, starts: int) -> None:
+        self.status = status
+        self.message = f"{why}; this is the best point so far, of {ended} of {starts} starts"
 
-    def _residual(self, u: Array) -> Array:
-        if self.problem.runs >= self.limit:
-            raise _EnoughError
-        left = self.problem.residual(u)
-        cost = 0.5 * float(left @ left) if np.isfinite(left).all() else math.inf
-        if cost < self._cost:
-            self.best, self._cost, self._begun = u.copy(), cost, True
-        if self.progress:
-            self.progress(Progress(self._number, self.problem.runs, cost, self._cost))
-        return left
+    def _in_turn(self) -> Callable[[Progress], None] | None:
+        """Progress told by several threads, one at a time."""
+        tell, turn = self.progress, threading.Lock()
+        if tell is None:
+            return None
 
-    def _size(self, u: Array) -> float:
-        """Sum of n log RMS over the channels: comparable whatever the weights were."""
-        replays = self.problem.replays(u)
-        if replays is None:
-            return math.inf
-        left = self.problem.unweighted(replays, u).values()
-        return float(sum(0.5 * len(r) * np.log(np.mean(r**2) + 1e-300) for r in left))
+        def told(now: Progress) -> None:
+            with turn:
+                tell(now)
+
+        return told

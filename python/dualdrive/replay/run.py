@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
+from dualdrive.mapper import Mapper, Threads, mapped
 from dualdrive.replay.record import Record
 from dualdrive.traces import CHANNELS
 
@@ -172,21 +173,35 @@ def play_all(
     several: Sequence[Record],
     sensitivities: Sequence[str] = (),
     initial: Sequence[Mapping[str, float]] | None = None,
+    *,
+    mapper: Mapper | None = None,
     **options: Any,
 ) -> list[Replay]:
     """Play records side by side; the core computes without holding the interpreter.
 
-    A single record runs in the calling thread, where Ctrl-C reaches it at once.
+    A single record runs in the calling thread, where Ctrl-C reaches it at once; several run where
+    the mapper has them, threads of this process unless told.
     """
     states = initial or [{}] * len(several)
     if len(several) == 1:
         return [play(core, several[0], sensitivities, states[0], **options)]
-    with ThreadPoolExecutor() as pool:
-        jobs = [
-            pool.submit(play, core, record, sensitivities, state, **options)
-            for record, state in zip(several, states, strict=True)
-        ]
-        return [job.result() for job in jobs]
+    mapper = mapper or Threads()
+    task = partial(_played, core, tuple(sensitivities), options)
+    jobs = [(mapper.keep(record), state) for record, state in zip(several, states, strict=True)]
+    found = mapped(mapper, task, jobs)
+    return [replace(replay, record=record) for replay, record in zip(found, several, strict=True)]
+
+
+def _played(
+    core: Any,
+    sensitivities: Sequence[str],
+    options: Mapping[str, Any],
+    record: Record,
+    state: Mapping[str, float],
+) -> Replay:
+    """A replay without its record, which is large and where the replay was asked for."""
+    found = play(core, record, sensitivities, state, **options)
+    return replace(found, record=cast("Record", None))
 
 
 def _times(record: Record, delays: set[float]) -> Array:

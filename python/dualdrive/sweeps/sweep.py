@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 from dualdrive.ensembles import Outcome
 from dualdrive.files import FileError, refuse_existing
+from dualdrive.interrupt import interrupt
 from dualdrive.machine import DEFAULT, Machine
 
 from .executors import Executor, executor_for
 from .grid import GridError, lay_out
 from .grid_file import GridFile, attributes_of, axes_of
 from .layout import lay_file
-from .parallel import interrupt
 from .plan import Plan
 from .result import Sweep
 
