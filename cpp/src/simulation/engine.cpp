@@ -1,4 +1,5 @@
 // Which engine integrates a run, and why another would not do.
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -7,6 +8,7 @@
 #include "../solvers/cvode.hpp"
 #include "../solvers/exact/exact.hpp"
 #include "../solvers/explicit/runge_kutta.hpp"
+#include "../solvers/handover.hpp"
 #include "instant.hpp"
 #include "simulation.hpp"
 
@@ -16,6 +18,10 @@ namespace {
 
 constexpr int most_exact_states = 256;  // of machine, controller and inputs: dense matrices beyond that do not pay
 constexpr double near_multiple = 1e-9;
+constexpr double slowest_ring = 1000.0;  // 1/s: a drive's own loops; below that nothing is stiff
+// Something well damped and so much faster than what rings makes a machine stiff: the explicit engine and Adams methods
+// then take steps for stability alone. Adams methods bear more, for they cost less a step.
+constexpr double stiff_for_explicit = 5.0, stiff_for_adams = 30.0;
 
 // Whether b is a whole multiple of a.
 bool divides(double a, double b) { return std::abs(b / a - std::round(b / a)) < near_multiple && b > 0.5 * a; }
@@ -49,6 +55,26 @@ double Simulation::exact_grid() const {
     return common ? finest : output;
 }
 
+// How fast the machine rings, and how fast its fastest motion dies away, with flanks closed and drives sliding.
+Simulation::Pace Simulation::pace() {
+    const Modes standing = modes_;
+    for (std::size_t e = 0; e < layout_.switches.size(); ++e) {
+        if (layout_.switches[e].kind == SwitchKind::flank) modes_[e] = flank::front;
+        if (layout_.switches[e].kind == SwitchKind::stick) modes_[e] = stick::forward;
+    }
+    Eigen::MatrixXd A(layout_.size(), layout_.size());
+    jacobian(options_.start, z_scratch_.data(), A.data());
+    modes_ = standing;
+    Pace pace{slowest_ring, 0.0};
+    if (!A.allFinite()) return {slowest_ring, std::numeric_limits<double>::infinity()};
+    const Eigen::VectorXcd poles = Eigen::EigenSolver<Eigen::MatrixXd>(A, false).eigenvalues();
+    for (const auto& p : poles) {
+        if (std::abs(p.real()) < 0.3 * std::abs(p)) pace.rings = std::max(pace.rings, std::abs(p));
+        pace.decays = std::max(pace.decays, -p.real());
+    }
+    return pace;
+}
+
 void Simulation::choose_solver(int guards, std::span<const double> parameter_scale) {
     const Solver::Size size{layout_.size(), guards, static_cast<int>(parameters_.size()),
                             options_.energy ? static_cast<int>(powers) : 0};
@@ -70,12 +96,24 @@ void Simulation::choose_solver(int guards, std::span<const double> parameter_sca
             solver_ = build.operator()<double>();
         return;
     }
-    if (options_.engine == Engine::explicit_rk) {
-        solver_ = std::make_unique<RungeKutta>(*this, size, options_.rtol, parameter_scale);
-        return;
-    }
-    const std::vector<int> direction(static_cast<std::size_t>(guards), -1);
-    solver_ = std::make_unique<Cvode>(*this, size, choose_method(), options_.rtol, direction, parameter_scale);
+    const auto explicit_solver = [&](double stiff_beyond) {
+        return std::make_unique<RungeKutta>(*this, size, options_.rtol, parameter_scale, stiff_beyond);
+    };
+    const auto cvode = [this, size,
+                        scale = std::vector<double>(parameter_scale.begin(), parameter_scale.end())](Method m) {
+        const std::vector<int> falling(static_cast<std::size_t>(size.guards), -1);
+        return std::make_unique<Cvode>(*this, size, m, options_.rtol, falling, scale);
+    };
+    const Pace pace = this->pace();
+    if (options_.engine == Engine::explicit_rk)
+        solver_ = explicit_solver(std::numeric_limits<double>::infinity());
+    else if (left_open && pace.decays <= stiff_for_explicit * pace.rings)
+        solver_ = std::make_unique<Handover>(explicit_solver(stiff_for_explicit * pace.rings),
+                                             [cvode] { return cvode(Method::bdf); });
+    else if (options_.method != Method::automatic)
+        solver_ = cvode(options_.method);
+    else
+        solver_ = cvode(pace.decays > stiff_for_adams * pace.rings ? Method::bdf : Method::adams);
 }
 
 }  // namespace dualdrive

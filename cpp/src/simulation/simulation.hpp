@@ -35,7 +35,10 @@ class Simulation final : public Problem {
     Status failure() const;
     void fail(Status status, const std::string& message);
     void finish();
-    Method choose_method();
+    struct Pace {  // 1/s
+        double rings, decays;
+    };
+    Pace pace();
     void choose_solver(int guards, std::span<const double> parameter_scale);
     bool exact_is_possible(std::string& reason) const;
     double exact_grid() const;

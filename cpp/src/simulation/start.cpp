@@ -1,5 +1,4 @@
-// The start of a run: typical sizes, method, modes, what lies before it.
-#include <Eigen/Eigenvalues>
+// The start of a run: typical sizes, modes, what lies before it.
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -8,29 +7,6 @@
 #include "simulation.hpp"
 
 namespace dualdrive {
-
-Method Simulation::choose_method() {
-    if (options_.method != Method::automatic) return options_.method;
-    // Flanks closed, drives sliding: does the machine ring, or is something far faster than that and well damped?
-    Modes standing = modes_;
-    for (std::size_t e = 0; e < layout_.switches.size(); ++e) {
-        if (layout_.switches[e].kind == SwitchKind::flank) modes_[e] = flank::front;
-        if (layout_.switches[e].kind == SwitchKind::stick) modes_[e] = stick::forward;
-    }
-    const int n = layout_.size();
-    Eigen::MatrixXd A(n, n);
-    jacobian(options_.start, z_scratch_.data(), A.data());
-    modes_ = standing;
-    double rings = 0.0, decays = 0.0;
-    if (!A.allFinite()) return Method::bdf;
-    const Eigen::VectorXcd poles = Eigen::EigenSolver<Eigen::MatrixXd>(A, false).eigenvalues();
-    for (const auto& p : poles) {
-        if (std::abs(p.real()) < 0.3 * std::abs(p)) rings = std::max(rings, std::abs(p));
-        decays = std::max(decays, -p.real());
-    }
-    const double fastest = std::max(rings, 1000.0);  // a drive's own loops; below that nothing is stiff
-    return decays > 30.0 * fastest ? Method::bdf : Method::adams;
-}
 
 // Typical sizes from energy: the play's energy, the commanded motion's, the initial state's. They grow with what is seen.
 void Simulation::start() {

@@ -16,6 +16,7 @@ constexpr double infinite = std::numeric_limits<double>::infinity();
 constexpr double shortest = 16.0 * std::numeric_limits<double>::epsilon();  // step, of the time
 constexpr double safety = 0.9, most_growth = 6.0, most_shrinking = 1.0 / 3.0;
 constexpr double after_a_bad_number = 0.25;  // of a step that left the domain of the laws
+constexpr double near_instability = 3.0;     // of h times the fastest pole; the method is stable up to about 6
 constexpr double inner_share = 0.2;          // of the defect in mid-step that counts as error; chosen by measurement
 
 // How a step should change that erred by e times what is allowed; both its errors go with the eighth power.
@@ -23,12 +24,14 @@ double change(double e) { return e > 0 ? safety * std::pow(e, -1.0 / dop853::ord
 
 }  // namespace
 
-RungeKutta::RungeKutta(Problem& problem, Size size, double rtol, std::span<const double> parameter_scale)
+RungeKutta::RungeKutta(Problem& problem, Size size, double rtol, std::span<const double> parameter_scale,
+                       double stiff_beyond)
     : problem_(problem),
       states_(static_cast<std::size_t>(size.states)),
       quadratures_from_(states_ * static_cast<std::size_t>(1 + size.sensitivities)),
       width_(quadratures_from_ + static_cast<std::size_t>(size.quadratures)),
       rtol_(rtol),
+      stiff_beyond_(stiff_beyond),
       parameter_scale_(parameter_scale.begin(), parameter_scale.end()),
       slope_in_(parameter_scale.size()),
       slope_out_(parameter_scale.size()) {
@@ -94,6 +97,10 @@ Solver::Outcome RungeKutta::step(double stop) {
         }
     }
     ++counts_.steps;
+    if (pole_ > stiff_beyond_ && pole_ * h > near_instability)
+        ++limited_, mild_ = 0;
+    else if (!stiff() && ++mild_ >= mild_after)
+        limited_ = 0;
     next_ = h * std::clamp(change(e), most_shrinking, rejected ? 1.0 : most_growth);
     if (h < wanted && !rejected) next_ = std::max(next_, wanted);
     t_ = end_;
@@ -127,7 +134,9 @@ double RungeKutta::try_step(double end) {
         weight_[i] = 1.0 / (atol_[i] + rtol_ * std::max(std::abs(from_[i]), std::abs(to_[i])));
     const double e = error(h);
     if (e > 1.0) return e;
-    if (!rates(end_, to_.data(), rate(last)) || !extend(h)) return infinite;
+    if (!rates(end_, to_.data(), rate(last))) return infinite;
+    pole_ = fastest_pole();
+    if (!extend(h)) return infinite;
     return std::max(e, inner_share * defect(h));
 }
 
@@ -148,6 +157,20 @@ double RungeKutta::error(double h) const {
         if (fifth > 0) worst = std::max(worst, h * fifth / std::sqrt((fifth + 0.01 * third) * n));
     }
     return worst;
+}
+
+// The rates at the step's end and at its last stage belong to states that lie close together, apart mostly along the
+// fastest motions: their difference quotient shows the fastest pole (Hairer, Wanner, Solving Ordinary Differential
+// Equations II, IV.2).
+double RungeKutta::fastest_pole() const {
+    double rise = 0.0, run = 0.0;
+    for (std::size_t i = 0; i < states_; ++i) {
+        const double df = weight_[i] * (rate(dop853::last)[i] - rate(dop853::last - 1)[i]);
+        const double dy = weight_[i] * (to_[i] - stage_[i]);
+        rise += df * df;
+        run += dy * dy;
+    }
+    return run > 0 ? std::sqrt(rise / run) : 0.0;
 }
 
 // Root mean square of a vector's weighted components, of the part in which it is largest.

@@ -12,8 +12,9 @@ namespace dualdrive {
 
 class RungeKutta final : public Solver {
   public:
-    // parameter_scale: typical size per sensitivity.
-    RungeKutta(Problem& problem, Size size, double rtol, std::span<const double> parameter_scale);
+    // parameter_scale: typical size per sensitivity. stiff_beyond: how fast a pole, in 1/s, must be to count as stiff where
+    // it alone limits the step.
+    RungeKutta(Problem& problem, Size size, double rtol, std::span<const double> parameter_scale, double stiff_beyond);
 
     void restart(double t, std::span<const double> atol, double quadrature_atol) override;
     void limit_step(double longest) override { longest_ = longest; }
@@ -31,11 +32,17 @@ class RungeKutta final : public Solver {
     Failure failure() const override;
     Counts counts() const override { return counts_; }
     std::string name() const override { return "dop853"; }
+    int sensitivities() const { return static_cast<int>(parameter_scale_.size()); }
     int looks() const override { return 3; }
 
+    // Whether for some steps in a row a pole beyond `stiff_beyond` has limited the step, by stability and not by accuracy.
+    bool stiff() const { return limited_ >= stiff_after; }
+
   private:
+    static constexpr int stiff_after = 15, mild_after = 6;  // steps
     using Vector = std::vector<double>;
     std::span<double> part(std::size_t from, std::size_t n) { return {now_.data() + from, n}; }
+    const double* rate(std::size_t stage) const { return rates_.data() + stage * width_; }
     double* rate(std::size_t stage) { return rates_.data() + stage * width_; }
     double* F(std::size_t k) { return extension_.data() + k * width_; }
     const double* F(std::size_t k) const { return extension_.data() + k * width_; }
@@ -52,17 +59,19 @@ class RungeKutta final : public Solver {
     double size(Component&& component) const;
     double first_step();
     bool extend(double h);
+    double fastest_pole() const;
     void inside(double t, std::size_t first, std::size_t n, double* out) const;
     void at(double t, std::size_t first, std::size_t n, double* out) const;
 
     Problem& problem_;
     const std::size_t states_, quadratures_from_, width_;
-    const double rtol_;
+    const double rtol_, stiff_beyond_;
     const Vector parameter_scale_;
     std::vector<std::size_t> ends_;  // of the parts whose errors count separately: state, each sensitivity, work
 
     double t_ = 0.0, begin_ = 0.0, end_ = 0.0;  // now; the last step, even where part of it was taken back
-    double next_ = 0.0, longest_ = 0.0;
+    double next_ = 0.0, longest_ = 0.0, pole_ = 0.0;
+    int limited_ = 0, mild_ = 0;  // steps in a row at the limit of stability, and not
     bool rate_known_ = false, finite_ = true;
     Vector now_, from_, to_, atol_, weight_, stage_, middle_;
     Vector rates_, extension_;  // [stage][component], [coefficient][component]
