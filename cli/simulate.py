@@ -45,7 +45,19 @@ from dualdrive_cli._shared import (
 @click.option("--signal", "signals", multiple=True, help="Record these signals only.")
 @click.option("--output-step", default="1ms", show_default=True, help="Time between samples.")
 @click.option("--rtol", type=float, help="Relative tolerance of the integrator.")
-@click.option("--method", type=click.Choice(["auto", "adams", "bdf"]), default="auto")
+@click.option(
+    "--engine",
+    type=click.Choice(["auto", "exact", "explicit", "cvode"]),
+    default="auto",
+    show_default=True,
+    help="auto takes exact where every effect is affine between switches.",
+)
+@click.option(
+    "--method",
+    type=click.Choice(["auto", "adams", "bdf"]),
+    default="auto",
+    help="Of cvode; adams or bdf asks for it.",
+)
 @click.option("-o", "--output", type=Path, help="Write the run as HDF5.")
 @click.option(
     "--plot", type=Path, callback=picture, help="Draw the run into a picture (png, pdf, svg)."
@@ -64,6 +76,7 @@ def command(
     signals: tuple[str, ...],
     output_step: str,
     rtol: float | None,
+    engine: str,
     method: str,
     output: Path | None,
     plot: Path | None,
@@ -90,6 +103,7 @@ def command(
             signals=signals,
             output_step=parse(output_step, "s", key="--output-step"),
             rtol=rtol,
+            engine=engine,
             method=method,
         )
     if output:

@@ -32,6 +32,7 @@ def simulate(
     start: float = 0.0,
     output_step: float = 1e-3,
     times: ArrayLike | None = None,
+    engine: str = "auto",
     rtol: float | None = None,
     method: str = "auto",
     longest_step: float = 0.0,
@@ -49,6 +50,9 @@ def simulate(
     initial:        state -> value; all others are 0
     sensitivities:  parameter paths, groups or initial.<state>
     times:          output times in s, increasing; else every output_step from start to end
+    engine:         exact (between switches; every effect affine in its modes), explicit, cvode, or
+                    auto, which takes exact wherever it can (docs/theory/engines.md)
+    rtol, method:   of explicit and cvode; a method (adams, bdf) asks for cvode
 
     Returns a Run; a failed integration is a Run whose status says so, with all that was computed.
     Raises MachineError (a ValueError) for input that makes no sense, KeyboardInterrupt on Ctrl-C.
@@ -70,6 +74,7 @@ def simulate(
             start=start,
             output_step=output_step,
             times=points,
+            engine=engine,
             method=method,
             longest_step=longest_step,
             signals=list(signals or []),

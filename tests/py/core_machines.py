@@ -16,6 +16,7 @@ import reference_model as reference
 from dualdrive import _core
 
 Array = reference.Array
+ENGINE = "auto"  # of runs that name none; the fixture `both_engines` sets it
 DEFAULT_RTOL = 1e-10  # of _core.simulate; test_oracle_switching.py holds it to that
 FLANKS = {"front": 1, "back": -1}  # every other mode of a mesh transmits nothing
 
@@ -199,12 +200,13 @@ def run(
     output_step: float = 1e-3,
     rtol: float | None = None,
     method: str = "auto",
+    engine: str | None = None,
     start: float = 0.0,
 ) -> Run:
     """Simulate and insist on success."""
     trajectory = _core.simulate(
         machine, dict(inputs or {}), end=end, start=start, output_step=output_step,
-        times=list(times), method=method, signals=list(signals),
+        times=list(times), method=method, engine=engine or ENGINE, signals=list(signals),
         sensitivities=list(sensitivities), initial=dict(initial or {}),
         rtol=DEFAULT_RTOL if rtol is None else rtol,
     )  # fmt: skip
@@ -220,6 +222,7 @@ def run_like(
     initial: Mapping[str, float] | None = None,
     rtol: float | None = None,
     method: str = "auto",
+    engine: str | None = None,
     output_step: float = 1e-3,
 ) -> Run:
     """Run a machine and motion of the reference model in the core."""
@@ -227,7 +230,7 @@ def run_like(
     start = {names.get(name, name): value for name, value in (initial or {}).items()}
     return run(
         core_machine(machine), core_inputs(motion), end, initial=start, rtol=rtol, method=method,
-        output_step=output_step,
+        engine=engine, output_step=output_step,
     )  # fmt: skip
 
 

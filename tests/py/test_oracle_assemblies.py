@@ -14,6 +14,8 @@ from core_machines import Array, core_machine, run, set_all
 from dualdrive import _core
 from reference_model import heavy_table
 
+pytestmark = pytest.mark.usefixtures("both_engines")
+
 # -------------------------------------------------------------------------- two bodies per drive
 
 

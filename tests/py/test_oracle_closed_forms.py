@@ -12,6 +12,8 @@ from core_machines import Array, Run, core_machine, locked_pinions, run, run_lik
 from dualdrive import _core
 from reference_model import Machine, heavy_table, step
 
+pytestmark = pytest.mark.usefixtures("both_engines")
+
 ARCSEC = pi / 180 / 3600
 
 

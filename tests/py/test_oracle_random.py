@@ -25,6 +25,8 @@ from reference_model import (
     step,
 )
 
+pytestmark = pytest.mark.usefixtures("both_engines")
+
 MACHINES, BLOCK = 40, 8
 
 

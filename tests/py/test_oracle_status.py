@@ -92,10 +92,14 @@ def test_too_many_steps() -> None:
     np.testing.assert_array_equal(result.values, complete.values[: len(result.t)])
 
 
-def test_a_stop_keeps_events_and_final_state() -> None:
+@pytest.mark.parametrize("engine", ["exact", "cvode"])
+def test_a_stop_keeps_events_and_final_state(engine: str) -> None:
     machine, inputs = core_machine(heavy_table(100)), core_inputs(move(0.02, 0.03, 0.05, 0.3, 0.1))
-    complete = _core.simulate(machine, inputs, end=2.0)
-    result = _core.simulate(machine, inputs, end=2.0, max_steps=complete.statistics["steps"] // 2)
+    complete = _core.simulate(machine, inputs, end=2.0, engine=engine)
+    half = complete.statistics["steps"] // 2
+    if engine == "exact":  # which counts steps of the grid, not of the loop: many at once
+        half = len(complete.events) // 2
+    result = _core.simulate(machine, inputs, end=2.0, engine=engine, max_steps=half)
     assert result.status == "too_many_steps"
     assert result.events == complete.events[: len(result.events)]
     assert len(result.events) > 5
@@ -175,11 +179,12 @@ def test_methods_agree(load: int) -> None:
 def test_method_is_chosen_by_what_the_machine_does() -> None:
     """A plant that rings wants Adams; one with a lag far faster than all else wants BDF."""
     machine = core_machine(bench())
-    automatic = _core.simulate(machine, core_inputs(sine(0.1, 1.0)), end=0.1)
+    options = {"end": 0.1, "engine": "cvode"}
+    automatic = _core.simulate(machine, core_inputs(sine(0.1, 1.0)), **options)  # type: ignore[arg-type]
     assert automatic.statistics["method"] == "adams"
     stiff = core_machine(bench().both(R=2e3, L=6e-3))  # L/R = 3 µs
     stiff.set_controller(current="voltage")
-    automatic = _core.simulate(stiff, core_inputs(sine(0.1, 1.0)), end=0.1)
+    automatic = _core.simulate(stiff, core_inputs(sine(0.1, 1.0)), **options)  # type: ignore[arg-type]
     assert automatic.statistics["method"] == "bdf"
 
 
@@ -188,7 +193,10 @@ def test_error_falls_with_the_tolerance_in_proportion() -> None:
     machine, motion = bench(), sine(0.1, 1.0)
     exact = simulate(machine, motion, 1.0)
     exponents = np.arange(5, 12)
-    errors = [apart(run_like(machine, motion, 1.0, rtol=10.0**-k), exact) for k in exponents]
+    errors = [
+        apart(run_like(machine, motion, 1.0, rtol=10.0**-k, engine="cvode"), exact)
+        for k in exponents
+    ]
     order = np.polyfit(-exponents, np.log10(errors), 1)[0]
     assert order == pytest.approx(1.0, abs=0.25)
     assert errors[-1] < 1e-9
@@ -198,10 +206,24 @@ def test_error_falls_with_the_tolerance_in_proportion() -> None:
 def test_outputs_do_not_steer_the_solver(output_step: float) -> None:
     """Dense output: however many rows are asked for, the steps and events are the same."""
     machine, motion = bench(), sine(0.1, 1.0)
-    usual, other = (run_like(machine, motion, 0.7, output_step=h) for h in (1e-3, output_step))
+    usual, other = (
+        run_like(machine, motion, 0.7, output_step=h, engine="cvode") for h in (1e-3, output_step)
+    )
     assert usual.raw.events == other.raw.events
     assert usual.raw.statistics["steps"] == other.raw.statistics["steps"]
     np.testing.assert_array_equal(usual.raw.final_state, other.raw.final_state)
+
+
+@pytest.mark.parametrize("output_step", [1e-4, 7e-3])
+def test_outputs_choose_the_exact_engines_grid_and_nothing_else(output_step: float) -> None:
+    machine, motion = bench(), sine(0.1, 1.0)
+    usual, other = (
+        run_like(machine, motion, 0.7, output_step=h, engine="exact") for h in (1e-3, output_step)
+    )
+    assert [e[1:] for e in usual.raw.events] == [e[1:] for e in other.raw.events]
+    for one, two in zip(usual.raw.events, other.raw.events, strict=True):
+        assert one[0] == pytest.approx(two[0], abs=1e-13)
+    np.testing.assert_allclose(usual.raw.final_state, other.raw.final_state, rtol=1e-11)
 
 
 def test_a_run_may_start_at_any_time() -> None:

@@ -24,6 +24,8 @@ from reference_model import (
     step,
 )
 
+pytestmark = pytest.mark.usefixtures("both_engines")
+
 Case = tuple[Machine, Motion, float]
 
 

@@ -13,6 +13,7 @@ constexpr int settle_passes = 60;      // transitions at one instant before it i
 constexpr long crowded_limit = 400;    // transitions in a row ...
 constexpr double crowded_time = 1e-9;  // ... each within this of the one before, s
 constexpr double noise = 1e-9;         // of a guard's scale: below it, which way the guard moves decides
+constexpr double standing_rate = 1e-7;  // of a guard's scale, 1/s: one that moves more slowly stands
 constexpr double grazing_rate = 1e-2;  // of a guard's scale, 1/s: one that falls more slowly has a kink in its slopes
 constexpr double at_limit = 1e-6;      // of a limit: nearer than this a limited quantity stands on it
 
@@ -233,7 +234,7 @@ bool Simulation::settle(bool located) {
                     evaluate_along(t, z, 1.0, rate.data());
                     known = true;
                 }
-                falls = along_.guard(element, which, nullptr).slope[0] < 0;
+                falls = along_.guard(element, which, nullptr).slope[0] < -standing_rate * guard_scale(element, which);
             }
             if (falls) fallen = static_cast<int>(k);
         }

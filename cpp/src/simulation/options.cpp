@@ -52,6 +52,11 @@ void Simulation::read_options() {
         if (layout_.signal(name) < 0) refuse("simulate: no signal named " + name + near_names(name, known));
         add(layout_.signal(name));
     }
+    for (const int s : recorded_) {  // energies are quadratic, and at rest laws of friction share what is needed
+        const auto& effects = layout_.at.effect;
+        if (s == layout_.at.stored_energy || std::find(effects.begin(), effects.end(), s) != effects.end())
+            recorded_are_linear_ = false;
+    }
     for (const int s : recorded_) out_.signals.push_back(layout_.signals[static_cast<std::size_t>(s)]);
     for (const auto& [name, value] : options_.initial) {
         if (layout_.state(name) < 0)

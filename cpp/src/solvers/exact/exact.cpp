@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "../../simulation/instant.hpp"
 #include "arithmetic.hpp"
@@ -51,6 +52,7 @@ void Exact<R>::restart(double t, std::span<const double>, double) {
     begin_ = t_;
     fresh_ = true;
     wide_ = 2;
+    start_generator(t_);
 }
 
 // The end of the last step is the begin of the next.
@@ -89,18 +91,21 @@ void Exact<R>::next_place() {
     local_ = R(static_cast<double>(part_) * now_->step());
 }
 
+// Sets the inputs' states for what follows; returns the time up to which they hold, at most `stop`.
 template <class R>
-double Exact<R>::knot_before(double stop) {
+double Exact<R>::start_generator(double stop) {
     const auto& knots = generator_.knots();
-    while (next_knot_ < knots.size() && knots[next_knot_] <= t_ + instant(t_)) ++next_knot_;
+    double from = t_;  // at a knot its own time, lest rounding leaves it on the far side
+    for (; next_knot_ < knots.size() && knots[next_knot_] <= t_ + instant(t_); ++next_knot_)
+        from = std::max(from, knots[next_knot_]);
+    generator_.set(from, setup_.cell, column(0) + size_.states);
     return next_knot_ < knots.size() ? std::min(stop, knots[next_knot_]) : stop;
 }
 
 template <class R>
 Solver::Outcome Exact<R>::step(double stop) {
     begin_again();
-    const double target = knot_before(stop);
-    generator_.set(t_, setup_.cell, column(0) + size_.states);
+    const double target = start_generator(stop);
     const double left = target - t_, h = now_->step();
     Outcome outcome;
     if (const auto whole = static_cast<long>((left + instant(t_)) / h); aligned() && whole > 0) {
@@ -125,8 +130,8 @@ Solver::Outcome Exact<R>::walk(int count) {
     for (int k = suspect(0, count, R(1)); k < count; k = suspect(k + 1, count, R(1)))
         if (const auto fall = first_fall(k, R(1))) {
             take_steps(k);
-            take_part(fall->at * R(now_->step()));
-            return arrive_at(fall->guard);
+            take_part(*fall * R(now_->step()));
+            return arrive_at_root();
         }
     take_steps(count);
     wide_ = std::min(block, 2 * wide_);
@@ -142,8 +147,8 @@ Solver::Outcome Exact<R>::go_to(R end, bool boundary) {
     if (suspect(0, 1, fraction) == 0)
         if (const auto fall = first_fall(0, fraction)) {
             local_ -= length;
-            take_part(fall->at * R(now_->step()));
-            return arrive_at(fall->guard);
+            take_part(*fall * R(now_->step()));
+            return arrive_at_root();
         }
     if (boundary) {
         ++part_;
@@ -184,10 +189,24 @@ Solver::Outcome Exact<R>::arrive() {
     return Outcome::stepped;
 }
 
+// Where a guard that fell reads one state alone, that state stands where the guard is zero: a gap that is tiny beside the
+// twist would drown in the twist's rounding.
 template <class R>
-Solver::Outcome Exact<R>::arrive_at(int guard) {
-    std::fill(roots_.begin(), roots_.end(), 0);
-    roots_[static_cast<std::size_t>(guard)] = -1;
+void Exact<R>::stand_on_surface() {
+    R* y = column(last());
+    const auto states = static_cast<Eigen::Index>(size_.states);
+    for (const Fall& f : falls_) {
+        if (roots_[static_cast<std::size_t>(f.guard)] == 0) continue;
+        const auto row = now_->laws().guards.row(f.guard);
+        if ((row.array() != R(0)).count() - (row(reader_.one()) != R(0)) != 1) continue;
+        for (Eigen::Index k = 0; k < states; ++k)
+            if (row(k) != R(0)) y[k] = -row(reader_.one()) / row(k);
+    }
+}
+
+template <class R>
+Solver::Outcome Exact<R>::arrive_at_root() {
+    stand_on_surface();
     return arrive() == Outcome::failed ? Outcome::failed : Outcome::root;
 }
 
@@ -235,13 +254,14 @@ int Exact<R>::suspect(int from, int count, R fraction) const {
     return count;
 }
 
-// The earliest crossing within step k, from the power series of all quantities that come near a limit.
+// The earliest crossing within step k, from the power series of all quantities; marks the guards that fall there, those
+// included that rounding alone tells apart.
 template <class R>
-std::optional<typename Exact<R>::Fall> Exact<R>::first_fall(int k, R fraction) {
+std::optional<R> Exact<R>::first_fall(int k, R fraction) {
     ++counts_.guards;
     const int m = now_->watch_rows(), terms = now_->terms();
     const R* noise = bounds_.data() + m;
-    std::optional<Fall> first;
+    falls_.clear();
     series_.resize(static_cast<std::size_t>(padded(terms)));
     for (std::size_t i = 0; i < now_->watched().size(); ++i) {
         const auto& quantity = now_->watched()[i];
@@ -250,8 +270,8 @@ std::optional<typename Exact<R>::Fall> Exact<R>::first_fall(int k, R fraction) {
         for (int j = 1; j < terms; ++j) series_[static_cast<std::size_t>(j)] *= power *= fraction;
         const auto look = [&](int guard) {
             const bool on_surface = fresh_ && k == 0 && series_[0] <= noise[i];
-            const auto x = FirstFall<R>(series_.data(), terms, noise[i], on_surface).find();
-            if (x && (!first || *x * fraction < first->at)) first = Fall{*x * fraction, guard};
+            if (const auto x = FirstFall<R>(series_.data(), terms, noise[i], on_surface).find())
+                falls_.push_back({*x * fraction, guard});
         };
         look(quantity.low);
         if (quantity.high < 0) continue;
@@ -259,6 +279,13 @@ std::optional<typename Exact<R>::Fall> Exact<R>::first_fall(int k, R fraction) {
         series_[0] += quantity.upper;
         look(quantity.high);
     }
+    if (falls_.empty()) return std::nullopt;
+    R first = falls_.front().at;
+    for (const Fall& f : falls_) first = std::min(first, f.at);
+    const R same = R(100 * std::numeric_limits<double>::epsilon() * (std::abs(t_) / now_->step() + 1.0));
+    std::fill(roots_.begin(), roots_.end(), 0);
+    for (const Fall& f : falls_)
+        if (f.at - first <= same) roots_[static_cast<std::size_t>(f.guard)] = -1;
     return first;
 }
 

@@ -56,14 +56,15 @@ class Exact final : public Solver {
 
     void take_modes();
     double grid_time(long k) const { return setup_.start + static_cast<double>(k) * setup_.grid; }
-    double knot_before(double stop);
+    double start_generator(double stop);
     bool aligned() const { return local_ == R(static_cast<double>(part_) * now_->step()); }
     Outcome walk(int count);
     Outcome go_to(R local, bool boundary);
     void take_steps(int count);
     void take_part(R length);
     Outcome arrive();
-    Outcome arrive_at(int guard);
+    Outcome arrive_at_root();
+    void stand_on_surface();
     void begin_again();
     int last() const { return done_ + (ended_ ? 1 : 0); }  // column of the present state
     double time_of(int k) const { return begin_ + k * now_->step(); }
@@ -73,7 +74,7 @@ class Exact final : public Solver {
         R at;  // in steps
         int guard;
     };
-    std::optional<Fall> first_fall(int k, R fraction);
+    std::optional<R> first_fall(int k, R fraction);
     void find_place(double t);
     void next_place();
     R* column(int k) { return y_.data() + static_cast<std::ptrdiff_t>(k) * rows_; }
@@ -106,6 +107,7 @@ class Exact final : public Solver {
     std::vector<R> watched_, largest_, bounds_, series_;
     std::vector<double> z_, works_;
     std::vector<int> roots_;
+    std::vector<Fall> falls_;
     std::size_t next_knot_ = 0;
     Counts counts_{};
 };

@@ -65,6 +65,7 @@ void Reader<R>::evaluate(const Modes& modes, const D& t, const std::vector<D>& z
 template <class R>
 std::vector<typename Reader<R>::Weight> Reader<R>::block_rate_weights(const Modes& modes) {
     std::vector<Weight> weights;
+    evaluate(modes, D(0.0), std::vector<D>(static_cast<std::size_t>(states()), D(0.0)), zero_);
     for (std::size_t e = 0; e < modes.size(); ++e) {
         const Switch& s = layout_.switches[e];
         if (s.kind != SwitchKind::limiter || !limiter::riding(modes[e])) continue;

@@ -16,6 +16,7 @@ constexpr int most_halvings = 24;
 // max of |∏ (t − nodes)| / 6! h⁻⁶ for two triple nodes: (1/2)⁶ / 720
 constexpr double hermite_error = 1.0 / 46080.0;
 constexpr int bound_nodes = 8;
+constexpr double rounding = 16.0;  // units in the last place of the largest term
 
 // A bound on the spectral radius of |A|, whatever the units of the states: max √(row sum · column sum) (A. Ostrowski,
 // 1951) after balancing by powers of two. Entries that only drive or are only driven have no part in it.
@@ -85,27 +86,33 @@ Propagator<R>::Propagator(Laws<R> laws, double grid)
     outputs_ = pack(laws_.outputs, outputs_rows_);
 }
 
+// F = e^X − 1, and from it F ← 2 F + F² for twice the time: the ones on the diagonal, in which the digits of a small F
+// would drown, are added last.
 template <class R>
 void Propagator<R>::exponentials(R norm) {
     const R finest = R(step_) / R(1 << levels);
     order_ = terms_for<R>(norm * finest);
     const auto size = static_cast<std::size_t>(rows_) * static_cast<std::size_t>(n_);
-    // Horner's rule on e^X = 1 + X (1 + X/2 (1 + X/3 (...)))
-    std::vector<R> E(size, R(0)), product(size), X = A_;
+    const auto times = [&](const std::vector<R>& a, const std::vector<R>& b) {
+        std::vector<R> product(size);
+        Arithmetic<R>::multiply(rows_, n_, a.data(), rows_, b.data(), n_, product.data());
+        return product;
+    };
+    std::vector<R> X = A_;
     for (R& x : X) x *= finest;
-    for (int i = 0; i < n_; ++i) E[static_cast<std::size_t>(i * rows_ + i)] = R(1);
-    for (int k = order_; k > 0; --k) {
-        Arithmetic<R>::multiply(rows_, n_, X.data(), rows_, E.data(), n_, product.data());
-        for (std::size_t i = 0; i < size; ++i) E[i] = product[i] / R(k);
-        for (int i = 0; i < n_; ++i) E[static_cast<std::size_t>(i * rows_ + i)] += R(1);
+    std::vector<R> F(size, R(0));
+    for (int k = order_; k > 0; --k) {  // Horner's rule: F ← (X + X F) / k
+        F = times(X, F);
+        for (std::size_t i = 0; i < size; ++i) F[i] = (F[i] + X[i]) / R(k);
     }
     power_.assign(levels + 1, {});
-    power_[levels] = std::move(E);
-    for (int b = levels; b-- > 0;) {
-        auto& next = power_[static_cast<std::size_t>(b)];
-        const auto& root = power_[static_cast<std::size_t>(b + 1)];
-        next.resize(size);
-        Arithmetic<R>::multiply(rows_, n_, root.data(), rows_, root.data(), n_, next.data());
+    for (int b = levels; b >= 0; --b) {
+        if (b < levels) {
+            const std::vector<R> square = times(F, F);
+            for (std::size_t i = 0; i < size; ++i) F[i] += F[i] + square[i];
+        }
+        power_[static_cast<std::size_t>(b)] = F;
+        for (int i = 0; i < n_; ++i) power_[static_cast<std::size_t>(b)][static_cast<std::size_t>(i * rows_ + i)] += R(1);
     }
 }
 
@@ -172,7 +179,12 @@ void Propagator<R>::find_bounds() {
             worst += term;
         }
         bounds.topRows(count) = worst * (scale * R(1.001));
-        bounds.middleRows(m, count) = watched_rows_.cwiseAbs() * (R(4) * std::numeric_limits<R>::epsilon());
+        // What rounding leaves of the first terms of q's series, where large torques may cancel.
+        const R h(step_);
+        const Matrix<R> first = watched_rows_ * laws_.A, second = watched_rows_ * A2;
+        bounds.middleRows(m, count) =
+            (watched_rows_.cwiseAbs() + first.cwiseAbs() * h + second.cwiseAbs() * (h * h / 2)) *
+            (R(rounding) * std::numeric_limits<R>::epsilon());
     }
     bounds_ = pack(bounds, 2 * m);
 }
