@@ -224,7 +224,7 @@ void Exact<R>::watch(int count, R fraction) {
             largest_[static_cast<std::size_t>(i)] =
                 std::max(largest_[static_cast<std::size_t>(i)], std::abs(column(k)[i]));
     Arithmetic<R>::multiply(2 * m, n_, now_->bounds().data(), rows_, largest_.data(), 1, bounds_.data());
-    const R sixth = std::pow(fraction, 6);
+    const R cube = fraction * fraction * fraction, sixth = cube * cube;
     for (int i = 0; i < m; ++i)
         bounds_[static_cast<std::size_t>(i)] =
             bounds_[static_cast<std::size_t>(i)] * sixth + bounds_[static_cast<std::size_t>(m + i)];
@@ -254,6 +254,28 @@ int Exact<R>::suspect(int from, int count, R fraction) const {
     return count;
 }
 
+template <class R>
+Quintic<R> Exact<R>::quintic(int k, int i, R fraction) const {
+    const int m = now_->watch_rows();
+    const R *a = watched_.data() + static_cast<std::ptrdiff_t>(k) * 3 * m + i, *b = a + 3 * m;
+    const R square = fraction * fraction;
+    const R b1 = a[0] + fraction * a[m], b4 = b[0] - fraction * b[m];
+    return {{a[0], b1, b1 + fraction * a[m] + square * a[2 * m], b4 - fraction * b[m] + square * b[2 * m], b4, b[0]}};
+}
+
+// Where the guard falls first whose power series over the step is in `series_`.
+template <class R>
+std::optional<R> Exact<R>::fall(const Quintic<R>& q, R sixth, R noise, bool after_switch) const {
+    const bool on_surface = after_switch && series_[0] <= noise;
+    if (on_surface && q.leaves_zero(sixth, noise)) return std::nullopt;
+    if (!on_surface) {
+        const Verdict verdict = q.judge(sixth, noise);
+        if (verdict == Verdict::none) return std::nullopt;
+        if (verdict == Verdict::one) return polish_root(series_.data(), now_->terms(), q.root());
+    }
+    return FirstFall<R>(series_.data(), now_->terms(), noise, on_surface).find();
+}
+
 // The earliest crossing within step k, from the power series of all quantities; marks the guards that fall there, those
 // included that rounding alone tells apart.
 template <class R>
@@ -265,18 +287,21 @@ std::optional<R> Exact<R>::first_fall(int k, R fraction) {
     series_.resize(static_cast<std::size_t>(padded(terms)));
     for (std::size_t i = 0; i < now_->watched().size(); ++i) {
         const auto& quantity = now_->watched()[i];
+        Quintic<R> q = quintic(k, static_cast<int>(i), fraction);
+        const auto [least, largest] = std::minmax_element(q.b.begin(), q.b.end());
+        if (*least > bounds_[i] && *largest + bounds_[i] < quantity.upper) continue;
         Arithmetic<R>::multiply(padded(terms), n_, now_->series(i).data(), rows_, column(k), 1, series_.data());
         R power(1);
         for (int j = 1; j < terms; ++j) series_[static_cast<std::size_t>(j)] *= power *= fraction;
+        const R sixth = sixth_derivative(series_.data(), terms);
         const auto look = [&](int guard) {
-            const bool on_surface = fresh_ && k == 0 && series_[0] <= noise[i];
-            if (const auto x = FirstFall<R>(series_.data(), terms, noise[i], on_surface).find())
-                falls_.push_back({*x * fraction, guard});
+            if (const auto x = fall(q, sixth, noise[i], fresh_ && k == 0)) falls_.push_back({*x * fraction, guard});
         };
         look(quantity.low);
         if (quantity.high < 0) continue;
         for (R& c : series_) c = -c;
         series_[0] += quantity.upper;
+        for (R& c : q.b) c = quantity.upper - c;
         look(quantity.high);
     }
     if (falls_.empty()) return std::nullopt;

@@ -9,6 +9,7 @@
 #include <optional>
 #include <vector>
 
+#include "crossing.hpp"
 #include "dualdrive/solver.hpp"
 #include "generator.hpp"
 #include "laws.hpp"
@@ -74,6 +75,8 @@ class Exact final : public Solver {
         R at;  // in steps
         int guard;
     };
+    Quintic<R> quintic(int k, int watched, R fraction) const;
+    std::optional<R> fall(const Quintic<R>& q, R sixth, R noise, bool after_switch) const;
     std::optional<R> first_fall(int k, R fraction);
     void find_place(double t);
     void next_place();
