@@ -36,30 +36,45 @@ void check(const EnsemblePlan& plan, std::size_t threads) {
     if (plan.times.empty()) refuse("times: none; give the output times of the runs");
 }
 
-// From rows of all recorded signals to one row per kept signal, a few rows at a time so that both stay in the cache.
-void transpose(const Trajectory& t, const std::vector<std::size_t>& columns, std::size_t length, double* out) {
-    constexpr std::size_t few = 64;
-    const std::size_t rows = t.t.size(), width = t.signals.size();
-    for (std::size_t first = 0; first < rows; first += few)
-        for (std::size_t k = 0; k < columns.size(); ++k)
-            for (std::size_t row = first; row < std::min(rows, first + few); ++row)
-                out[k * length + row] = t.values[row * width + columns[k]];
-    for (std::size_t k = 0; k < columns.size(); ++k) std::fill(out + k * length + rows, out + (k + 1) * length, none);
-}
-
-std::size_t column(const Trajectory& t, const std::string& signal) {
-    const auto found =
-        std::find_if(t.signals.begin(), t.signals.end(), [&](const SignalInfo& s) { return s.name == signal; });
-    return static_cast<std::size_t>(found - t.signals.begin());  // recorded, or simulate had refused it
-}
-
-void sum_up(const Machine& machine, const Scenario& scenario, const Trajectory& t, double seconds,
-            std::vector<double>& numbers) {
-    for (const auto& reduction : scenario.reductions) {
-        Reducer reducer(reduction);
-        reducer.add(t.t, t.values.data() + column(t, reduction.signal), t.signals.size());
-        numbers.push_back(reducer.value());
+// What is kept of a run while it goes on: reductions, and the signals that are wanted whole.
+class Collector {
+  public:
+    Collector(const Scenario& scenario, const std::vector<std::string>& names, std::size_t kept, std::size_t length)
+        : reducers_(scenario.reductions.begin(), scenario.reductions.end()), kept_(kept), length_(length) {
+        for (const auto& reduction : scenario.reductions)
+            columns_.push_back(
+                static_cast<std::size_t>(std::find(names.begin(), names.end(), reduction.signal) - names.begin()));
+        signals_.resize(kept * length, none);
     }
+
+    void add(const Trajectory& t) {
+        const std::size_t width = t.signals.size();
+        for (std::size_t k = 0; k < reducers_.size(); ++k) reducers_[k].add(t.t, t.values.data() + columns_[k], width);
+        constexpr std::size_t few = 64;  // rows at a time, so that both sides stay in the cache
+        for (std::size_t first = 0; first < t.t.size(); first += few)
+            for (std::size_t k = 0; k < kept_; ++k)
+                for (std::size_t row = first; row < std::min(t.t.size(), first + few); ++row)
+                    signals_[k * length_ + rows_ + row] = t.values[row * width + k];
+        rows_ += t.t.size();
+    }
+
+    std::vector<double> reduced() const {
+        std::vector<double> values;
+        for (const auto& reducer : reducers_) values.push_back(reducer.value());
+        return values;
+    }
+    std::vector<double> take_signals() { return std::move(signals_); }
+
+  private:
+    std::vector<Reducer> reducers_;
+    std::vector<std::size_t> columns_;  // of the reductions, among what is recorded; what is kept comes first there
+    std::size_t kept_, length_, rows_ = 0;
+    std::vector<double> signals_;
+};
+
+// Reversals of every connection, then the tallies.
+void count(const Machine& machine, const Trajectory& t, double energy_error, double seconds,
+           std::vector<double>& numbers) {
     std::vector<FlankCount> flanks(machine.connections().size());
     for (const Event& e : t.events)
         if (const Switch& s = t.elements[static_cast<std::size_t>(e.element)]; s.kind == SwitchKind::flank)
@@ -69,10 +84,8 @@ void sum_up(const Machine& machine, const Scenario& scenario, const Trajectory& 
         numbers.push_back(static_cast<double>(f.reversals));
         contacts += f.contacts;
     }
-    const Statistics& s = t.statistics;
-    const double energy_error = scenario.options.energy ? s.energy_error : none;
     for (const double tally : {static_cast<double>(contacts), static_cast<double>(t.events.size()), energy_error,
-                               static_cast<double>(s.steps), seconds})
+                               static_cast<double>(t.statistics.steps), seconds})
         numbers.push_back(tally);
 }
 
@@ -197,17 +210,17 @@ void Ensemble::compute(std::size_t number, EnsembleRun& result) const {
         else
             machine.set(plan_.paths[k], value[k]);
     }
+    Collector collector(s, options.signals, plan_.signals.size(), plan_.times.size());
+    options.rows = [&collector](const Trajectory& rows) { collector.add(rows); };
     const double begin = processor_seconds();
     const Trajectory t = simulate(machine, s.inputs, options);
     const double seconds = processor_seconds() - begin;
     result.status = status_name(t.status);
     result.message = t.message;
     result.method = t.statistics.method;
-    std::vector<std::size_t> columns;
-    for (const auto& name : plan_.signals) columns.push_back(column(t, name));
-    result.signals.resize(columns.size() * plan_.times.size());
-    transpose(t, columns, plan_.times.size(), result.signals.data());
-    if (t.status == Status::success) sum_up(machine, s, t, seconds, result.numbers);
+    result.numbers = collector.reduced();
+    count(machine, t, options.energy ? t.statistics.energy_error : none, seconds, result.numbers);
+    result.signals = collector.take_signals();
 }
 
 }  // namespace dualdrive

@@ -5,7 +5,8 @@
 //       for (const EnsembleRun& run : runs.take(patience)) ...
 //
 // What a run leaves does not depend on threads or order: every run is the simulate() of its own machine. A run that is
-// refused or fails carries that as its status; no run stops another.
+// refused or fails carries that as its status; no run stops another. Runs are summed up while they go on: what is not
+// kept whole takes no memory, however long they are.
 #pragma once
 
 #include <atomic>
@@ -24,8 +25,8 @@
 
 namespace dualdrive {
 
-// What a machine is put through, and what of it is summed up. times, signals and interrupted of the options are set by
-// the ensemble.
+// What a machine is put through, and what of it is summed up. times, signals, rows and interrupted of the options are set
+// by the ensemble.
 struct Scenario {
     Inputs inputs;
     SimulateOptions options;

@@ -7,11 +7,23 @@
 
 namespace dualdrive {
 
+namespace {
+
+void hand_over(Trajectory& out, const std::function<void(const Trajectory&)>& rows) {
+    rows(out);
+    out.t.clear();
+    out.modes.clear();
+    for (auto* recorded : {&out.values, &out.work, &out.sensitivities}) recorded->clear();
+}
+
+}  // namespace
+
 void Simulation::record_until(double t) {
     while (out_.status == Status::success && next_output_ < times_.size() && times_[next_output_] <= t) {
         solver_->state_at(times_[next_output_], z_scratch_.data());
         record(times_[next_output_], z_scratch_.data());
         ++next_output_;
+        if (options_.rows && out_.t.size() == SimulateOptions::rows_per_block) hand_over(out_, options_.rows);
     }
 }
 

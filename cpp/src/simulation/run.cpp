@@ -91,11 +91,13 @@ void Simulation::restart() {
 Trajectory Simulation::run() {
     out_.elements = layout_.switches;
     out_.state_names = layout_.state_names;
-    out_.t.reserve(times_.size());
-    out_.values.reserve(times_.size() * recorded_.size());
+    const std::size_t rows = options_.rows ? std::min(times_.size(), SimulateOptions::rows_per_block) : times_.size();
+    out_.t.reserve(rows);
+    out_.values.reserve(rows * recorded_.size());
     start();
     if (out_.status == Status::success) loop();
     finish();
+    if (options_.rows) options_.rows(out_);
     return std::move(out_);
 }
 
