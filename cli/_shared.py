@@ -119,6 +119,11 @@ set_option = click.option(
 json_option = click.option(
     "--json", "json_to", metavar="FILE|-", help="Write the figures as JSON; - for standard output."
 )
+scheduler_option = click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Compute on the workers of this Dask scheduler: tcp://HOST:8786.",
+)
 overwrite_option = click.option(
     "--overwrite", is_flag=True, help="Replace an output file that is there already."
 )

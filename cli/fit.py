@@ -21,6 +21,7 @@ from dualdrive_cli._shared import (
     load,
     overwrite_option,
     pairs,
+    scheduler_option,
     set_option,
     verb,
     write_json,
@@ -53,6 +54,7 @@ from dualdrive_cli._traces import (
     "--held-out", type=click.Path(path_type=Path), multiple=True, help="A trace to test on."
 )
 @click.option("--starts", type=click.IntRange(1), default=1, show_default=True)
+@scheduler_option
 @click.option("--channel", "channels", multiple=True, help="Fit these channels only.")
 @click.option("--confidence", type=click.FloatRange(0.5, 0.9999), default=0.95, show_default=True)
 @map_option
@@ -70,6 +72,7 @@ def command(
     tolerances: tuple[str, ...],
     held_out: tuple[Path, ...],
     starts: int,
+    scheduler: str | None,
     channels: tuple[str, ...],
     confidence: float,
     mapping: Path | None,
@@ -105,6 +108,7 @@ def command(
                 tolerance=_tolerance(tolerances),
                 channels=channels or None,
                 starts=starts,
+                scheduler=scheduler,
                 confidence=confidence,
                 progress=show,
                 **options,

@@ -31,6 +31,7 @@ from dualdrive_cli._shared import (
     overwrite_option,
     pairs,
     picture,
+    scheduler_option,
     set_option,
     verb,
     write_json,
@@ -89,6 +90,7 @@ def _check_axis(name: str, options: set[str]) -> None:
 @click.option("--method", type=click.Choice(["auto", "adams", "bdf"]), default="auto")
 @click.option("--max-steps", type=int, help="Give a run up after so many integration steps.")
 @click.option("--jobs", type=int, help="Threads; default: all cores.")
+@scheduler_option
 @click.option("-o", "--output", type=Path, default=Path("sweep.h5"), show_default=True)
 @click.option("--resume", is_flag=True, help="Complete a sweep that was stopped.")
 @click.option(
@@ -111,6 +113,7 @@ def command(
     method: str,
     max_steps: int | None,
     jobs: int | None,
+    scheduler: str | None,
     output: Path,
     resume: bool,
     plot: Path | None,
@@ -136,7 +139,7 @@ def command(
     with _progress_bar() as progress, _stopped_by_ctrl_c(output):
         if resume and not axes:
             _refuse_anything_else(ctx)
-            result = sweeps.resume(output, jobs=jobs, progress=progress)
+            result = sweeps.resume(output, jobs=jobs, scheduler=scheduler, progress=progress)
         else:
             m = load(machine, settings)
             _refuse_double(m, settings, axes)
@@ -152,6 +155,7 @@ def command(
                 method=method,
                 max_steps=max_steps,
                 jobs=jobs,
+                scheduler=scheduler,
                 output=output,
                 resume=resume,
                 overwrite=overwrite,
@@ -169,7 +173,7 @@ def command(
 
 def _refuse_anything_else(ctx: click.Context) -> None:
     """A bare --resume takes all from the file; what would be ignored is refused."""
-    about_the_file = {"output", "resume", "jobs", "plot", "json_to", "overwrite"}
+    about_the_file = {"output", "resume", "jobs", "scheduler", "plot", "json_to", "overwrite"}
     for option in ctx.command.params:
         source = ctx.get_parameter_source(str(option.name))
         if source is ParameterSource.COMMANDLINE and option.name not in about_the_file:

@@ -55,9 +55,10 @@ def connected(scheduler: str | Client) -> Iterator[Cluster]:
         yield Cluster(scheduler, scheduler.scheduler.address)
         return
     try:
+        _check_address(scheduler)
         client = Client(scheduler, timeout=CONNECT, set_as_default=False, name="dualdrive")
-    except (OSError, ValueError, TypeError) as error:
-        why = "nobody answers there" if isinstance(error, OSError) else str(error)
+    except (OSError, ValueError) as error:
+        why = str(error) if isinstance(error, ValueError) else "nobody answers there"
         raise SchedulerError(
             f"scheduler = {scheduler!r}: {why}; begin one with 'dask scheduler' and give the "
             "address it prints, tcp://HOST:8786, or leave it out to compute here"
@@ -67,6 +68,16 @@ def connected(scheduler: str | Client) -> Iterator[Cluster]:
     finally:
         with suppress(OSError, RuntimeError):
             client.close(timeout=2)
+
+
+def _check_address(scheduler: str) -> None:
+    """Raise ValueError unless it is one: a client would try it for long, and not end well."""
+    from distributed.comm.addressing import parse_address, parse_host_port
+    from distributed.comm.registry import get_backend
+
+    scheme, place = parse_address(scheduler)
+    get_backend(scheme)
+    parse_host_port(place)
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dualdrive.distributed import SchedulerError
 from dualdrive.ensembles import Outcome
 from dualdrive.files import FileError, refuse_existing
 from dualdrive.interrupt import interrupt
@@ -85,7 +86,11 @@ def sweep(
         executor_for(jobs, scheduler) as executor,
         _open(path, plan, resume=resume, overwrite=overwrite, command=command) as file,
     ):
-        _work(plan, file, executor, progress)
+        try:
+            _work(plan, file, executor, progress)
+        except SchedulerError as lost:
+            rest = "what was finished is kept, --resume (resume=True) completes it"
+            raise lost if folder else SchedulerError(f"{lost}; {path}: {rest}") from None
     return Sweep(path, folder)
 
 
