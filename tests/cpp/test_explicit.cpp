@@ -1,0 +1,365 @@
+// The explicit engine: its coefficients against the conditions of order, its steps against closed forms.
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <memory>
+#include <numeric>
+#include <vector>
+
+#include "../../cpp/src/solvers/explicit/dop853.hpp"
+#include "../../cpp/src/solvers/explicit/runge_kutta.hpp"
+#include "../../cpp/src/solvers/handover.hpp"
+
+using namespace dualdrive;
+namespace method = dualdrive::dop853;
+
+namespace {
+
+// ------------------------------------------------------------------------------- the conditions of order
+
+using Weights = std::array<double, method::stages>;  // of the stages
+
+template <std::size_t n>
+Weights dense(const method::Row<n>& row) {
+    Weights w{};
+    for (const auto& t : row) w[t.stage] = t.weight;
+    return w;
+}
+
+const std::array<Weights, method::stages>& matrix() {
+    using namespace method;
+    static const std::array<Weights, stages> a{Weights{}, dense(a1),  dense(a2),  dense(a3), dense(a4),  dense(a5),
+                                               dense(a6), dense(a7),  dense(a8),  dense(a9), dense(a10), dense(a11),
+                                               dense(b),  dense(a13), dense(a14), dense(a15)};
+    return a;
+}
+
+double sum(const Weights& w, const Weights& v) { return std::inner_product(w.begin(), w.end(), v.begin(), 0.0); }
+
+// A rooted tree by what its condition needs: what the stages make of it, and its density.
+struct Tree {
+    int order;
+    double density;
+    Weights value;
+};
+
+// All trees of up to `order` nodes: a root with any multiset of smaller trees on it.
+std::vector<Tree> trees(int order) {
+    std::vector<Tree> all{{1, 1.0, {}}};
+    all[0].value.fill(1.0);
+    for (int n = 2; n <= order; ++n) {
+        const std::vector<Tree> smaller = all;
+        const auto grow = [&](auto& self, Tree root, std::size_t next) -> void {
+            if (root.order == n) {
+                root.density *= n;
+                all.push_back(root);
+                return;
+            }
+            for (std::size_t k = next; k < smaller.size(); ++k) {
+                if (root.order + smaller[k].order > n) continue;
+                Tree larger{root.order + smaller[k].order, root.density * smaller[k].density, root.value};
+                for (std::size_t i = 0; i < method::stages; ++i) larger.value[i] *= sum(matrix()[i], smaller[k].value);
+                self(self, larger, k);
+            }
+        };
+        grow(grow, all[0], 0);
+    }
+    return all;
+}
+
+// Weights of the stages at x within the step, from the formula of the extension.
+Weights inside(double x) {
+    const Weights step = dense(method::b),
+                  d[] = {dense(method::d0), dense(method::d1), dense(method::d2), dense(method::d3)};
+    Weights w{};
+    for (std::size_t i = 0; i < method::stages; ++i) {
+        const double first = i == 0, last = i == method::last, y = 1.0 - x;
+        const double F[] = {step[i], first - step[i], 2.0 * step[i] - first - last, d[0][i], d[1][i], d[2][i], d[3][i]};
+        double power = x;
+        for (int k = 0; k < 7; ++k, power *= k % 2 ? y : x) w[i] += power * F[k];
+    }
+    return w;
+}
+
+}  // namespace
+
+TEST_CASE("every stage stands where its row says") {
+    for (std::size_t i = 0; i < method::stages; ++i) {
+        CAPTURE(i);
+        CHECK(std::accumulate(matrix()[i].begin(), matrix()[i].end(), 0.0) ==
+              doctest::Approx(method::c[i]).epsilon(1e-14));
+    }
+}
+
+TEST_CASE("the step fulfils all 200 conditions up to order 8, the estimates theirs and no more") {
+    const auto all = trees(9);
+    CHECK(std::count_if(all.begin(), all.end(), [](const Tree& t) { return t.order <= 8; }) == 200);
+    double worst = 0.0, fifth = 0.0, third = 0.0, of_9 = 0.0, of_6 = 0.0, of_4 = 0.0;
+    const auto keep = [](double& most, double v) { most = std::max(most, std::abs(v)); };
+    for (const Tree& t : all) {
+        const double off = sum(dense(method::b), t.value) - 1.0 / t.density;
+        keep(t.order <= 8 ? worst : of_9, off);
+        if (t.order <= 6) keep(t.order <= 5 ? fifth : of_6, sum(dense(method::error_5), t.value));
+        if (t.order <= 4) keep(t.order <= 3 ? third : of_4, sum(dense(method::error_3), t.value));
+    }
+    CHECK(worst < 1e-14);
+    CHECK(fifth < 1e-14);
+    CHECK(third < 1e-14);
+    for (const double beyond : {of_9, of_6, of_4}) CHECK(beyond > 1e-7);
+}
+
+TEST_CASE("the extension fulfils all conditions up to order 7 everywhere in the step") {
+    const auto all = trees(8);
+    for (const double x : {0.05, 0.2, 0.37, 0.5, 0.81, 1.0}) {
+        CAPTURE(x);
+        double worst = 0.0, beyond = 0.0;
+        for (const Tree& t : all) {
+            const double off = std::abs(sum(inside(x), t.value) - std::pow(x, t.order) / t.density);
+            double& most = t.order <= 7 ? worst : beyond;
+            most = std::max(most, off);
+        }
+        CHECK(worst < 1e-13);
+        if (x < 1.0) CHECK(beyond > 1e-9);
+    }
+}
+
+// --------------------------------------------------------------------------------- steps, by closed forms
+
+namespace {
+
+struct Law final : Problem {
+    std::function<void(double, const double*, double*)> rate;
+    std::function<void(double, const double*, const double*, double*)> slope;
+    int states = 1;
+    long calls = 0;
+
+    bool rhs(double t, const double* z, double* f) override {
+        ++calls;
+        rate(t, z, f);
+        return std::all_of(f, f + states, [](double v) { return std::isfinite(v); });
+    }
+    bool guards(double, const double*, double*) override { return true; }
+    bool jacobian(double, const double*, double*) override { return false; }
+    bool sensitivity(double t, const double* z, const double* const* s, double* const* f) override {
+        slope(t, z, s[0], f[0]);
+        return true;
+    }
+    bool quadrature(double t, const double* z, double* f) override {
+        f[0] = z[0] * std::cos(t);
+        return true;
+    }
+};
+
+// y' = p y cos t: y = exp(p sin t), dy/dp = sin t exp(p sin t), and for p = 1 ∫ y cos t = y − 1.
+Law swell() {
+    Law law;
+    law.rate = [](double t, const double* z, double* f) { f[0] = z[0] * std::cos(t); };
+    law.slope = [](double t, const double* z, const double* s, double* f) { f[0] = (s[0] + z[0]) * std::cos(t); };
+    return law;
+}
+
+double swell_at(double t) { return std::exp(std::sin(t)); }
+
+constexpr double never = std::numeric_limits<double>::infinity();
+
+std::unique_ptr<RungeKutta> started(Law& law, double rtol, double y0, Solver::Size size = {1, 0, 0, 0},
+                                    double stiff_beyond = never, double atol = 0.0) {
+    const std::vector<double> scale(static_cast<std::size_t>(size.sensitivities), 1.0);
+    auto solver = std::make_unique<RungeKutta>(law, size, rtol, scale, stiff_beyond);
+    solver->state()[0] = y0;
+    solver->restart(0.0, std::vector<double>{atol > 0 ? atol : rtol}, rtol);
+    return solver;
+}
+
+struct Errors {
+    double at_end = 0.0, inside = 0.0;
+};
+
+// Steps of one length: a tolerance that never limits, and a longest step.
+Errors errors_of_steps(double h) {
+    Law law = swell();
+    auto solver = started(law, 1e6, 1.0);
+    solver->limit_step(h);
+    Errors worst;
+    while (solver->step(8.0) == Solver::Outcome::stepped) {
+        worst.at_end = std::max(worst.at_end, std::abs(solver->state()[0] - swell_at(solver->time())));
+        const double from = solver->previous_time(), span = solver->time() - from;
+        for (const double x : {0.15, 0.3, 0.5, 0.7, 0.9}) {
+            double y = 0.0;
+            solver->state_at(from + x * span, &y);
+            worst.inside = std::max(worst.inside, std::abs(y - swell_at(from + x * span)));
+        }
+    }
+    return worst;
+}
+
+}  // namespace
+
+TEST_CASE("errors fall with the eighth power of the step, inside it with the seventh at least") {
+    const Errors coarse = errors_of_steps(0.5), fine = errors_of_steps(0.25);
+    CHECK(std::log2(coarse.at_end / fine.at_end) == doctest::Approx(8.0).epsilon(0.1));
+    CHECK(std::log2(coarse.inside / fine.inside) > 6.9);
+}
+
+TEST_CASE("the error reached goes with the tolerance") {
+    for (const double rtol : {1e-5, 1e-8, 1e-11}) {
+        CAPTURE(rtol);
+        Law law = swell();
+        auto solver = started(law, rtol, 1.0);
+        double worst = 0.0;
+        while (solver->step(20.0) == Solver::Outcome::stepped)
+            worst = std::max(worst, std::abs(solver->state()[0] - swell_at(solver->time())));
+        CHECK(worst < 30.0 * rtol);
+        CHECK(worst > 0.01 * rtol);
+        CHECK(solver->time() == 20.0);
+    }
+}
+
+TEST_CASE("sensitivities and quadratures come along under the same tolerance") {
+    Law law = swell();
+    auto solver = started(law, 1e-10, 1.0, {1, 0, 1, 1});
+    while (solver->step(3.0) == Solver::Outcome::stepped) {
+        const double t = solver->previous_time() + 0.4 * (solver->time() - solver->previous_time());
+        double s = 0.0, q = 0.0;
+        solver->sensitivity_at(t, 0, &s);
+        solver->quadrature_at(t, &q);
+        CHECK(s == doctest::Approx(std::sin(t) * swell_at(t)).epsilon(1e-8));
+        CHECK(q == doctest::Approx(swell_at(t) - 1.0).epsilon(1e-8));
+    }
+    CHECK(solver->sensitivity(0)[0] == doctest::Approx(std::sin(3.0) * swell_at(3.0)).epsilon(1e-8));
+    CHECK(solver->quadrature()[0] == doctest::Approx(swell_at(3.0) - 1.0).epsilon(1e-8));
+}
+
+TEST_CASE("an error of the sensitivities alone shortens the steps") {
+    Law law = swell();
+    law.slope = [](double t, const double*, const double*, double* f) { f[0] = 100.0 * std::cos(100.0 * t); };
+    auto solver = started(law, 1e-9, 1.0, {1, 0, 1, 0});
+    while (solver->step(3.0) == Solver::Outcome::stepped) {
+    }
+    CHECK(solver->sensitivity(0)[0] == doctest::Approx(std::sin(300.0)).epsilon(1e-6));
+    CHECK(solver->counts().steps > 100);
+}
+
+TEST_CASE("a step taken back is the solution up to there, and goes on from there") {
+    Law law = swell();
+    auto solver = started(law, 1e-10, 1.0);
+    while (solver->time() < 1.0) solver->step(20.0);
+    const double from = solver->previous_time(), t = from + 0.3 * (solver->time() - from);
+    solver->go_back(t);
+    CHECK(solver->time() == t);
+    CHECK(solver->state()[0] == doctest::Approx(swell_at(t)).epsilon(1e-9));
+    double y = 0.0;
+    solver->state_at(from + 0.5 * (t - from), &y);
+    CHECK(y == doctest::Approx(swell_at(from + 0.5 * (t - from))).epsilon(1e-9));
+    solver->restart(t, std::vector<double>{1e-10}, 1e-10);
+    while (solver->step(3.0) == Solver::Outcome::stepped) {
+    }
+    CHECK(solver->state()[0] == doctest::Approx(swell_at(3.0)).epsilon(1e-8));
+}
+
+TEST_CASE("a stop is met to the bit, without a tiny step before it") {
+    Law law = swell();
+    auto solver = started(law, 1e-10, 1.0);
+    double shortest = never;
+    for (const double stop : {0.1, 0.3, 0.7, 0.700000001, 1.1})
+        for (auto outcome = Solver::Outcome::stepped; outcome != Solver::Outcome::stopped;) {
+            outcome = solver->step(stop);
+            REQUIRE(outcome != Solver::Outcome::failed);
+            if (stop != 0.700000001 && solver->previous_time() > 0.1)
+                shortest = std::min(shortest, solver->time() - solver->previous_time());
+            if (outcome == Solver::Outcome::stopped) CHECK(solver->time() == stop);
+        }
+    CHECK(shortest > 0.02);
+}
+
+// A lag that follows slowly lets steps grow until its own pole, long quiet, grows again within each of them. At the
+// steps' ends little is seen of that.
+TEST_CASE("a fast motion that has died away stays quiet inside the steps") {
+    constexpr double pole = 1500.0, slow = 0.3;
+    Law law;
+    law.rate = [](double t, const double* z, double* f) { f[0] = pole * (std::sin(slow * t) - z[0]); };
+    const auto follows = [](double t) {
+        return pole * (pole * std::sin(slow * t) - slow * std::cos(slow * t)) / (pole * pole + slow * slow);
+    };
+    auto solver = started(law, 1e-10, follows(0.0), {1, 0, 0, 0}, never, 1e-10);
+    double worst = 0.0;
+    while (solver->step(1.0) == Solver::Outcome::stepped)
+        for (const double x : {0.2, 0.4, 0.6, 0.8}) {
+            const double t = solver->previous_time() + x * (solver->time() - solver->previous_time());
+            double y = 0.0;
+            solver->state_at(t, &y);
+            worst = std::max(worst, std::abs(y - follows(t)));
+        }
+    CHECK(worst < 5e-10);
+    CHECK(solver->counts().steps < 600);
+}
+
+// ------------------------------------------------------------------------------------ where it cannot go on
+
+TEST_CASE("a law that stops being a number is told as such") {
+    Law law;
+    law.rate = [](double t, const double*, double* f) { f[0] = std::sqrt(0.5 - t); };
+    auto solver = started(law, 1e-8, 0.0);
+    Solver::Outcome outcome;
+    while ((outcome = solver->step(1.0)) == Solver::Outcome::stepped) {
+    }
+    CHECK(outcome == Solver::Outcome::failed);
+    CHECK(solver->time() == doctest::Approx(0.5).epsilon(1e-6));
+    CHECK(solver->failure().advice == Solver::not_finite);
+    CHECK(solver->state()[0] == doctest::Approx(2.0 / 3.0 * std::pow(0.5, 1.5)).epsilon(1e-5));
+}
+
+TEST_CASE("a motion that explodes ends with a step that vanished") {
+    Law law;
+    law.rate = [](double, const double* z, double* f) { f[0] = z[0] * z[0]; };
+    auto solver = started(law, 1e-8, 1.0);
+    Solver::Outcome outcome;
+    while ((outcome = solver->step(2.0)) == Solver::Outcome::stepped) {
+    }
+    CHECK(outcome == Solver::Outcome::failed);
+    CHECK(solver->time() == doctest::Approx(1.0).epsilon(1e-5));
+    CHECK(solver->failure().advice.find("bdf") != std::string::npos);
+}
+
+TEST_CASE("a stiff problem is known as one, one that is merely fast is not") {
+    const auto lag = [](double pole, double stiff_beyond) {
+        Law law;
+        law.rate = [pole](double t, const double* z, double* f) { f[0] = pole * (std::cos(t) - z[0]); };
+        auto solver = started(law, 1e-7, 0.0, {1, 0, 0, 0}, stiff_beyond);
+        while (!solver->stiff() && solver->step(1.0) == Solver::Outcome::stepped) {
+        }
+        return solver->stiff();
+    };
+    CHECK(lag(1e5, 5e3));
+    CHECK_FALSE(lag(1e3, 5e3));
+    Law ring = swell();  // as fast, but the accuracy of its ringing limits the steps
+    ring.rate = [](double t, const double*, double* f) { f[0] = std::cos(1e4 * t); };
+    auto solver = started(ring, 1e-7, 0.0, {1, 0, 0, 0}, 5e3);
+    while (solver->step(0.1) == Solver::Outcome::stepped) CHECK_FALSE(solver->stiff());
+}
+
+TEST_CASE("what turns out stiff is handed over as it stands") {
+    Law law;
+    law.rate = [](double t, const double* z, double* f) { f[0] = (t < 0.5 ? 1.0 : 1e5) * (std::cos(t) - z[0]); };
+    law.slope = [](double t, const double*, const double* s, double* f) { f[0] = (t < 0.5 ? 1.0 : 1e5) * -s[0] + 1.0; };
+    Law mild = swell();  // the law to go on with
+    const Solver::Size size{1, 0, 1, 1};
+    auto first = started(law, 1e-7, 1.0, size, 5e3);
+    Handover solver(std::move(first), [&] { return started(mild, 1e-9, 0.0, size); });
+    solver.restart(0.0, std::vector<double>{1e-7}, 1e-7);
+    double y = 0.0, s = 0.0, q = 0.0;
+    while (solver.name() == "dop853") {
+        y = solver.state()[0], s = solver.sensitivity(0)[0], q = solver.quadrature()[0];
+        REQUIRE(solver.step(2.0) == Solver::Outcome::stepped);
+    }
+    CHECK(solver.name() == "dop853, dop853");
+    const double from = solver.previous_time(), grown = swell_at(solver.time()) / swell_at(from);
+    CHECK(from > 0.5);
+    CHECK(solver.state()[0] == doctest::Approx(y * grown).epsilon(1e-8));
+    CHECK(solver.sensitivity(0)[0] ==
+          doctest::Approx(grown * (s + y * (std::sin(solver.time()) - std::sin(from)))).epsilon(1e-8));
+    CHECK(solver.quadrature()[0] == doctest::Approx(q + y * (grown - 1.0)).epsilon(1e-8));
+}
