@@ -46,8 +46,11 @@ def make_folder(path: Path) -> None:
 
 
 @contextmanager
-def write_atomically(path: Path) -> Iterator[Path]:
+def write_atomically(path: Path, *, flush: bool = True) -> Iterator[Path]:
     """Give a temporary path beside `path`; on success it takes the place of `path`.
+
+    `flush` puts it on the disk first, so that not even a power cut leaves half of it there; without
+    it that is left to who writes on.
 
     On any failure the temporary file is removed and what stood at `path` is untouched. Trouble
     with the disk (no permission, no space, no folder) is raised as WriteError.
@@ -61,7 +64,8 @@ def write_atomically(path: Path) -> Iterator[Path]:
         os.close(handle)
         temporary = Path(name)
         yield temporary
-        _flush(temporary)
+        if flush:
+            _flush(temporary)
         temporary.chmod(_mode(path))
         temporary.replace(path)
     except OSError as error:

@@ -23,6 +23,7 @@ __all__ = ["PENDING", "SPEED", "Ensemble", "Outcome", "cores"]
 Floats = NDArray[np.float64]
 
 PENDING: Final = "pending"
+REFUSED: Final = "refused"
 
 #: the one figure that is measured, not computed: it differs from computer to computer
 SPEED: Final = Figure("speed", "", "simulated seconds per second of computing, this run alone")
@@ -40,7 +41,8 @@ class Outcome:
     figures: and measures, by name; NaN unless the run succeeded
     status:  success, refused (such a machine cannot be) or what stopped the integration; `message`
              says what to try
-    signals: name -> values at the output times, NaN from where the run failed; no copies
+    signals: name -> values at the output times, NaN from where the run failed; no copies. None
+             where none are kept or the run was refused
     """
 
     run: int
@@ -100,22 +102,33 @@ class Ensemble:
     # --- handing over -----------------------------------------------------------------------------
 
     def __iter__(self) -> Iterator[Outcome]:
-        for batch in self.batches():
-            yield from batch
+        while self._more():
+            while self._finished:
+                outcome = self._outcome(self._finished[0])
+                try:
+                    yield outcome
+                finally:  # not before: what an interrupt kept from being handed over is still there
+                    del self._finished[0]
 
     def batches(self) -> Iterator[list[Outcome]]:
         """Yield runs in lists as they finish; an empty one now and then, to look about.
 
         Runs begin ahead of those taken, within bounds: for as many as are not taken, others wait.
         """
-        while not self._core.done or self._finished:
-            if not self._finished:
-                self._core.take(self._finished)
+        while self._more():
             batch = [self._outcome(run) for run in self._finished]
             try:
                 yield batch
-            finally:  # what an interrupt kept from being handed over is still there
+            finally:
                 del self._finished[: len(batch)]
+
+    def _more(self) -> bool:
+        """Whether runs are to come, after having waited for some."""
+        if not self._finished:
+            if self._core.done:
+                return False
+            self._core.take(self._finished)
+        return True
 
     def stop(self) -> None:
         """Begin no more runs; those under way are finished and handed over."""
@@ -141,7 +154,7 @@ class Ensemble:
         self._status[k], self._message[k] = run.status, run.message
         figures = dict(zip(self.names, row.tolist(), strict=True))
         kept = None
-        if self._keep:
+        if self._keep and run.status != REFUSED:
             block = run.signals(len(self._keep))
             kept = {name: block[k] for k, name in enumerate(self._keep)}
         return Outcome(k, figures, run.status, run.message, kept)

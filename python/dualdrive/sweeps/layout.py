@@ -61,7 +61,7 @@ def lay_file(
     numbers = len(figures) + (kept.size if kept is not None else 0)
     needed = grid.size * (8 * numbers + _STATUS_BYTES + _MESSAGE_BYTES)
     _check_room(path, grid, needed)
-    with write_atomically(path) as temporary:
+    with write_atomically(path, flush=False) as temporary:  # flushed when it is filled
         _reserve(temporary, needed + _STRUCTURE_BYTES)
         with h5py.File(temporary, "w") as file:
             _lay_out(file, grid, figures, kept)
