@@ -93,6 +93,13 @@ std::vector<S> as(const std::vector<double>& x) {
     return {x.begin(), x.end()};
 }
 
+// The long double part of FineGradient, the one long double scalar effects are built for.
+std::vector<long double> values_of(const std::vector<FineGradient>& x) {
+    std::vector<long double> values;
+    for (const auto& each : x) values.push_back(each.value);
+    return values;
+}
+
 std::vector<double> standard(const EffectType& type) {
     std::vector<double> values;
     for (const auto& p : type.parameters) values.push_back(p.standard);
@@ -201,9 +208,9 @@ TEST_CASE("slopes by every parameter and every quantity agree with central diffe
                 const long double scale = std::max(1e-6L, std::abs(static_cast<long double>(x[k])));
                 const long double h = 1e-4L * scale;
                 const auto shifted = [&](long double by) {
-                    auto moved = as<long double>(x);
-                    moved[k] += by;
-                    return value(moved);
+                    auto moved = as<FineGradient>(x);
+                    moved[k].value += by;
+                    return values_of(value(moved));
                 };
                 const auto up = shifted(h), down = shifted(-h), up2 = shifted(2 * h), down2 = shifted(-2 * h);
                 for (std::size_t j = 0; j < up.size(); ++j) {
@@ -221,13 +228,13 @@ TEST_CASE("affine is said where, and only where, second differences vanish") {
         CAPTURE(type.text.name);
         double bend = 0.0;
         for (int repeat = 0; repeat < 20; ++repeat) {
-            const auto values = as<long double>(draw.parameters(type));
+            const auto values = as<FineGradient>(draw.parameters(type));
             const auto q = draw.state(type.parameters.back().typical),
                        step = draw.state(type.parameters.back().typical);
             const auto along = [&](double s) {
-                auto moved = as<long double>(q);
+                auto moved = as<FineGradient>(q);
                 for (std::size_t k = 0; k < q.size(); ++k) moved[k] += s * step[k];
-                auto all = answers<long double>(type.text.name, values, moved);
+                auto all = values_of(answers<FineGradient>(type.text.name, values, moved));
                 all.resize(10);  // energy is quadratic by nature
                 return all;
             };
