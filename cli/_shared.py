@@ -119,6 +119,14 @@ set_option = click.option(
 json_option = click.option(
     "--json", "json_to", metavar="FILE|-", help="Write the figures as JSON; - for standard output."
 )
+engine_option = click.option(
+    "--engine",
+    type=click.Choice(["auto", "exact", "explicit", "cvode"]),
+    default="auto",
+    show_default=True,
+    help="auto takes exact where every effect is affine between switches.",
+)
+
 scheduler_option = click.option(
     "--scheduler",
     metavar="ADDRESS",

@@ -18,6 +18,7 @@ from dualdrive_cli._shared import (
     FAILED,
     command_line,
     console,
+    engine_option,
     give_up,
     json_option,
     load,
@@ -45,13 +46,7 @@ from dualdrive_cli._shared import (
 @click.option("--signal", "signals", multiple=True, help="Record these signals only.")
 @click.option("--output-step", default="1ms", show_default=True, help="Time between samples.")
 @click.option("--rtol", type=float, help="Relative tolerance of the integrator.")
-@click.option(
-    "--engine",
-    type=click.Choice(["auto", "exact", "explicit", "cvode"]),
-    default="auto",
-    show_default=True,
-    help="auto takes exact where every effect is affine between switches.",
-)
+@engine_option
 @click.option(
     "--method",
     type=click.Choice(["auto", "adams", "bdf"]),

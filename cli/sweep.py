@@ -24,6 +24,7 @@ from dualdrive_cli._shared import (
     USAGE,
     command_line,
     console,
+    engine_option,
     give_up,
     json_option,
     load,
@@ -87,7 +88,9 @@ def _check_axis(name: str, options: set[str]) -> None:
 @click.option("--keep", is_flag=False, flag_value="all", metavar="[NAME,NAME]", help="Store whole "
               "signals too: those named, or all.")  # fmt: skip
 @click.option("--rtol", type=float, default=1e-10, show_default=True, help="Relative tolerance.")
+@engine_option
 @click.option("--method", type=click.Choice(["auto", "adams", "bdf"]), default="auto")
+@click.option("--energy/--no-energy", default=True, help="Keep the balance of energy of every run.")
 @click.option("--max-steps", type=int, help="Give a run up after so many integration steps.")
 @click.option("--jobs", type=int, help="Threads; default: all cores.")
 @scheduler_option
@@ -110,7 +113,9 @@ def command(
     output_step: str,
     keep: str | None,
     rtol: float,
+    engine: str,
     method: str,
+    energy: bool,
     max_steps: int | None,
     jobs: int | None,
     scheduler: str | None,
@@ -151,9 +156,11 @@ def command(
                 load=parse(load_torque, unit, key="--load") if load_torque else 0.0,
                 end=parse(end, "s", key="--end") if end else None,
                 output_step=parse(output_step, "s", key="--output-step"),
+                engine=engine,
                 rtol=rtol,
                 method=method,
                 max_steps=max_steps,
+                energy=energy,
                 jobs=jobs,
                 scheduler=scheduler,
                 output=output,

@@ -264,21 +264,21 @@ def _question() -> Callable[[], dict[str, str] | None]:
 
     def build() -> dict[str, str] | None:
         try:
-            import dualdrive
-        except ImportError:
-            return None
-        try:
             from dualdrive.build import fingerprint
-        except ImportError:  # an older one
-            return {"dualdrive": f"another dualdrive {dualdrive.__version__}"}
-        return fingerprint()
+
+            return fingerprint()
+        except ModuleNotFoundError as error:
+            return None if error.name == "dualdrive" else {"dualdrive": f"without {error.name}"}
+        except Exception as error:  # whatever ails it there is to be told here
+            return {"dualdrive": f"that does not load ({error})"}
 
     return build
 
 
 def _difference(there: dict[str, str], here: dict[str, str]) -> str:
-    name = next(name for name in here if there.get(name) != here[name])
-    return f"{name} {there.get(name, 'unknown')} there, {here[name]} here"
+    """The first thing that differs; one side may not say all that the other does."""
+    name = next(name for name in (*there, *here) if there.get(name) != here.get(name))
+    return f"{name} {there.get(name, 'unknown')} there, {here.get(name, 'unknown')} here"
 
 
 def _other(name: str, worker: str, difference: str) -> SchedulerError:

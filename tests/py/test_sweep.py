@@ -172,6 +172,14 @@ def test_energy_closes_in_every_run(swept: Sweep) -> None:
     assert (error < 1e-7).all()
 
 
+def test_a_sweep_without_the_balance_has_the_other_figures(machine: Machine, swept: Sweep) -> None:
+    with sweep(machine, AXES, motion=MOTION, energy=False, engine="exact") as quick:
+        assert np.isnan(quick.dataset["energy_error"]).all()
+        for name in ("peak_error", "rms_error", "motor_2.torque_rms"):
+            np.testing.assert_allclose(quick.dataset[name], swept.dataset[name], rtol=1e-9)
+        assert (quick.dataset["events"] == swept.dataset["events"]).all()
+
+
 def test_the_result_reads_well(swept: Sweep) -> None:
     assert repr(swept) == f"<Sweep {swept.path}: meshes.gap: 3, controller.T_ten: 2>"
     assert "peak_error" in swept._repr_html_()
@@ -214,7 +222,7 @@ def test_pictures(swept: Sweep, machine: Machine) -> None:
 def test_a_failed_run_carries_its_status_and_stops_no_other(machine: Machine) -> None:
     """No inertia is refused, an absurd gain runs out of steps; a gap of 0 is nothing special."""
     axes = {"table.J": [0.0, 1e7], "controller.K_v": [5.0, 1e9], "delta": [0.0, 1e-3]}
-    with sweep(machine, axes, motion=MOTION, max_steps=7000) as swept:
+    with sweep(machine, axes, motion=MOTION, max_steps=7000, engine="cvode") as swept:
         status = swept.dataset["status"].values
         assert (status[0] == "refused").all()
         assert (status[1, 0] == "success").all()
@@ -337,6 +345,8 @@ def with_effect(machine: Machine) -> Machine:
         (lambda _: {"load": 5e3}, "load: 0.0 there, 5000.0 here"),
         (lambda _: {"rtol": 1e-8}, "rtol: 1e-10 there, 1e-08 here"),
         (lambda _: {"method": "bdf"}, "method: auto there, bdf here"),
+        (lambda _: {"engine": "cvode"}, "engine: auto there, cvode here"),
+        (lambda _: {"energy": False}, "energy: True there, False here"),
     ],
 )
 def test_resume_refuses_another_sweep_and_names_what_differs(
@@ -414,6 +424,7 @@ def test_a_file_that_is_no_sweep(machine: Machine, tmp_path: Path, content: byte
         ({"output_step": 9.0}, "output_step = 9.0"),
         ({"rtol": 0.0}, "rtol = 0.0"),
         ({"max_steps": 0}, "max_steps = 0"),
+        ({"engine": "steam"}, "engine = 'steam' is unknown"),
         ({"keep": ["theta_n"]}, "take theta_m"),
         ({"load": float("inf")}, "load = inf"),
         ({"motion": "moev:1"}, "'moev' is unknown"),

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dualdrive import __version__, units
+from dualdrive import __version__, _core, units
 from dualdrive.build import core_digest
 from dualdrive.ensembles import SPEED, Ensemble, ensemble
 from dualdrive.figures import Figure, declared, is_controlled
@@ -44,6 +44,8 @@ class Plan:
     method: str
     max_steps: int | None = None
     keep: tuple[str, ...] = ()
+    engine: str = "auto"
+    energy: bool = True
 
     def __post_init__(self) -> None:
         if not is_controlled(self.machine):
@@ -55,6 +57,10 @@ class Plan:
             if name not in known:
                 ways = " or ".join(get_close_matches(name, known)) or ", ".join(known)
                 raise GridError(f"keep = {name!r}: no such signal of this machine; take {ways}")
+        try:
+            _core.Scenario({}, end=self.end, engine=self.engine, method=self.method)
+        except ValueError as error:
+            raise GridError(str(error)) from None
         if not 1e-14 <= self.rtol <= 1e-2:
             raise GridError(f"rtol = {self.rtol}: must lie between 1e-14 and 1e-2")
         if self.max_steps is not None and self.max_steps < 1:
@@ -104,10 +110,7 @@ class Plan:
             "load": self.load,
             "end": self.end,
             "output_step": self.output_step,
-            "solver": f"CVODES, {self.method}",
-            "method": self.method,
-            "rtol": self.rtol,
-            "max_steps": self.max_steps or 0,
+            **self._options,
             "error": "energy_error holds the error reached, per run; rtol is the local tolerance",
         }
 
@@ -121,9 +124,11 @@ class Plan:
             times=self.times,
             keep=self.keep,
             jobs=jobs,
+            engine=self.engine,
             rtol=self.rtol,
             method=self.method,
             max_steps=self.max_steps,
+            energy=self.energy,
         )
 
     def differences(self, attributes: Mapping[str, Any], axes: Mapping[str, Any]) -> list[str]:
@@ -143,14 +148,23 @@ class Plan:
             "load": self.load,
             "end": self.end,
             "output_step": self.output_step,
+            **self._options,
+        }
+        for name, value in here.items():
+            if attributes.get(name) != value:
+                found.append(f"{name}: {attributes.get(name)} there, {value} here")
+        return found
+
+    @property
+    def _options(self) -> dict[str, Any]:
+        """Those of `simulate`, as the file has them."""
+        return {
+            "engine": self.engine,
             "method": self.method,
             "rtol": self.rtol,
             "max_steps": self.max_steps or 0,
+            "energy": self.energy,
         }
-        for name, value in here.items():
-            if attributes[name] != value:
-                found.append(f"{name}: {attributes[name]} there, {value} here")
-        return found
 
     def _machine_differences(self, there: Machine) -> list[str]:
         """Differences that matter: the value a swept parameter has in the file does not."""

@@ -6,7 +6,7 @@ import json
 import tempfile
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dualdrive.distributed import SchedulerError
 from dualdrive.ensembles import Outcome
@@ -41,9 +41,11 @@ def sweep(
     load: float = 0.0,
     end: float | None = None,
     output_step: float = 1e-3,
+    engine: str = "auto",
     rtol: float = 1e-10,
     method: str = "auto",
     max_steps: int | None = None,
+    energy: bool = True,
     jobs: int | None = None,
     scheduler: str | Client | None = None,
     output: str | Path | None = None,
@@ -59,7 +61,9 @@ def sweep(
                ``start:stop:count`` (ends included) or ``a,b,c``; several axes make a grid
     motion:    what the table is commanded to do; the default motion without one
     load:      constant torque on the table that opposes positive motion, N·m (N)
+    engine, rtol, method: as of `simulate`
     max_steps: integration steps after which a run counts as failed
+    energy:    keep the balance of energy, without which there is no energy_error
     jobs:      threads; all cores without it. Results do not depend on it
     scheduler: address of a Dask scheduler (``tcp://HOST:8786``) or a connected distributed.Client,
                whose workers compute in place of this process; they must have the same build
@@ -75,7 +79,18 @@ def sweep(
     finished), each one line naming the way out.
     """
     plan = _plan(
-        machine, axes or {}, motion, load, end, output_step, rtol, method, max_steps, tuple(keep)
+        machine,
+        axes or {},
+        motion,
+        end,
+        tuple(keep),
+        load=load,
+        output_step=output_step,
+        engine=engine,
+        rtol=rtol,
+        method=method,
+        max_steps=max_steps,
+        energy=energy,
     )
     folder = None
     if output is None:
@@ -117,9 +132,11 @@ def resume(
         load=float(found["load"]),
         end=float(found["end"]),
         output_step=float(found["output_step"]),
+        engine=str(found.get("engine", "auto")),
         rtol=float(found["rtol"]),
         method=str(found["method"]),
         max_steps=int(found["max_steps"]) or None,
+        energy=bool(found.get("energy", True)),
         keep=json.loads(found["keep"]),
         jobs=jobs,
         scheduler=scheduler,
@@ -133,13 +150,9 @@ def _plan(
     machine: Machine | str | Path,
     axes: Mapping[str, str | ArrayLike],
     motion: Motion | str | None,
-    load: float,
     end: float | None,
-    output_step: float,
-    rtol: float,
-    method: str,
-    max_steps: int | None,
     keep: tuple[str, ...],
+    **options: Any,
 ) -> Plan:
     from dualdrive.motion import default_motion, parse_motion
 
@@ -153,7 +166,7 @@ def _plan(
     if keep == ("all",):
         keep = tuple(name for name, _, _ in machine.core.signals())
     end = motion.end if end is None else end
-    return Plan(machine, motion, grid, load, end, output_step, rtol, method, max_steps, keep)
+    return Plan(machine, motion, grid, end=end, keep=keep, **options)
 
 
 def _open(path: Path, plan: Plan, *, resume: bool, overwrite: bool, command: str) -> GridFile:
