@@ -1,0 +1,336 @@
+"""Sweeps and fits on a real scheduler with workers of their own: same bits, whatever is lost."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from clusters import Cluster
+from dualdrive import Machine, distributed
+from dualdrive.build import fingerprint
+from dualdrive.distributed import SchedulerError, connected
+from dualdrive.identify import Fit, Progress, fit
+from dualdrive.identify.screening import screen
+from dualdrive.mapper import mapped
+from dualdrive.motion import sampled
+from dualdrive.sweeps import GridError, Outcome, load_sweep, resume, sweep
+from dualdrive_cli.main import main
+from recorded import demo, sheet
+
+pytest.importorskip("distributed", reason="needs Dask: pip install 'dualdrive[distributed]'")
+
+AXES: dict[str, Any] = {"delta": "0:2mrad:9", "controller.T_ten": "0:60:7"}
+RUNS = 63
+MOTION = "move:0.01,v=0.03,a=0.01,j=0.05,start=1,end=5"
+FREE = ["table.J", "coulomb@table.torque"]
+#: a fit that has not converged yet has the same bits too
+SHORT: dict[str, Any] = {"rtol": 1e-5, "max_simulations": 6}
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    """A scheduler and two workers that no test harms."""
+    with Cluster(tmp_path_factory.mktemp("cluster")) as cluster:
+        yield cluster.grow(2)
+
+
+@pytest.fixture
+def mortal(tmp_path: Path) -> Iterator[Cluster]:
+    with Cluster(tmp_path) as cluster:
+        yield cluster
+
+
+@pytest.fixture
+def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(distributed, "CONNECT", 0.5)
+    monkeypatch.setattr(distributed, "PATIENCE", 1.0)
+
+
+def machine() -> Machine:
+    return Machine.load("heavy-table-250t")
+
+
+def swept(path: Path, **options: Any) -> dict[str, Any]:
+    """All that the file of a sweep holds when it is done, but for the measured speed."""
+    sweep(machine(), AXES, motion=MOTION, output=path, keep=["e"], command="c", **options).close()
+    return content(path)
+
+
+def content(path: Path) -> dict[str, Any]:
+    with h5py.File(path) as file:
+        found: dict[str, Any] = {n: d[...].tobytes() for n, d in file.items() if n != "speed"}
+        return found | {n: str(value) for n, value in file.attrs.items()}
+
+
+@pytest.fixture(scope="module")
+def local(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    return swept(tmp_path_factory.mktemp("local") / "sweep.h5")
+
+
+class Watch:
+    """Notes the runs that come in and, once after some, does a deed."""
+
+    def __init__(self, deed: Callable[[], object] = lambda: None, after: int = 5) -> None:
+        self.runs, self.deed, self.after = list[int](), deed, after
+
+    def __call__(self, done: int, total: int, outcomes: list[Outcome]) -> None:
+        self.runs += [outcome.run for outcome in outcomes]
+        if self.after and len(self.runs) >= self.after:
+            assert len(self.runs) < total
+            self.after = 0
+            self.deed()
+
+
+# --- sweeps ---------------------------------------------------------------------------------------
+
+
+def test_a_sweep_has_the_same_bits_as_a_local_one(
+    cluster: Cluster, local: dict[str, Any], tmp_path: Path
+) -> None:
+    watch = Watch()
+    assert swept(tmp_path / "s.h5", scheduler=cluster.address, progress=watch) == local
+    assert sorted(watch.runs) == list(range(RUNS))
+
+
+def test_a_worker_killed_in_mid_sweep_costs_nothing(
+    mortal: Cluster, local: dict[str, Any], tmp_path: Path
+) -> None:
+    mortal.grow(2)
+    watch = Watch(mortal.workers[0].kill)
+    assert swept(tmp_path / "s.h5", scheduler=mortal.address, progress=watch) == local
+    assert mortal.workers[0].wait() == -signal.SIGKILL
+    assert sorted(watch.runs) == list(range(RUNS)), "nothing lost, nothing twice"
+
+
+@pytest.mark.parametrize(
+    ("victims", "words"),
+    [
+        pytest.param(lambda c: [c.scheduler], "the scheduler was lost", id="scheduler"),
+        pytest.param(lambda c: c.workers, "no worker is left, for 1 s", id="all workers"),
+    ],
+)
+@pytest.mark.usefixtures("hasty")
+def test_what_was_finished_is_kept_and_completed(
+    mortal: Cluster, local: dict[str, Any], tmp_path: Path, victims: Any, words: str
+) -> None:
+    mortal.grow(1)
+    path = tmp_path / "s.h5"
+    watch = Watch(lambda: [process.kill() for process in victims(mortal)])
+    with pytest.raises(SchedulerError, match=f"{words}.*{path}: what was .* --resume") as lost:
+        swept(path, scheduler=mortal.address, progress=watch)
+    assert "\n" not in str(lost.value)
+    with load_sweep(path) as partial:
+        assert 0 < partial.pending <= RUNS - len(watch.runs)
+    resume(path).close()
+    assert content(path) == local
+
+
+def test_ctrl_c_keeps_what_is_under_way(
+    cluster: Cluster, local: dict[str, Any], tmp_path: Path
+) -> None:
+    path = tmp_path / "s.h5"
+    watch = Watch(lambda: os.kill(os.getpid(), signal.SIGINT))
+    with pytest.raises(KeyboardInterrupt):
+        swept(path, scheduler=cluster.address, progress=watch)
+    with load_sweep(path) as partial:
+        assert partial.pending == RUNS - len(watch.runs)
+    resume(path, scheduler=cluster.address).close()
+    assert content(path) == local
+
+
+def test_a_sampled_motion_travels_and_failures_are_outcomes(
+    cluster: Cluster, tmp_path: Path
+) -> None:
+    t = np.linspace(0.0, 4.0, 4001)
+    motion, found = sampled(t, 1e-3 * np.sin(t) ** 2), []
+    for name, where in (("a", None), ("b", cluster.address)):
+        path = tmp_path / f"{name}.h5"
+        axes = {"table.J": [0.0, 4e6], "delta": [0.0, 1e-3]}
+        sweep(machine(), axes, motion=motion, output=path, scheduler=where, command="c").close()
+        found.append(content(path))
+    assert found[0] == found[1]
+    assert b"refused" in found[0]["status"]
+
+
+# --- fits -----------------------------------------------------------------------------------------
+
+
+def same(a: Fit, b: Fit) -> bool:
+    return (
+        a.figures() == b.figures()
+        and a.covariance.tobytes() == b.covariance.tobytes()
+        and a.failures == b.failures
+        and a.simulations == b.simulations
+        and a.machine.toml() == b.machine.toml()
+    )
+
+
+def test_a_fit_of_several_starts_is_the_local_one(cluster: Cluster) -> None:
+    told: list[Progress] = []
+    options = {"starts": 3, "progress": told.append, **SHORT}
+    here = fit(sheet(torque=1000.0), demo("fit"), FREE, **options)
+    assert {now.start for now in told} == {1, 2, 3}
+    told.clear()
+    there = fit(sheet(torque=1000.0), demo("fit"), FREE, scheduler=cluster.address, **options)
+    assert same(here, there)
+    assert sorted(now.start for now in told) == [1, 2, 3]
+
+
+def test_a_fit_of_several_records_is_the_local_one(cluster: Cluster) -> None:
+    from distributed import Client
+
+    records = {"one": demo("fit"), "other": demo("held_out")}
+    here = fit(sheet(torque=1000.0), records, FREE, **SHORT)
+    with Client(cluster.address, set_as_default=False) as client:
+        there = fit(sheet(torque=1000.0), records, FREE, scheduler=client, **SHORT)
+        assert client.status == "running", "a client that was lent stays open"
+    assert same(here, there)
+
+
+def test_a_screening_is_the_local_one(cluster: Cluster) -> None:
+    wanted = [("coulomb", "table"), ("sensor_delay", "table"), ("sensor_delay", "motor_1")]
+    here, there = (
+        screen(sheet(), demo("fit"), wanted, rtol=1e-6, scheduler=where)
+        for where in (None, cluster.address)
+    )
+    assert here == there
+
+
+def test_a_fit_keeps_the_starts_that_ended_before_the_scheduler_was_lost(mortal: Cluster) -> None:
+    mortal.grow(1)
+    found = fit(
+        sheet(torque=1000.0),
+        demo("fit"),
+        FREE,
+        starts=3,
+        scheduler=mortal.address,
+        progress=lambda _: mortal.scheduler.kill(),
+        **SHORT,
+    )
+    assert found.status == "not_converged"
+    assert "the scheduler was lost" in found.message
+    assert "1 of 3 starts" in found.message
+    assert np.isfinite(found.error["refitted"])
+
+
+# --- what is refused ------------------------------------------------------------------------------
+
+OTHER_CORE = """
+import dualdrive.build as build
+other = {**build.fingerprint(), "core": "0123 baseline"}
+build.fingerprint = lambda: other
+"""
+NOTHING = """
+import sys
+class Nothing:
+    def find_spec(name, *_):
+        if name == "dualdrive":
+            raise ModuleNotFoundError("there is none", name=name)
+sys.meta_path.insert(0, Nothing)
+"""
+BROKEN = "import sys; sys.modules['dualdrive.build'] = None"
+
+
+@pytest.mark.parametrize(
+    ("preload", "words"),
+    [
+        pytest.param(OTHER_CORE, "core 0123 baseline there, .* here; install", id="other build"),
+        pytest.param(NOTHING, "dualdrive is not installed there", id="no dualdrive"),
+        pytest.param(BROKEN, "dualdrive without dualdrive.build there", id="an older dualdrive"),
+    ],
+)
+def test_workers_that_would_compute_other_bits(
+    mortal: Cluster, tmp_path: Path, preload: str, words: str
+) -> None:
+    mortal.grow(1, preload)
+    with pytest.raises(SchedulerError, match=f"worker tcp://127.0.0.1:.*{words}") as refused:
+        sweep(machine(), AXES, output=tmp_path / "s.h5", scheduler=mortal.address)
+    assert "\n" not in str(refused.value)
+    assert not (tmp_path / "s.h5").exists()
+
+
+def test_a_worker_of_another_build_that_joins_later_computes_nothing() -> None:
+    with pytest.raises(SchedulerError, match=r"that joined differs: core .* there, 0 here"):
+        distributed._run({**fingerprint(), "core": "0"}, print, "never")
+
+
+@pytest.mark.usefixtures("hasty")
+def test_a_scheduler_without_workers(mortal: Cluster, tmp_path: Path) -> None:
+    with pytest.raises(SchedulerError, match="no workers; begin some with 'dask worker tcp://127"):
+        sweep(machine(), AXES, output=tmp_path / "s.h5", scheduler=mortal.address)
+    assert not (tmp_path / "s.h5").exists()
+
+
+@pytest.mark.usefixtures("hasty")
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "carrier://pigeon:1", ""])
+@pytest.mark.parametrize("verb", ["sweep", "fit"])
+def test_a_wrong_address_is_one_line(address: str, verb: str, tmp_path: Path) -> None:
+    words = {
+        "sweep": ["sweep", "--delta", "0,1e-3", "-o", str(tmp_path / "s.h5")],
+        "fit": ["fit", *(str(p) for p in demo_files()), "--free", "table.J"],
+    }
+    result = CliRunner().invoke(main, [*words[verb], "--scheduler", address])
+    assert result.exit_code == 1
+    assert result.stderr.startswith(f"dualdrive: scheduler = {address!r}: ")
+    assert "leave it out to compute here" in result.stderr
+    assert result.stderr.count("\n") == 1
+    assert not (tmp_path / "s.h5").exists()
+
+
+def demo_files() -> tuple[Path, Path]:
+    from recorded import DEMO
+
+    return DEMO / "machine.toml", DEMO / "fit.csv"
+
+
+def test_threads_and_a_scheduler_are_not_asked_for_together() -> None:
+    with pytest.raises(GridError, match="leave jobs or scheduler out"):
+        sweep(machine(), AXES, jobs=2, scheduler="tcp://127.0.0.1:9")
+
+
+def test_a_torque_balance_has_nothing_to_spread() -> None:
+    with pytest.raises(ValueError, match="nothing to spread"):
+        fit(sheet(), demo("fit"), mode="balance", scheduler="tcp://127.0.0.1:9")
+
+
+def test_without_dask_the_way_out_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with (
+        pytest.raises(SchedulerError, match=r"pip install 'dualdrive\[distributed\]'"),
+        connected("tcp://127.0.0.1:9"),
+    ):
+        pass
+
+
+# --- the pieces -----------------------------------------------------------------------------------
+
+
+def test_an_error_of_a_job_is_raised_and_order_is_kept(cluster: Cluster) -> None:
+    with connected(cluster.address) as workers:
+        assert mapped(workers, divmod, [(k, 7) for k in range(40)]) == [
+            divmod(k, 7) for k in range(40)
+        ]
+        with pytest.raises(ZeroDivisionError):
+            mapped(workers, divmod, [(1, 1), (1, 0)])
+
+
+def test_the_command_line(cluster: Cluster, tmp_path: Path) -> None:
+    words = ["sweep", "heavy-table-250t", "--delta", "0:2mrad:6", "--motion", MOTION]
+    program = [sys.executable, "-c", "from dualdrive_cli.main import main; main()", *words]
+    found = []
+    for name, more in (("a", []), ("b", ["--scheduler", cluster.address])):
+        path = tmp_path / f"{name}.h5"
+        done = subprocess.run([*program, "-o", str(path), *more], capture_output=True, check=False)
+        assert done.returncode == 0, done.stderr
+        found.append({k: v for k, v in content(path).items() if k != "command"})
+    assert found[0] == found[1]
