@@ -329,7 +329,11 @@ void Simulation::pass_break() {
     bool broke = t <= options_.start + instant(t), returned = false;
     evaluate(t, z.data());
     const std::vector<double> before(model_.rate());
-    for (; next_break_ < breaks_.size() && breaks_[next_break_] <= now_or_past; ++next_break_) broke = true;
+    double begin = t;  // of the cell that follows: a break that rounding puts behind t is over, too
+    for (; next_break_ < breaks_.size() && breaks_[next_break_] <= now_or_past; ++next_break_) {
+        begin = std::max(begin, breaks_[next_break_]);
+        broke = true;
+    }
     for (; !delayed_breaks_.empty() && delayed_breaks_.top().t <= now_or_past; delayed_breaks_.pop()) {
         instant_slope_ = delayed_breaks_.top().slope;
         returned = true;
@@ -349,7 +353,7 @@ void Simulation::pass_break() {
     }
     const bool discontinuous = broke || !due_outputs.empty() || !due_ticks.empty();
     if (discontinuous && history_) add_delayed_breaks(t, {});
-    cell_ = {t, next_stop()};
+    cell_ = {begin, next_stop()};
     if (returned) {
         evaluate(t, z.data());
         for (std::size_t k = 0; k < parameters_.size(); ++k) {

@@ -32,8 +32,7 @@ void Simulation::start() {
         }
     }
     std::sort(breaks_.begin(), breaks_.end());
-    breaks_.erase(std::unique(breaks_.begin(), breaks_.end(), [](double a, double b) { return b - a < instant(a); }),
-                  breaks_.end());
+    breaks_.erase(std::unique(breaks_.begin(), breaks_.end()), breaks_.end());
 
     // What happened before the start: inputs as they stood, delayed signals at their value then.
     cell_ = {options_.start - 1.0, options_.start};

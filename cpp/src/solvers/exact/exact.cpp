@@ -95,10 +95,12 @@ void Exact<R>::next_place() {
 template <class R>
 double Exact<R>::start_generator(double stop) {
     const auto& knots = generator_.knots();
+    const std::size_t passed = next_knot_;
     double from = t_;  // at a knot its own time, lest rounding leaves it on the far side
     for (; next_knot_ < knots.size() && knots[next_knot_] <= t_ + instant(t_); ++next_knot_)
         from = std::max(from, knots[next_knot_]);
-    generator_.set(from, setup_.cell, column(0) + size_.states);
+    // t_ is rounded: set anew at a switch, the inputs would jump off the surface on which it stands.
+    if (!at_root_ || next_knot_ > passed) generator_.set(from, setup_.cell, column(0) + size_.states);
     return next_knot_ < knots.size() ? std::min(stop, knots[next_knot_]) : stop;
 }
 
@@ -180,7 +182,7 @@ Solver::Outcome Exact<R>::arrive() {
     const double end = static_cast<double>(R(grid_time(place_)) + local_);
     const R* y = column(last());
     for (std::size_t k = 0; k < z_.size(); ++k) z_[k] = static_cast<double>(y[k]);
-    fresh_ = false;
+    fresh_ = at_root_ = false;
     counts_.steps += last();
     if (!std::all_of(z_.begin(), z_.end(), [](double x) { return std::isfinite(x); })) return Outcome::failed;
     for (int k = 0; size_.quadratures > 0 && k < last(); ++k)
@@ -207,7 +209,9 @@ void Exact<R>::stand_on_surface() {
 template <class R>
 Solver::Outcome Exact<R>::arrive_at_root() {
     stand_on_surface();
-    return arrive() == Outcome::failed ? Outcome::failed : Outcome::root;
+    if (arrive() == Outcome::failed) return Outcome::failed;
+    at_root_ = true;
+    return Outcome::root;
 }
 
 // Watched quantities, their scaled derivatives, and over all steps the bounds of what a quintic does not show of them.

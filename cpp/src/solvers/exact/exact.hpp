@@ -101,10 +101,11 @@ class Exact final : public Solver {
     double t_ = 0.0, begin_ = 0.0;
     long place_ = 0, part_ = 0;  // whole steps within the grid step
     R local_{0};
-    int done_ = 0;        // whole steps of the last step(): columns 1 to done_
-    bool ended_ = false;  // the last step() went on from column done_ for a part of a step, to column done_ + 1
-    bool fresh_ = true;   // a switch or a break was here
-    int wide_ = 2;        // steps of the next block
+    int done_ = 0;          // whole steps of the last step(): columns 1 to done_
+    bool ended_ = false;    // the last step() went on from column done_ for a part of a step, to column done_ + 1
+    bool fresh_ = true;     // a switch or a break was here
+    bool at_root_ = false;  // the last step ended at a switch it found
+    int wide_ = 2;          // steps of the next block
     std::vector<R> y_, scratch_;
     mutable std::vector<R> probe_, probe_scratch_, probe_signals_;
     std::vector<R> watched_, largest_, bounds_, series_;
