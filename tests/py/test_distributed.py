@@ -175,15 +175,35 @@ def same(a: Fit, b: Fit) -> bool:
     )
 
 
-def test_a_fit_of_several_starts_is_the_local_one(cluster: Cluster) -> None:
+def of_three_starts(**options: Any) -> Fit:
+    return fit(sheet(torque=1000.0), demo("fit"), FREE, starts=3, **SHORT, **options)
+
+
+@pytest.fixture(scope="module")
+def local_fit() -> Fit:
+    return of_three_starts()
+
+
+def test_a_fit_of_several_starts_is_the_local_one(cluster: Cluster, local_fit: Fit) -> None:
     told: list[Progress] = []
-    options = {"starts": 3, "progress": told.append, **SHORT}
-    here = fit(sheet(torque=1000.0), demo("fit"), FREE, **options)
-    assert {now.start for now in told} == {1, 2, 3}
-    told.clear()
-    there = fit(sheet(torque=1000.0), demo("fit"), FREE, scheduler=cluster.address, **options)
-    assert same(here, there)
+    there = of_three_starts(scheduler=cluster.address, progress=told.append)
+    assert same(there, local_fit)
     assert sorted(now.start for now in told) == [1, 2, 3]
+
+
+def test_a_worker_killed_in_mid_fit_costs_nothing(mortal: Cluster, local_fit: Fit) -> None:
+    """Told of its first start, the fit has two more under way or to do, one worker for them."""
+    mortal.grow(2)
+    told: list[Progress] = []
+
+    def kill_one(now: Progress) -> None:
+        told.append(now)
+        mortal.workers[0].kill()
+
+    there = of_three_starts(scheduler=mortal.address, progress=kill_one)
+    assert mortal.workers[0].wait() == -signal.SIGKILL
+    assert same(there, local_fit)
+    assert sorted(now.start for now in told) == [1, 2, 3], "no start lost, none told twice"
 
 
 def test_a_fit_of_several_records_is_the_local_one(cluster: Cluster) -> None:
@@ -208,15 +228,7 @@ def test_a_screening_is_the_local_one(cluster: Cluster) -> None:
 
 def test_a_fit_keeps_the_starts_that_ended_before_the_scheduler_was_lost(mortal: Cluster) -> None:
     mortal.grow(1)
-    found = fit(
-        sheet(torque=1000.0),
-        demo("fit"),
-        FREE,
-        starts=3,
-        scheduler=mortal.address,
-        progress=lambda _: mortal.scheduler.kill(),
-        **SHORT,
-    )
+    found = of_three_starts(scheduler=mortal.address, progress=lambda _: mortal.scheduler.kill())
     assert found.status == "not_converged"
     assert "the scheduler was lost" in found.message
     assert "1 of 3 starts" in found.message
