@@ -1,6 +1,7 @@
 #include "dualdrive/linearise.hpp"
 
 #include <nanobind/stl/map.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
@@ -29,6 +30,33 @@ void bind_linearise(nb::module_& m) {
           "positive.\n"
           "state: state -> value, others 0. Delays are left out. Raises ValueError for a name the machine does not "
           "have.");
+
+    nb::class_<FrozenLaws>(m, "FrozenLaws", "Rates of the states and guards of the switches at one instant; SI.")
+        .def_prop_ro(
+            "rates", [](const FrozenLaws& l) { return view(l.rates, {l.rates.size()}); }, "Shape (states,).")
+        .def_prop_ro(
+            "guards", [](const FrozenLaws& l) { return view(l.guards, {l.guards.size()}); },
+            "Shape (2 x switching elements,): positive while the element's mode lasts.")
+        .def_prop_ro(
+            "guard_slopes", [](const FrozenLaws& l) { return view(l.guard_slopes, {l.guard_slopes.size()}); },
+            "Their derivatives along the flow, 1/s; empty where the model itself was asked.");
+
+    m.def(
+        "frozen_laws",
+        [](const Machine& machine, const Inputs& inputs, const std::map<std::string, std::string>& modes,
+           const std::map<std::string, double>& state, double t, std::pair<double, double> cell, bool matrices) {
+            return frozen_laws(machine, inputs, modes, state, t, {cell.first, cell.second},
+                               matrices ? LawsOf::matrices : LawsOf::model);
+        },
+        nb::arg("machine"), nb::arg("inputs") = nb::dict(), nb::kw_only(), nb::arg("modes") = nb::dict(),
+        nb::arg("state") = nb::dict(), nb::arg("t") = 0.0, nb::arg("cell") = std::pair(Cell{}.low, Cell{}.high),
+        nb::arg("matrices") = false,
+        "The laws of given modes, from the model or from the matrices that engines use where a machine is affine.\n\n"
+        "t, cell: s, the instant and the interval between knots of the inputs in which it lies.\n"
+        "Other arguments and errors are those of linearise.");
+
+    m.def("possible_modes", &possible_modes, nb::arg("machine"), nb::arg("inputs") = nb::dict(),
+          "Switching element -> the modes that it may have, by name.");
 }
 
 }  // namespace dualdrive::python

@@ -6,16 +6,19 @@
 #include "dualdrive/layout.hpp"
 #include "dualdrive/model.hpp"
 #include "dualdrive/switching.hpp"
+#include "simulation/affine_field.hpp"
 
 namespace dualdrive {
 
 namespace {
 
+constexpr Mode modes_from = -3, modes_to = 3;
+
 Mode mode_of(const Switch& element, const std::string& name) {
     std::string known;
-    for (int m = -3; m <= 3; ++m) {
-        const std::string candidate = mode_name(element.kind, static_cast<Mode>(m));
-        if (candidate == name) return static_cast<Mode>(m);
+    for (Mode m = modes_from; m <= modes_to; ++m) {
+        const std::string candidate = mode_name(element.kind, m);
+        if (candidate == name) return m;
         if (candidate != "?") known += (known.empty() ? "" : ", ") + candidate;
     }
     throw std::invalid_argument("linearise: " + element.name + " has no mode '" + name + "'; choose one of " + known);
@@ -44,6 +47,20 @@ std::vector<double> state_of(const Layout& layout, const std::map<std::string, d
         z[static_cast<std::size_t>(k)] = value;
     }
     return z;
+}
+
+// d(raw)/dt of the blocks along the flow.
+std::vector<double> rates_of_blocks(const Machine& machine, const Inputs& inputs, const Layout& layout,
+                                    const Modes& modes, const Cell& cell, double t, const std::vector<double>& z,
+                                    const std::vector<double>& rate) {
+    std::vector<Gradient> along(z.begin(), z.end());
+    for (std::size_t k = 0; k < along.size(); ++k) along[k].slope[0] = rate[k];
+    Model<Gradient> model(machine, inputs, layout);
+    model.evaluate(Gradient::variable(t, 0), along.data(), {modes.data(), cell, nullptr, nullptr});
+    std::vector<double> rates;
+    for (std::size_t b = 0; b < layout.blocks.size(); ++b)
+        rates.push_back(model.block(static_cast<int>(b)).raw.slope[0]);
+    return rates;
 }
 
 }  // namespace
@@ -81,6 +98,39 @@ LinearSystem linearise(const Machine& machine, const Inputs& inputs, const std::
     s.a = offset(model.rate(), s.A);
     s.c = offset(model.signals(), s.C);
     return s;
+}
+
+FrozenLaws frozen_laws(const Machine& machine, const Inputs& inputs, const std::map<std::string, std::string>& modes,
+                       const std::map<std::string, double>& state, double t, const Cell& cell, LawsOf of) {
+    const Layout layout(machine, inputs);
+    const Modes frozen = modes_of(layout, modes);
+    const std::vector<double> z = state_of(layout, state);
+    FrozenLaws laws;
+    laws.guards.resize(frozen.size() * guards_per_switch);
+    if (of == LawsOf::matrices) {
+        AffineField field(machine, inputs, layout, frozen, cell);
+        laws.rates.resize(z.size());
+        laws.guard_slopes.resize(laws.guards.size());
+        field.rates(t, z.data(), laws.rates.data());
+        field.guards(t, z.data(), laws.guards.data());
+        field.guard_slopes(laws.guard_slopes.data());
+        return laws;
+    }
+    Model<double> model(machine, inputs, layout);
+    model.evaluate(t, z.data(), {frozen.data(), cell, nullptr, nullptr});
+    laws.rates = model.rate();
+    const std::vector<double> block_rates = rates_of_blocks(machine, inputs, layout, frozen, cell, t, z, laws.rates);
+    model.guards(laws.guards.data(), block_rates.data());
+    return laws;
+}
+
+std::map<std::string, std::vector<std::string>> possible_modes(const Machine& machine, const Inputs& inputs) {
+    std::map<std::string, std::vector<std::string>> possible;
+    for (const Switch& element : Layout(machine, inputs).switches)
+        for (Mode m = modes_from; m <= modes_to; ++m)
+            if (const std::string name = mode_name(element.kind, m); name != "?")
+                possible[element.name].push_back(name);
+    return possible;
 }
 
 }  // namespace dualdrive

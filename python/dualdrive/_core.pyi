@@ -567,4 +567,34 @@ def linearise(machine: Machine, inputs: Mapping[str, Waveform] = {}, *, modes: M
     state: state -> value, others 0. Delays are left out. Raises ValueError for a name the machine does not have.
     """
 
+class FrozenLaws:
+    """Rates of the states and guards of the switches at one instant; SI."""
+
+    @property
+    def rates(self) -> Annotated[NDArray[numpy.float64], dict(writable=False)]:
+        """Shape (states,)."""
+
+    @property
+    def guards(self) -> Annotated[NDArray[numpy.float64], dict(writable=False)]:
+        """
+        Shape (2 x switching elements,): positive while the element's mode lasts.
+        """
+
+    @property
+    def guard_slopes(self) -> Annotated[NDArray[numpy.float64], dict(writable=False)]:
+        """
+        Their derivatives along the flow, 1/s; empty where the model itself was asked.
+        """
+
+def frozen_laws(machine: Machine, inputs: Mapping[str, Waveform] = {}, *, modes: Mapping[str, str] = {}, state: Mapping[str, float] = {}, t: float = 0.0, cell: tuple[float, float] = (float('-inf'), float('inf')), matrices: bool = False) -> FrozenLaws:
+    """
+    The laws of given modes, from the model or from the matrices that engines use where a machine is affine.
+
+    t, cell: s, the instant and the interval between knots of the inputs in which it lies.
+    Other arguments and errors are those of linearise.
+    """
+
+def possible_modes(machine: Machine, inputs: Mapping[str, Waveform] = {}) -> dict[str, list[str]]:
+    """Switching element -> the modes that it may have, by name."""
+
 __version__: str

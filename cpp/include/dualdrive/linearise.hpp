@@ -26,4 +26,20 @@ struct LinearSystem {
 LinearSystem linearise(const Machine& machine, const Inputs& inputs, const std::map<std::string, std::string>& modes,
                        const std::map<std::string, double>& state, double t = 0.0);
 
+// The laws of frozen modes at one instant. guards: two per switching element, positive while its mode lasts.
+struct FrozenLaws {
+    std::vector<double> rates, guards, guard_slopes;
+};
+
+// What they are taken from: the model itself, or the matrices that stand in for it where a machine is affine. The model
+// gives no slopes.
+enum class LawsOf { model, matrices };
+
+// t lies in the cell, between two knots of the inputs or at one of them. Arguments and errors else as for linearise.
+FrozenLaws frozen_laws(const Machine& machine, const Inputs& inputs, const std::map<std::string, std::string>& modes,
+                       const std::map<std::string, double>& state, double t, const Cell& cell, LawsOf of);
+
+// Every switching element of a machine, and the modes it may have.
+std::map<std::string, std::vector<std::string>> possible_modes(const Machine& machine, const Inputs& inputs);
+
 }  // namespace dualdrive

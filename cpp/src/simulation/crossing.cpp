@@ -34,6 +34,12 @@ std::vector<int> Simulation::fallen_guards(Solver::Outcome outcome) {
     }
     const double from = solver_->previous_time(), to = solver_->time();
     if (guard_end_.empty() || !(to > from) || solver_->finds_every_root()) return fallen;
+    watch(to, solver_->state().data(), guard_end_, slope_end_);
+    if (nothing_can_dip(to - from)) {
+        std::swap(guard_begin_, guard_end_);
+        std::swap(slope_begin_, slope_end_);
+        return fallen;
+    }
     const std::size_t looks = guard_inside_.size();
     const double apart = (to - from) / static_cast<double>(looks + 1);
     for (std::size_t k = 0; k < looks; ++k) {
@@ -42,7 +48,6 @@ std::vector<int> Simulation::fallen_guards(Solver::Outcome outcome) {
         solver_->state_at(t, z_scratch_.data());
         guards(t, z_scratch_.data(), guard_inside_[j].data());
     }
-    guards(to, solver_->state().data(), guard_end_.data());
     Crossing first{std::numeric_limits<double>::infinity(), -1};
     for (std::size_t k = 0; k < guard_end_.size(); ++k) {
         if (std::find(fallen.begin(), fallen.end(), static_cast<int>(k)) != fallen.end()) continue;
@@ -60,8 +65,26 @@ std::vector<int> Simulation::fallen_guards(Solver::Outcome outcome) {
         solver_->go_back(first.t);
     } else {
         std::swap(guard_begin_, guard_end_);
+        std::swap(slope_begin_, slope_end_);
     }
     return fallen;
+}
+
+void Simulation::watch(double t, const double* z, std::vector<double>& g, std::vector<double>& slope) {
+    guards(t, z, g.data());
+    if (field_) field_->guard_slopes(slope.data());
+}
+
+// Short steps of a machine whose slopes are known: for every guard the cubic through values and slopes at both ends has
+// only positive Bernstein coefficients.
+bool Simulation::nothing_can_dip(double span) const {
+    if (!field_ || guard_inside_.size() > 1) return false;
+    double lowest = std::numeric_limits<double>::infinity();
+    for (std::size_t k = 0; k < guard_end_.size(); ++k) {
+        const double begin = guard_begin_[k], end = guard_end_[k];
+        lowest = std::min({lowest, begin, begin + span / 3.0 * slope_begin_[k], end - span / 3.0 * slope_end_[k], end});
+    }
+    return lowest > 0;
 }
 
 // Whether a guard crosses between three looks at it; noted if that comes before `first`.
@@ -77,6 +100,7 @@ bool Simulation::find_missed(std::size_t guard, Glimpse seen, Crossing& first) {
         }
         const int element = static_cast<int>(guard) / guards_per_switch,
                   which = static_cast<int>(guard) % guards_per_switch;
+        evaluate(solver_->time(), solver_->state().data());
         if (value > -rounding * guard_scale(element, which)) return;
         under = t;
         found = true;

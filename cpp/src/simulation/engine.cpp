@@ -96,6 +96,8 @@ void Simulation::choose_solver(int guards, std::span<const double> parameter_sca
             solver_ = build.operator()<double>();
         return;
     }
+    if (std::string unused; exact_is_possible(unused))
+        field_ = std::make_unique<AffineField>(machine_, inputs_, layout_, modes_, cell_);
     const auto explicit_solver = [&](double stiff_beyond) {
         return std::make_unique<RungeKutta>(*this, size, options_.rtol, parameter_scale, stiff_beyond);
     };

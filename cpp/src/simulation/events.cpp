@@ -213,7 +213,7 @@ bool Simulation::settle(bool located) {
     for (int pass = 0; pass < settle_passes * static_cast<int>(1 + modes_.size()); ++pass) {
         const double t = solver_->time();
         const double* z = solver_->state().data();
-        if (!guards(t, z, g.data())) {
+        if (!model_guards(t, z, g.data())) {
             fail(Status::not_finite, "a switching condition is not finite; check parameters and initial state");
             return false;
         }

@@ -8,7 +8,9 @@ namespace dualdrive {
 
 // Whether all are finite; the solver tries a smaller step if not, and the run says so if that ends it.
 bool Simulation::numbers(const double* v, std::size_t n) {
-    bad_numbers_ = !std::all_of(v, v + n, [](double x) { return std::isfinite(x); });
+    double sum = 0.0;  // 0 x is no number where x is none or infinite
+    for (std::size_t k = 0; k < n; ++k) sum += 0.0 * v[k];
+    bad_numbers_ = sum != 0.0;
     return !bad_numbers_;
 }
 
@@ -26,8 +28,12 @@ void Simulation::evaluate(double t, const double* z) {
 }
 
 bool Simulation::rhs(double t, const double* z, double* rate) {
-    evaluate(t, z);
-    std::copy(model_.rate().begin(), model_.rate().end(), rate);
+    if (field_) {
+        field_->rates(t, z, rate);
+    } else {
+        evaluate(t, z);
+        std::copy(model_.rate().begin(), model_.rate().end(), rate);
+    }
     return numbers(rate, model_.rate().size());
 }
 
@@ -38,6 +44,12 @@ bool Simulation::riding() const {
 }
 
 bool Simulation::guards(double t, const double* z, double* g) {
+    if (!field_) return model_guards(t, z, g);
+    field_->guards(t, z, g);
+    return numbers(g, modes_.size() * guards_per_switch);
+}
+
+bool Simulation::model_guards(double t, const double* z, double* g) {
     const double* rates = riding() ? block_rates(t, z) : nullptr;
     evaluate(t, z);
     model_.guards(g, rates);

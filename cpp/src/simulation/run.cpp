@@ -85,7 +85,7 @@ void Simulation::restart() {
     solver_->restart(solver_->time() == 0.0 && out_.statistics.restarts == 0 ? options_.start : solver_->time(),
                      tolerances(), options_.rtol * energy_scale_);
     ++out_.statistics.restarts;
-    if (!solver_->finds_every_root()) guards(solver_->time(), z.data(), guard_begin_.data());
+    if (!solver_->finds_every_root()) watch(solver_->time(), z.data(), guard_begin_, slope_begin_);
 }
 
 Trajectory Simulation::run() {

@@ -6,6 +6,7 @@
 #include <memory>
 #include <queue>
 
+#include "affine_field.hpp"
 #include "dualdrive/simulate.hpp"
 #include "history.hpp"
 
@@ -72,12 +73,15 @@ class Simulation final : public Problem {
         double x[3], g[3];
     };
     bool find_missed(std::size_t guard, Glimpse seen, Crossing& first);
+    void watch(double t, const double* z, std::vector<double>& g, std::vector<double>& slope);
+    bool nothing_can_dip(double span) const;
     double guard_at(std::size_t guard, double t);
     double locate(std::size_t guard, double above, double under);
 
     // problem.cpp: what the solver asks
     bool rhs(double t, const double* z, double* rate) override;
     bool guards(double t, const double* z, double* g) override;
+    bool model_guards(double t, const double* z, double* g);  // leaves the model at (t, z)
     bool jacobian(double t, const double* z, double* column_major) override;
     bool sensitivity(double t, const double* z, const double* const* s, double* const* rate) override;
     bool quadrature(double t, const double* z, double* rate) override;
@@ -134,10 +138,12 @@ class Simulation final : public Problem {
     std::vector<std::unique_ptr<HistoryView<Gradient>>> past_chunk_;
 
     std::unique_ptr<Solver> solver_;
+    std::unique_ptr<AffineField> field_;              // of an affine machine, for a solver that steps
     std::map<Modes, std::vector<double>> jacobians_;  // of an affine machine: one per mode
     bool affine_ = false;
     bool recorded_are_linear_ = true;  // in the states: no energies, no shares of dry friction
     std::vector<double> guard_begin_, guard_end_, guard_probe_;  // of the last step
+    std::vector<double> slope_begin_, slope_end_;                // of the guards, with a field
     std::vector<std::vector<double>> guard_inside_;
     std::vector<double> scale_;  // typical size of each state, growing with what was seen
     double energy_scale_ = 0.0, energy_start_ = 0.0, energy_moved_ = 0.0, energy_worst_ = 0.0;

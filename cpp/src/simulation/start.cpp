@@ -105,6 +105,7 @@ void Simulation::start() {
 
     const std::size_t guards = layout_.switches.size() * guards_per_switch;
     for (auto* g : {&guard_begin_, &guard_end_, &guard_probe_}) g->assign(guards, 1.0);
+    for (auto* slope : {&slope_begin_, &slope_end_}) slope->assign(guards, 0.0);
     std::vector<double> parameter_scale;
     for (const auto& p : parameters_) parameter_scale.push_back(p.scale);
     choose_solver(static_cast<int>(guards), parameter_scale);
