@@ -53,6 +53,7 @@ class RungeKutta final : public Solver {
     template <const auto& row>
     bool stage(std::size_t k, double h);
     double try_step(double end);
+    double forgiven(double e, double h) const;
     double error(double h) const;
     double defect(double h);
     template <class Component>
@@ -70,7 +71,7 @@ class RungeKutta final : public Solver {
     std::vector<std::size_t> ends_;  // of the parts whose errors count separately: state, each sensitivity, work
 
     double t_ = 0.0, begin_ = 0.0, end_ = 0.0;  // now; the last step, even where part of it was taken back
-    double next_ = 0.0, longest_ = 0.0, pole_ = 0.0;
+    double next_ = 0.0, least_ = 0.0, longest_ = 0.0, pole_ = 0.0;
     int limited_ = 0, mild_ = 0;  // steps in a row at the limit of stability, and not
     bool rate_known_ = false, finite_ = true;
     Vector now_, from_, to_, atol_, weight_, stage_, middle_;
