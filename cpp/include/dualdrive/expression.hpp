@@ -72,8 +72,16 @@ class Expression {
     // exponent. Throws std::invalid_argument naming the offending part and its unit; passes on what `unit_of` throws.
     Unit unit(const std::function<Unit(std::string_view)>& unit_of) const;
 
+    // How a value changes with the state while every switch keeps its branch.
+    enum class Growth : std::uint8_t { none, affine, other };
+
+    // Whether the value and the argument of every switch are affine, each name growing as `growth_of` says. Judged by the
+    // formula's form, whatever the branches: a no may be wrong (x*x - x*x), a yes never is.
+    bool is_affine(const std::function<Growth(std::string_view)>& growth_of) const;
+
   private:
     friend class ExpressionParser;
+    friend class ExpressionGrowth;
     friend class ExpressionUnits;
 
     enum class Op : std::uint8_t {

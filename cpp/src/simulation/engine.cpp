@@ -9,6 +9,7 @@
 #include "../solvers/exact/exact.hpp"
 #include "../solvers/explicit/runge_kutta.hpp"
 #include "../solvers/handover.hpp"
+#include "affine.hpp"
 #include "instant.hpp"
 #include "simulation.hpp"
 
@@ -29,7 +30,7 @@ bool divides(double a, double b) { return std::abs(b / a - std::round(b / a)) < 
 }  // namespace
 
 bool Simulation::exact_is_possible(std::string& reason) const {
-    if (!affine_) reason = "an effect of this machine is not affine in its modes";
+    if (!affine_) reason = "effect " + *effect_that_is_not_affine(machine_) + " is not affine between switches";
     if (!layout_.delays.empty()) reason = layout_.delays.front().name + " delays a signal inside the loop";
     if (exact::Generator(inputs_).size() + layout_.size() > most_exact_states)
         reason = "the inputs have too many harmonics";

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "dualdrive/effects.hpp"
+#include "affine.hpp"
 #include "instant.hpp"
 
 namespace dualdrive {
@@ -14,11 +14,6 @@ namespace {
 constexpr long interrupt_period = 16;  // steps between questions whether to stop
 constexpr long stall_period = 20'000;  // so many steps must bring the run on by stall_progress of its length
 constexpr double stall_progress = 1e-5;
-
-bool is_affine(const Machine& m) {
-    return std::all_of(m.effects().begin(), m.effects().end(),
-                       [](const EffectEntry& e) { return e.formula.empty() && effect_type(e.name).text.affine; });
-}
 
 }  // namespace
 
@@ -53,7 +48,7 @@ Simulation::Simulation(const Machine& machine, const Inputs& inputs, const Simul
       layout_(machine_, inputs_),
       model_(machine_, inputs_, layout_),
       along_(machine_, inputs_, layout_),
-      affine_(is_affine(machine_)) {
+      affine_(!effect_that_is_not_affine(machine_)) {
     read_options();
     read_parameters();
 }

@@ -1,0 +1,33 @@
+#include "affine.hpp"
+
+#include <algorithm>
+
+#include "dualdrive/effects.hpp"
+#include "dualdrive/expression.hpp"
+
+namespace dualdrive {
+
+namespace {
+
+bool is_affine(const Machine& machine, const EffectEntry& effect) {
+    if (effect.formula.empty()) return effect_type(effect.name).text.affine;
+    using Growth = Expression::Growth;
+    const auto slots = machine.slots().begin() + static_cast<std::ptrdiff_t>(effect.first);
+    return Expression::parse(effect.formula).is_affine([&](std::string_view name) {
+        const auto is_own = [&](const auto& slot) { return slot.path == effect.label + "." + std::string(name); };
+        if (name == "t") return Growth::other;
+        if (name == "angle" || name == "speed") return Growth::affine;
+        const bool own = std::any_of(slots, slots + static_cast<std::ptrdiff_t>(effect.count), is_own);
+        return own ? Growth::none : Growth::affine;
+    });
+}
+
+}  // namespace
+
+std::optional<std::string> effect_that_is_not_affine(const Machine& machine) {
+    for (const EffectEntry& effect : machine.effects())
+        if (!is_affine(machine, effect)) return effect.label;
+    return std::nullopt;
+}
+
+}  // namespace dualdrive
