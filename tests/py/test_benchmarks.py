@@ -11,7 +11,9 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
 import case
+import ensembles
 import ours
+import page
 import peers
 import report
 
@@ -66,3 +68,34 @@ def test_table_is_markdown_with_every_row() -> None:
     assert head == "| engine      |   ms |"
     assert rule == "|-------------|-----:|"
     assert rows == ["| a           |  1.0 |", "| longer name | 22.0 |"]
+
+
+def test_figures_go_between_their_own_markers() -> None:
+    text = "a\n<!-- x: begin -->\nold\n<!-- x: end -->\nb\n<!-- y: begin -->\n<!-- y: end -->\n"
+    written = page.between(text, "x", "new")
+    assert written == text.replace("\nold\n", "\n\nnew\n\n")
+    assert page.between(written, "x", "new") == written
+    with pytest.raises(ValueError, match="z: begin"):
+        page.between(text, "z", "new")
+    for name in ("ensembles",):
+        assert page.between(page.PAGE.read_text(), name, "").count(f"{name}: begin") == 1
+
+
+def test_the_ensemble_has_the_case_in_its_middle() -> None:
+    runs = ensembles.begin(3, 1, keep=["theta_m", "I_2"], energy=False)
+    assert runs.parameters["meshes.gap"][1] == pytest.approx(case.machine().drives[0].gap)
+    middle = next(one for one in runs if one.run == 1)
+    assert middle.figures["contact_events"] == len(case.truth().contacts)
+    assert middle.signals is not None
+    for name in ("theta_m", "I_2"):
+        true = case.truth()[name]
+        np.testing.assert_allclose(middle.signals[name], true, atol=1e-6 * np.abs(true).max())
+
+
+def test_scaling_compares_the_same_work() -> None:
+    def row(what: str, jobs: int, wall: float, processor: float) -> ensembles.Row:
+        return ensembles.Row(what, 10, jobs, wall, processor)
+
+    found = [row("a", 1, 9.0, 9.0), row("b", 1, 4.0, 3.9), row("b", 2, 2.5, 4.0)]
+    assert ensembles.scaling(found) == pytest.approx((1.6, 1.95))
+    assert ensembles.scaling(found[:2]) is None

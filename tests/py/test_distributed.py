@@ -176,7 +176,8 @@ def same(a: Fit, b: Fit) -> bool:
 
 
 def of_three_starts(**options: Any) -> Fit:
-    return fit(sheet(torque=1000.0), demo("fit"), FREE, starts=3, **SHORT, **options)
+    found: Fit = fit(sheet(torque=1000.0), demo("fit"), FREE, starts=3, **SHORT, **options)
+    return found
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,23 @@
+"""Figures into a page of the documentation: each benchmark owns what lies between its markers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from surroundings import ROOT
+
+PAGE = ROOT / "docs" / "performance.md"
+
+
+def between(text: str, name: str, content: str) -> str:
+    """The text with other content between the markers of that name; raises ValueError if none."""
+    begin, end = (f"<!-- {name}: {where} -->" for where in ("begin", "end"))
+    if text.count(begin) != 1 or text.count(end) != 1 or text.index(begin) > text.index(end):
+        raise ValueError(f"{begin} ... {end}: wanted once, in this order")
+    before, rest = text.split(begin)
+    after = rest.split(end)[1]
+    return f"{before}{begin}\n\n{content.strip()}\n\n{end}{after}"
+
+
+def write(name: str, content: str, page: Path = PAGE) -> None:
+    page.write_text(between(page.read_text("utf-8"), name, content), "utf-8")
