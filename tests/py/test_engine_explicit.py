@@ -7,7 +7,7 @@ tests.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import pi, sin
+from math import exp, pi, sin
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def test_a_table_comes_to_rest_on_its_stribeck_curve() -> None:
     J, level, ratio, speed, start = 2.0, 3.0, 1.5, 0.2, 1.0
 
     def friction(w: float) -> float:
-        return level * (1 + (ratio - 1) * np.exp(-((w / speed) ** 2)))
+        return level * (1 + (ratio - 1) * exp(-((w / speed) ** 2)))
 
     machine = body(J)
     add(machine, "stribeck", "table", torque=level, static_ratio=ratio, speed=speed)
