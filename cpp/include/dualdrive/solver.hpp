@@ -64,6 +64,8 @@ class Solver {
 
     // The recorded signals at t within the last step, where the solver has them cheaper than the model does.
     virtual bool signals_at(double /*t*/, double* /*signals*/) const { return false; }
+    // Their sensitivities, signals × parameters row-major.
+    virtual bool signal_slopes_at(double /*t*/, double* /*slopes*/) const { return false; }
 
     virtual std::span<const int> roots() const = 0;  // after Outcome::root: -1 falling, 1 rising, 0 not at a root
     // Whether a step that crosses a guard always ends there: no second look is needed.

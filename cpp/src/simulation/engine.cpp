@@ -81,14 +81,18 @@ void Simulation::choose_solver(int guards, std::span<const double> parameter_sca
                             options_.energy ? static_cast<int>(powers) : 0};
     std::string reason;
     const bool asked = options_.engine == Engine::exact || options_.long_double;
-    const bool possible = exact_is_possible(reason) && parameters_.empty();
+    const bool possible = exact_is_possible(reason);
+    if (options_.long_double && !parameters_.empty())
+        throw std::invalid_argument("long_double = true: a reference run has no sensitivities; leave one of them out");
     if (asked && !possible)
         throw std::invalid_argument("engine = exact: " + reason + "; take engine = auto, explicit or cvode");
     const bool left_open = options_.engine == Engine::automatic && options_.method == Method::automatic;
     if (asked || (left_open && possible)) {
+        std::vector<std::vector<std::size_t>> slots;
+        for (const Parameter& p : parameters_) slots.push_back(p.slots);
         const auto build = [&]<class R>() {
             typename exact::Exact<R>::Setup setup{machine_,       inputs_,      layout_,   modes_, cell_,
-                                                  options_.start, exact_grid(), recorded_, {}};
+                                                  options_.start, exact_grid(), recorded_, slots};
             return std::make_unique<exact::Exact<R>>(*this, size, std::move(setup));
         };
         if (options_.long_double)

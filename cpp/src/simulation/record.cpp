@@ -66,6 +66,7 @@ void Simulation::record(double t, const double* z) {
 void Simulation::record_sensitivities(double t, const double* z, std::size_t row) {
     const std::size_t width = recorded_.size() * parameters_.size();
     out_.sensitivities.resize((row + 1) * width);
+    if (recorded_are_linear_ && solver_->signal_slopes_at(t, out_.sensitivities.data() + row * width)) return;
     std::vector<std::vector<double>> s(parameters_.size(), std::vector<double>(z_along_.size()));
     for (std::size_t k = 0; k < parameters_.size(); ++k) solver_->sensitivity_at(t, static_cast<int>(k), s[k].data());
     for (std::size_t c = 0; c < chunks(); ++c) {

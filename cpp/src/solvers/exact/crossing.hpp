@@ -48,7 +48,8 @@ struct Quintic {
             std::array<R, 6> c = b;
             for (int level = 5; level > 1; --level)
                 for (int i = 0; i < level; ++i)
-                    c[static_cast<std::size_t>(i)] += x * (c[static_cast<std::size_t>(i + 1)] - c[static_cast<std::size_t>(i)]);
+                    c[static_cast<std::size_t>(i)] +=
+                        x * (c[static_cast<std::size_t>(i + 1)] - c[static_cast<std::size_t>(i)]);
             const R value = c[0] + x * (c[1] - c[0]), slope = R(5) * (c[1] - c[0]);
             (value > 0 ? low : high) = x;
             const R next = x - value / slope;
@@ -137,7 +138,7 @@ class FirstFall {
             if (i > 0) changes += (now < 0) != (b[static_cast<std::size_t>(i - 1)] < 0);
         }
         if (!below) return std::nullopt;
-        if (changes == 1 && b[0] >= 0) 
+        if (changes == 1 && b[0] >= 0)
             return polish_root(p_.data() + first_, degree_ + 1, low + (high - low) / 2, low, high);
         if (depth == 0) return value(low + (high - low) / 2) < -noise_ ? std::optional<R>(low) : std::nullopt;
         Coefficients left = b, right = b;  // de Casteljau at the middle

@@ -25,6 +25,7 @@ Exact<R>::Exact(Problem& problem, Size size, Setup setup)
       probe_scratch_(static_cast<std::size_t>(rows_) * 2),
       z_(static_cast<std::size_t>(size.states), 0.0),
       works_(static_cast<std::size_t>(size.quadratures) * (block + 2), 0.0),
+      slopes_(static_cast<std::size_t>(rows_) * static_cast<std::size_t>(size.sensitivities) * (block + 2), 0.0),
       roots_(static_cast<std::size_t>(size.guards), 0) {
     y_[static_cast<std::size_t>(reader_.one())] = R(1);
 }
@@ -37,6 +38,13 @@ void Exact<R>::take_modes() {
         ++counts_.jacobians;
     }
     now_ = known.get();
+    if constexpr (std::is_same_v<R, double>) {
+        if (size_.sensitivities == 0) return;
+        auto& slope = known_slopes_[now_];
+        if (!slope)
+            slope = std::make_unique<SlopePropagator>(*now_, reader_.derivatives(setup_.modes, setup_.parameters));
+        slope_now_ = slope.get();
+    }
 }
 
 template <class R>
@@ -61,6 +69,7 @@ void Exact<R>::begin_again() {
     if (last() > 0) {
         std::copy_n(column(last()), rows_, column(0));
         std::copy_n(work(last()), size_.quadratures, work(0));
+        std::copy_n(slopes(last()), rows_ * size_.sensitivities, slopes(0));
     }
     done_ = 0;
     ended_ = false;
@@ -174,7 +183,48 @@ void Exact<R>::take_part(R length) {
     std::copy_n(column(done_), rows_, column(done_ + 1));
     now_->advance(column(done_ + 1), length, scratch_.data());
     local_ += length;
+    part_length_ = length;
     ended_ = true;
+}
+
+// The sensitivities from column k to the next one.
+template <class R>
+void Exact<R>::take_slopes(int k, double length) {
+    if constexpr (std::is_same_v<R, double>) {
+        std::copy_n(slopes(k), rows_ * size_.sensitivities, slopes(k + 1));
+        if (k < done_) return slope_now_->step(0, column(k), slopes(k + 1));
+        slope_y_.assign(column(k), column(k) + rows_);
+        slope_now_->advance(length, slope_y_.data(), slopes(k + 1));
+    }
+}
+
+template <class R>
+const double* Exact<R>::slopes_at(double t) const {
+    if constexpr (std::is_same_v<R, double>) {
+        if (std::abs(t - t_) <= instant(t)) return slopes(last());
+        const int k = std::clamp(static_cast<int>((t - begin_) / now_->step() + 1e-9), 0, done_);
+        const double ahead = t - time_of(k);
+        if (std::abs(ahead) <= instant(t)) return slopes(k);
+        slope_probe_.assign(slopes(k), slopes(k) + rows_ * size_.sensitivities);
+        slope_y_.assign(column(k), column(k) + rows_);
+        slope_now_->advance(std::max(0.0, ahead), slope_y_.data(), slope_probe_.data());
+    }
+    return slope_probe_.data();
+}
+
+template <class R>
+void Exact<R>::sensitivity_at(double t, int k, double* s) const {
+    std::copy_n(slopes_at(t) + k * rows_, size_.states, s);
+}
+
+template <class R>
+bool Exact<R>::signal_slopes_at(double t, double* out) const {
+    if constexpr (std::is_same_v<R, double>) {
+        if (!slope_now_) return false;
+        slope_now_->signals(y_at(t), slopes_at(t), static_cast<int>(setup_.recorded.size()), out);
+        return true;
+    }
+    return false;
 }
 
 template <class R>
@@ -185,6 +235,8 @@ Solver::Outcome Exact<R>::arrive() {
     fresh_ = at_root_ = false;
     counts_.steps += last();
     if (!std::all_of(z_.begin(), z_.end(), [](double x) { return std::isfinite(x); })) return Outcome::failed;
+    for (int k = 0; slope_now_ && k < last(); ++k)
+        take_slopes(k, k < done_ ? now_->step() : static_cast<double>(part_length_));
     for (int k = 0; size_.quadratures > 0 && k < last(); ++k)
         if (!integrate_work(k, k < done_ ? now_->step() : end - time_of(done_))) return Outcome::failed;
     t_ = end;
@@ -349,6 +401,10 @@ void Exact<R>::go_back(double t) {
     const R* y = y_at(t);
     std::vector<R> there(y, y + rows_);
     quadrature_at(t, work(0));
+    if (slope_now_) {
+        const std::vector<double> S(slopes_at(t), slopes_at(t) + rows_ * size_.sensitivities);
+        std::copy(S.begin(), S.end(), slopes(0));
+    }
     std::copy(there.begin(), there.end(), column(0));
     done_ = 0;
     ended_ = false;

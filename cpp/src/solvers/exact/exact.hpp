@@ -14,6 +14,7 @@
 #include "generator.hpp"
 #include "laws.hpp"
 #include "propagator.hpp"
+#include "slopes.hpp"
 
 namespace dualdrive::exact {
 
@@ -39,13 +40,14 @@ class Exact final : public Solver {
     double time() const override { return t_; }
     double previous_time() const override { return begin_; }
     std::span<double> state() override { return z_; }
-    std::span<double> sensitivity(int) override { return {}; }
+    std::span<double> sensitivity(int k) override { return {slopes(last()) + k * rows_, z_.size()}; }
     std::span<double> quadrature() override { return {work(last()), static_cast<std::size_t>(size_.quadratures)}; }
     void go_back(double t) override;
     void state_at(double t, double* z) const override;
-    void sensitivity_at(double, int, double*) const override {}
+    void sensitivity_at(double t, int k, double* s) const override;
     void quadrature_at(double t, double* q) const override;
     bool signals_at(double t, double* signals) const override;
+    bool signal_slopes_at(double t, double* slopes) const override;
     std::span<const int> roots() const override { return roots_; }
     bool finds_every_root() const override { return true; }
     Failure failure() const override { return {false, not_finite}; }
@@ -85,6 +87,13 @@ class Exact final : public Solver {
     // y at t within the last step, in `probe_` unless it is stored.
     const R* y_at(double t) const;
     bool integrate_work(int k, double length);
+    // S at t within the last step, as y_at.
+    const double* slopes_at(double t) const;
+    double* slopes(int k) { return slopes_.data() + static_cast<std::ptrdiff_t>(k) * rows_ * size_.sensitivities; }
+    const double* slopes(int k) const {
+        return slopes_.data() + static_cast<std::ptrdiff_t>(k) * rows_ * size_.sensitivities;
+    }
+    void take_slopes(int k, double length);
     double* work(int k) { return works_.data() + k * size_.quadratures; }
 
     Problem& problem_;
@@ -95,12 +104,14 @@ class Exact final : public Solver {
     const int n_, rows_;  // of y, and padded
     std::map<Modes, std::unique_ptr<Propagator<R>>> known_;
     const Propagator<R>* now_ = nullptr;
+    std::map<const Propagator<R>*, std::unique_ptr<SlopePropagator>> known_slopes_;
+    SlopePropagator* slope_now_ = nullptr;  // null without sensitivities
 
     // Where the run stands: t_ = grid_time(place_) + local_, the present state in column done_. Local times keep the
     // digits that t_ loses.
     double t_ = 0.0, begin_ = 0.0;
     long place_ = 0, part_ = 0;  // whole steps within the grid step
-    R local_{0};
+    R local_{0}, part_length_{0};
     int done_ = 0;          // whole steps of the last step(): columns 1 to done_
     bool ended_ = false;    // the last step() went on from column done_ for a part of a step, to column done_ + 1
     bool fresh_ = true;     // a switch or a break was here
@@ -110,6 +121,8 @@ class Exact final : public Solver {
     mutable std::vector<R> probe_, probe_scratch_, probe_signals_;
     std::vector<R> watched_, largest_, bounds_, series_;
     std::vector<double> z_, works_;
+    std::vector<double> slopes_;  // rows_ × sensitivities, (block + 2) times
+    mutable std::vector<double> slope_probe_, slope_y_;
     std::vector<int> roots_;
     std::vector<Fall> falls_;
     std::size_t next_knot_ = 0;

@@ -112,7 +112,8 @@ void Propagator<R>::exponentials(R norm) {
             for (std::size_t i = 0; i < size; ++i) F[i] += F[i] + square[i];
         }
         power_[static_cast<std::size_t>(b)] = F;
-        for (int i = 0; i < n_; ++i) power_[static_cast<std::size_t>(b)][static_cast<std::size_t>(i * rows_ + i)] += R(1);
+        for (int i = 0; i < n_; ++i)
+            power_[static_cast<std::size_t>(b)][static_cast<std::size_t>(i * rows_ + i)] += R(1);
     }
 }
 
