@@ -34,8 +34,8 @@ std::function<bool()> signal_check() {
 Trajectory run(const Machine& machine, const Inputs& inputs, double end, double start, double output_step,
                const std::vector<double>& times, const std::string& engine, double rtol, const std::string& method,
                bool long_double, double longest_step, long max_steps, const std::vector<std::string>& signals,
-               const std::vector<std::string>& sensitivities, const std::map<std::string, double>& initial,
-               bool energy) {
+               const std::vector<std::string>& sensitivities, const std::vector<std::string>& gradient,
+               const std::map<std::string, double>& initial, bool energy) {
     SimulateOptions o;
     o.start = start;
     o.end = end;
@@ -49,6 +49,7 @@ Trajectory run(const Machine& machine, const Inputs& inputs, double end, double 
     o.max_steps = max_steps;
     o.signals = signals;
     o.sensitivities = sensitivities;
+    o.gradient = gradient;
     o.initial = initial;
     o.energy = energy;
     o.interrupted = signal_check();
@@ -74,6 +75,26 @@ nb::typed<nb::dict, std::string, nb::any> statistics(const Trajectory& t) {
     d["method"] = s.method;
     if (!t.work.empty()) d["energy_error"] = s.energy_error;  // not kept without the ledger
     return d;
+}
+
+Array<double> pull_back(const Trajectory& t,
+                        nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu> seeds) {
+    if (!t.pull_back)
+        throw std::invalid_argument(t.status == Status::success
+                                        ? "pull_back: this run kept no tape; name its parameters in gradient"
+                                        : "pull_back: this run stopped early; a gradient needs it whole");
+    if (seeds.shape(0) != t.t.size() || seeds.shape(1) != t.signals.size())
+        throw std::invalid_argument("pull_back: seeds of shape " + std::to_string(seeds.shape(0)) + " x " +
+                                    std::to_string(seeds.shape(1)) + " for " + std::to_string(t.t.size()) +
+                                    " times x " + std::to_string(t.signals.size()) + " signals");
+    const std::vector<double> all(seeds.data(), seeds.data() + seeds.size());
+    std::vector<double> gradient;
+    {
+        const nb::gil_scoped_release unlocked;
+        gradient = t.pull_back(all);
+    }
+    const std::size_t n = gradient.size();
+    return array(std::move(gradient), {n});
 }
 
 using EventTuple = nb::typed<nb::tuple, double, std::string, std::string, std::string>;
@@ -137,6 +158,11 @@ void bind_simulate(nb::module_& m) {
             },
             "d signal / d parameter, shape (n, signals, parameters).")
         .def_prop_ro(
+            "gradient_parameters", [](const Trajectory& t) { return t.gradient; }, "Of pull_back.")
+        .def("pull_back", &pull_back, nb::arg("seeds"),
+             "d cost / d parameter, shape (gradient_parameters,), from d cost / d value, shape (n, signals). Raises "
+             "ValueError for another shape, and for a run without gradient or one that stopped early.")
+        .def_prop_ro(
             "work", [](const Trajectory& t) { return view(t.work, {t.work.size() / powers, powers}); },
             "Energy put in since the start by each path of work_names, J, shape (n, 7); dissipation is negative.")
         .def_prop_ro_static(
@@ -154,12 +180,13 @@ void bind_simulate(nb::module_& m) {
           nb::arg("engine") = "auto", nb::arg("rtol") = SimulateOptions{}.rtol, nb::arg("method") = "auto",
           nb::arg("long_double") = false, nb::arg("longest_step") = 0.0,
           nb::arg("max_steps") = SimulateOptions{}.max_steps, nb::arg("signals") = nb::list(),
-          nb::arg("sensitivities") = nb::list(), nb::arg("initial") = nb::dict(), nb::arg("energy") = true,
+          nb::arg("sensitivities") = nb::list(), nb::arg("gradient") = nb::list(), nb::arg("initial") = nb::dict(),
+          nb::arg("energy") = true,
           "Integrate a machine with every switch located.\n\n"
           "inputs: name -> Waveform (theta_ref, T_load, U_n or T_n of an uncontrolled machine, columns a formula "
           "reads). Times in s.\n"
-          "sensitivities: parameter paths or groups, or initial.<state>. initial: state -> value, others 0. The GIL is "
-          "released.\n"
+          "sensitivities: parameter paths or groups, or initial.<state>. gradient: the same, for "
+          "Trajectory.pull_back. initial: state -> value, others 0. The GIL is released.\n"
           "Raises ValueError for input that makes no sense, KeyboardInterrupt on Ctrl-C; a failed integration is a "
           "status.");
 

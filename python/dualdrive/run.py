@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dualdrive.machine import Machine
 from dualdrive.motion import Motion
@@ -19,9 +19,13 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-__all__ = ["Event", "Run", "load_run"]
+__all__ = ["Event", "Run", "RunError", "load_run"]
 
 Floats = NDArray[np.float64]
+
+
+class RunError(ValueError):
+    """A run was asked for what it can't give; the message says what and why."""
 
 
 class Event(NamedTuple):
@@ -51,6 +55,8 @@ class Run:
     work:           energy put in since the start by each path of work_names, J, (n, paths)
     status:         success, or what stopped the integration; `message` says what to try
     motion:         what was commanded, or None
+    gradient_parameters: what `gradient` derives by; empty unless asked for
+    gradient_parameters: those of `gradient`
     """
 
     t: Floats
@@ -71,6 +77,8 @@ class Run:
     statistics: Mapping[str, Any]
     machine: Machine
     motion: Motion | None = None
+    gradient_parameters: tuple[str, ...] = ()
+    _pull_back: Callable[[Floats], Floats] | None = field(default=None)
     _columns: dict[str, int] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -105,6 +113,8 @@ class Run:
             statistics=dict(trajectory.statistics),
             machine=machine,
             motion=motion,
+            gradient_parameters=tuple(trajectory.gradient_parameters),
+            _pull_back=trajectory.pull_back,
         )
 
     # --- reading ----------------------------------------------------------------------------------
@@ -151,6 +161,30 @@ class Run:
             known = ", ".join(self.parameters) or "none"
             raise KeyError(f"sensitivity to {parameter!r}: not computed; asked for were {known}")
         return self.sensitivities[:, self._column(signal), self.parameters.index(parameter)]
+
+    def gradient(self, slopes: ArrayLike | Mapping[str, ArrayLike]) -> Floats:
+        """Derivatives of a cost of this run by `gradient_parameters`, shape (parameters,).
+
+        slopes:  d cost / d value, as `values`, or the columns of it that aren't 0 by signal
+
+        One walk backwards over the run (the discrete adjoint), whatever the number of parameters.
+        Raises KeyError for an unknown signal, RunError (a ValueError) for a wrong shape, a number
+        that isn't finite, or a run that was made without `gradient`, failed or has travelled.
+        """
+        seeds = np.zeros(self.values.shape)
+        if isinstance(slopes, Mapping):
+            for name, column in slopes.items():
+                seeds[:, self._column(name)] = column
+        else:
+            seeds = np.ascontiguousarray(slopes, float)
+        if not np.isfinite(seeds).all():
+            raise RunError("gradient: the cost's derivatives are not all finite")
+        if self._pull_back is None:
+            raise RunError("gradient: a run that was loaded or copied has lost the way back")
+        try:
+            return self._pull_back(seeds)
+        except ValueError as error:
+            raise RunError(str(error)) from None
 
     # --- tables -----------------------------------------------------------------------------------
 
@@ -212,8 +246,9 @@ class Run:
             "status": self.status,
             "events": str(len(self.events)),
             "steps": f"{self.statistics['steps']} ({self.statistics['method']})",
-            "energy error": f"{self.statistics['energy_error']:.1e} of the energy moved",
         }
+        if "energy_error" in self.statistics:
+            lines["energy error"] = f"{self.statistics['energy_error']:.1e} of the energy moved"
         if self.message:
             lines["message"] = self.message
         return lines
@@ -236,5 +271,5 @@ class Run:
 
     def __getstate__(self) -> dict[str, Any]:
         """Plain copies: what the core owns doesn't travel."""
-        state = dict(self.__dict__)
+        state = {**self.__dict__, "_pull_back": None}
         return {k: np.array(v) if isinstance(v, np.ndarray) else v for k, v in state.items()}

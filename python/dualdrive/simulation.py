@@ -29,6 +29,7 @@ def simulate(
     signals: Sequence[str] | None = None,
     initial: Mapping[str, float] | None = None,
     sensitivities: Sequence[str] = (),
+    gradient: Sequence[str] = (),
     start: float = 0.0,
     output_step: float = 1e-3,
     times: ArrayLike | None = None,
@@ -48,7 +49,9 @@ def simulate(
                     that a formula reads
     signals:        names to record; default: all
     initial:        state -> value; all others are 0
-    sensitivities:  parameter paths, groups or initial.<state>
+    sensitivities:  parameter paths, groups or initial.<state>: forward, d signal / d parameter
+    gradient:       the same, backward: Run.gradient then gives d cost / d parameter of any cost of
+                    the signals for about the price of one more run; exact engine
     times:          output times in s, increasing; else every output_step from start to end
     engine:         exact (between switches; every effect affine in its modes), explicit, cvode, or
                     auto, which takes exact wherever it can (docs/theory/engines.md)
@@ -79,6 +82,7 @@ def simulate(
             longest_step=longest_step,
             signals=list(signals or []),
             sensitivities=list(sensitivities),
+            gradient=list(gradient),
             initial=dict(initial or {}),
             energy=energy,
             **options,

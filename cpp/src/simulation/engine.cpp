@@ -76,33 +76,56 @@ Simulation::Pace Simulation::pace() {
     return pace;
 }
 
+// What was asked for and can't be had together, said before anything moves. `impossible`: why the exact engine would not
+// do, or empty.
+void Simulation::refuse_what_is_not_exact(const std::string& impossible) const {
+    const auto refuse = [](const std::string& what) { throw std::invalid_argument(what); };
+    if (!options_.gradient.empty()) {
+        const char* other = options_.engine == Engine::explicit_rk ? "explicit" : "cvode";
+        if (!wants_exact() && !chooses_engine())
+            refuse(std::string("gradient: engine = ") + other + " has no way back; ask for sensitivities instead");
+        if (!impossible.empty()) refuse("gradient: " + impossible + "; ask for sensitivities instead");
+        if (!recorded_are_linear_)
+            refuse("gradient: record signals that are linear in the state; energies and torques of effects are not");
+    }
+    if (options_.long_double && !(options_.sensitivities.empty() && options_.gradient.empty()))
+        refuse("long_double = true: a reference run has no derivatives; leave one of them out");
+    if (wants_exact() && !impossible.empty())
+        refuse("engine = exact: " + impossible + "; take engine = auto, explicit or cvode");
+}
+
+bool Simulation::wants_exact() const { return options_.engine == Engine::exact || options_.long_double; }
+
+bool Simulation::chooses_engine() const {
+    return options_.engine == Engine::automatic && options_.method == Method::automatic;
+}
+
+void Simulation::take_exact_solver(Solver::Size size) {
+    std::vector<std::vector<std::size_t>> slots;
+    for (const Parameter& p : parameters_) slots.push_back(p.slots);
+    if (!options_.gradient.empty()) tape_ = std::make_unique<exact::Tape>();
+    const auto build = [&]<class R>() {
+        typename exact::Exact<R>::Setup setup{machine_,       inputs_,      layout_,   modes_, cell_,
+                                              options_.start, exact_grid(), recorded_, slots,  tape_.get()};
+        return std::make_unique<exact::Exact<R>>(*this, size, std::move(setup));
+    };
+    if (options_.long_double) {
+        solver_ = build.operator()<long double>();
+        return;
+    }
+    auto solver = build.operator()<double>();
+    exact_ = solver.get();
+    solver_ = std::move(solver);
+}
+
 void Simulation::choose_solver(int guards, std::span<const double> parameter_scale) {
     const Solver::Size size{layout_.size(), guards, static_cast<int>(parameters_.size()),
                             options_.energy ? static_cast<int>(powers) : 0};
-    std::string reason;
-    const bool asked = options_.engine == Engine::exact || options_.long_double;
-    const bool possible = exact_is_possible(reason);
-    if (options_.long_double && !parameters_.empty())
-        throw std::invalid_argument("long_double = true: a reference run has no sensitivities; leave one of them out");
-    if (asked && !possible)
-        throw std::invalid_argument("engine = exact: " + reason + "; take engine = auto, explicit or cvode");
-    const bool left_open = options_.engine == Engine::automatic && options_.method == Method::automatic;
-    if (asked || (left_open && possible)) {
-        std::vector<std::vector<std::size_t>> slots;
-        for (const Parameter& p : parameters_) slots.push_back(p.slots);
-        const auto build = [&]<class R>() {
-            typename exact::Exact<R>::Setup setup{machine_,       inputs_,      layout_,   modes_, cell_,
-                                                  options_.start, exact_grid(), recorded_, slots};
-            return std::make_unique<exact::Exact<R>>(*this, size, std::move(setup));
-        };
-        if (options_.long_double)
-            solver_ = build.operator()<long double>();
-        else
-            solver_ = build.operator()<double>();
-        return;
-    }
-    if (std::string unused; exact_is_possible(unused))
-        field_ = std::make_unique<AffineField>(machine_, inputs_, layout_, modes_, cell_);
+    std::string impossible;
+    const bool possible = exact_is_possible(impossible), left_open = chooses_engine();
+    refuse_what_is_not_exact(impossible);
+    if (wants_exact() || (left_open && possible)) return take_exact_solver(size);
+    if (possible) field_ = std::make_unique<AffineField>(machine_, inputs_, layout_, modes_, cell_);
     const auto explicit_solver = [&](double stiff_beyond) {
         return std::make_unique<RungeKutta>(*this, size, options_.rtol, parameter_scale, stiff_beyond);
     };

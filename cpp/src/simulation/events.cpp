@@ -9,13 +9,13 @@ namespace dualdrive {
 
 namespace {
 
-constexpr int settle_passes = 60;      // transitions at one instant before it is called chattering
-constexpr long crowded_limit = 400;    // transitions in a row ...
-constexpr double crowded_time = 1e-9;  // ... each within this of the one before, s
-constexpr double noise = 1e-9;         // of a guard's scale: below it, which way the guard moves decides
+constexpr int settle_passes = 60;       // transitions at one instant before it is called chattering
+constexpr long crowded_limit = 400;     // transitions in a row ...
+constexpr double crowded_time = 1e-9;   // ... each within this of the one before, s
+constexpr double noise = 1e-9;          // of a guard's scale: below it, which way the guard moves decides
 constexpr double standing_rate = 1e-7;  // of a guard's scale, 1/s: one that moves more slowly stands
-constexpr double grazing_rate = 1e-2;  // of a guard's scale, 1/s: one that falls more slowly has a kink in its slopes
-constexpr double at_limit = 1e-6;      // of a limit: nearer than this a limited quantity stands on it
+constexpr double grazing_rate = 1e-2;   // of a guard's scale, 1/s: one that falls more slowly has a kink in its slopes
+constexpr double at_limit = 1e-6;       // of a limit: nearer than this a limited quantity stands on it
 
 }  // namespace
 
@@ -150,11 +150,14 @@ void Simulation::find_instant_slope(int element, int which, const std::vector<do
     const Mode m = modes_[static_cast<std::size_t>(element)];
     const bool rides =
         layout_.switches[static_cast<std::size_t>(element)].kind == SwitchKind::limiter && limiter::riding(m);
-    if (parameters_.empty() || rides) return;  // leaving a riding limit, the field is continuous
+    if (tape_ && rides) tape_->add({.kind = exact::Entry::Kind::still});
+    if ((parameters_.empty() && !tape_) || rides) return;  // leaving a riding limit, the field is continuous
     evaluate_along(t, z.data(), 1.0, rate.data());
     const double approach = along_.guard(element, which, nullptr).slope[0];
     if (std::abs(approach) < grazing_rate * guard_scale(element, which)) ++out_.statistics.grazing;
+    if (tape_ && approach == 0.0) tape_->add({.kind = exact::Entry::Kind::still});
     if (approach == 0.0) return;
+    if (tape_) exact_->write_instant(element * guards_per_switch + which, approach);
     for (std::size_t c = 0; c < chunks(); ++c) {
         evaluate_chunk(c, t, z.data(), [&](std::size_t k, std::size_t state) {
             return solver_->sensitivity(static_cast<int>(k))[state];
@@ -191,6 +194,13 @@ bool Simulation::transition(int element, int which, Cause cause) {
             const double carried = sticks && i == group ? 0.0 : before[i];
             s[i] += (carried - model_.rate()[i]) * instant_slope_[k];
         }
+    }
+    if (tape_) {
+        std::vector<double> change(before);
+        for (std::size_t i = 0; i < change.size(); ++i) change[i] -= model_.rate()[i];
+        if (sticks) change[group] = -model_.rate()[group];
+        tape_->add({.kind = exact::Entry::Kind::shift, .column = sticks ? static_cast<int>(group) : -1}, change.data(),
+                   layout_.size());
     }
     slave_riding();
     out_.events.push_back({t, element, from, to});
@@ -261,47 +271,27 @@ void Simulation::switch_at(const std::vector<int>& fallen) {
 
 // A riding limiter's integrator follows from its output, for the state and for its sensitivities.
 void Simulation::slave_riding() {
-    if (!riding()) return;
-    apply([](Model<double>& m, double* z) { m.slave_integrators(z); },
-          [](Model<Gradient>& m, Gradient* z) { m.slave_integrators(z); });
+    if (riding()) apply(JumpKind::riding);
 }
 
-// A jump of the state at a fixed time, carried through to the sensitivities by the same lines.
-void Simulation::apply(const std::function<void(Model<double>&, double*)>& jump,
-                       const std::function<void(Model<Gradient>&, Gradient*)>& jump_with_slopes) {
+// A jump of the state at the present instant, carried through to the sensitivities by the same lines.
+void Simulation::apply(JumpKind kind, const Clock* clock) {
     const double t = solver_->time();
     const auto z = solver_->state();
+    if (tape_) write_jump(kind, clock);
     for (std::size_t c = 0; c < chunks(); ++c) {
         evaluate_chunk(c, t, z.data(), [&](std::size_t k, std::size_t state) {
             return solver_->sensitivity(static_cast<int>(k))[state];
         });
         std::vector<Gradient> next(z_along_);
-        jump_with_slopes(*chunk_[c], next.data());
+        do_jump(kind, clock, *chunk_[c], z_along_.data(), next.data());
         for (std::size_t k = c * directions; k < std::min((c + 1) * directions, parameters_.size()); ++k)
             for (std::size_t i = 0; i < next.size(); ++i)
                 solver_->sensitivity(static_cast<int>(k))[i] = next[i].slope[k - c * directions];
     }
     evaluate(t, z.data());
-    std::vector<double> next(z.begin(), z.end());
-    jump(model_, next.data());
-    std::copy(next.begin(), next.end(), z.begin());
-}
-
-void Simulation::tick(const Clock& clock, bool output) {
-    if (output) {
-        apply(
-            [&](Model<double>& m, double* z) {
-                const std::vector<double> old(z, z + layout_.size());
-                m.put_out(clock, old.data(), z);
-            },
-            [&](Model<Gradient>& m, Gradient* z) {
-                const std::vector<Gradient> old(z, z + layout_.size());
-                m.put_out(clock, old.data(), z);
-            });
-    } else {
-        apply([&](Model<double>& m, double* z) { m.tick(clock, z); },
-              [&](Model<Gradient>& m, Gradient* z) { m.tick(clock, z); });
-    }
+    const std::vector<double> before(z.begin(), z.end());
+    do_jump(kind, clock, model_, before.data(), z.data());
 }
 
 // A discontinuity of a delayed signal comes back one delay later; its time moves as the event's and the delay do.
@@ -326,6 +316,7 @@ void Simulation::pass_break() {
     const auto z = solver_->state();
     slave_riding();
     instant_slope_.assign(parameters_.size(), 0.0);
+    if (tape_) tape_->add({.kind = exact::Entry::Kind::still});
     bool broke = t <= options_.start + instant(t), returned = false;
     evaluate(t, z.data());
     const std::vector<double> before(model_.rate());
@@ -361,8 +352,8 @@ void Simulation::pass_break() {
             for (std::size_t i = 0; i < s.size(); ++i) s[i] += (before[i] - model_.rate()[i]) * instant_slope_[k];
         }
     }
-    for (const Clock* k : due_outputs) tick(*k, true);
-    for (const Clock* k : due_ticks) tick(*k, false);
+    for (const Clock* k : due_outputs) apply(JumpKind::output, k);
+    for (const Clock* k : due_ticks) apply(JumpKind::tick, k);
     if (settle(false)) restart();
 }
 

@@ -87,38 +87,54 @@ bool Simulation::is_read(const std::string& input) const {
     });
 }
 
+Simulation::Parameter Simulation::read_parameter(const std::string& path) const {
+    Parameter p{{}, -1, 1.0};
+    if (path.starts_with("initial.")) {
+        p.initial_state = layout_.state(path.substr(8));
+        if (p.initial_state < 0)
+            throw std::invalid_argument("sensitivity " + path + ": no such state" +
+                                        near_names(path.substr(8), layout_.state_names));
+        return p;
+    }
+    p.slots = machine_.resolve(path);
+    const auto& slot = machine_.slots()[p.slots.front()];
+    if (slot.clock)
+        throw std::invalid_argument("sensitivity " + path +
+                                    ": a sample time has no derivative; vary it in a sweep instead");
+    for (const auto k : p.slots)
+        if (machine_.values()[k] == 0.0 && is_switch(machine_.slots()[k].path))
+            throw std::invalid_argument("sensitivity " + path + ": at 0 " + machine_.slots()[k].path +
+                                        " is switched off and its derivative would come out as 0; start from "
+                                        "another value");
+    const double v = std::abs(machine_.values()[p.slots.front()]);
+    p.scale = v > 0 && std::isfinite(v) ? v : slot.typical;
+    return p;
+}
+
 void Simulation::read_parameters() {
-    for (const auto& path : options_.sensitivities) {
-        Parameter p{{}, -1, 1.0};
-        if (path.starts_with("initial.")) {
-            p.initial_state = layout_.state(path.substr(8));
-            if (p.initial_state < 0)
-                throw std::invalid_argument("sensitivity " + path + ": no such state" +
-                                            near_names(path.substr(8), layout_.state_names));
-        } else {
-            p.slots = machine_.resolve(path);
-            const auto& slot = machine_.slots()[p.slots.front()];
-            if (slot.clock)
-                throw std::invalid_argument("sensitivity " + path +
-                                            ": a sample time has no derivative; vary it in a sweep instead");
-            for (const auto k : p.slots)
-                if (machine_.values()[k] == 0.0 && is_switch(machine_.slots()[k].path))
-                    throw std::invalid_argument("sensitivity " + path + ": at 0 " + machine_.slots()[k].path +
-                                                " is switched off and its derivative would come out as 0; start from "
-                                                "another value");
-            const double v = std::abs(machine_.values()[p.slots.front()]);
-            p.scale = v > 0 && std::isfinite(v) ? v : slot.typical;
-        }
-        parameters_.push_back(std::move(p));
-        out_.parameters.push_back(path);
-    }
-    for (std::size_t c = 0; c < chunks(); ++c) {
-        chunk_.push_back(std::make_unique<Model<Gradient>>(machine_, inputs_, layout_));
+    if (!options_.sensitivities.empty() && !options_.gradient.empty())
+        throw std::invalid_argument("gradient and sensitivities: a run goes back or forward; ask for one of them");
+    if (options_.rows && !options_.gradient.empty())
+        throw std::invalid_argument("gradient: its run must keep all rows; take it one run at a time");
+    for (const auto& path : options_.sensitivities) parameters_.push_back(read_parameter(path));
+    for (const auto& path : options_.gradient) back_parameters_.push_back(read_parameter(path));
+    out_.parameters = options_.sensitivities;
+    out_.gradient = options_.gradient;
+    chunk_ = seeded_models(parameters_);
+}
+
+// One model per `directions` parameters, each with its slopes along them.
+std::vector<std::unique_ptr<Model<Gradient>>> Simulation::seeded_models(
+    const std::vector<Parameter>& parameters) const {
+    std::vector<std::unique_ptr<Model<Gradient>>> models;
+    for (std::size_t first = 0; first < parameters.size(); first += directions) {
+        models.push_back(std::make_unique<Model<Gradient>>(machine_, inputs_, layout_));
         std::vector<Gradient> values(machine_.values().begin(), machine_.values().end());
-        for (std::size_t d = 0; d < directions && c * directions + d < parameters_.size(); ++d)
-            for (const auto slot : parameters_[c * directions + d].slots) values[slot].slope[d] = 1.0;
-        chunk_.back()->set_parameters(values.data());
+        for (std::size_t d = 0; d < directions && first + d < parameters.size(); ++d)
+            for (const auto slot : parameters[first + d].slots) values[slot].slope[d] = 1.0;
+        models.back()->set_parameters(values.data());
     }
+    return models;
 }
 
 }  // namespace dualdrive

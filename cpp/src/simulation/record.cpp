@@ -32,7 +32,7 @@ bool Simulation::record_signals(double t, const double* z) {
     const std::size_t first = out_.values.size();
     out_.values.resize(first + recorded_.size());
     double* row = out_.values.data() + first;
-    if (options_.energy || !recorded_are_linear_ || !solver_->signals_at(t, row)) {
+    if ((options_.energy && !tape_) || !recorded_are_linear_ || !solver_->signals_at(t, row)) {
         evaluate(t, z);
         for (const int s : recorded_) *row++ = model_.signals()[static_cast<std::size_t>(s)];
     }
@@ -49,6 +49,7 @@ void Simulation::record(double t, const double* z) {
     out_.t.push_back(t);
     out_.modes.insert(out_.modes.end(), modes_.begin(), modes_.end());
     if (options_.energy) {
+        evaluate(t, z);
         solver_->quadrature_at(t, work_scratch_.data());
         out_.work.insert(out_.work.end(), work_scratch_.begin(), work_scratch_.end());
         const double stored = model_.signals()[static_cast<std::size_t>(layout_.at.stored_energy)];

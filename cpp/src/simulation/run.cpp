@@ -38,7 +38,12 @@ const char* status_name(Status status) {
 }
 
 Trajectory simulate(const Machine& machine, const Inputs& inputs, const SimulateOptions& options) {
-    return Simulation(machine, inputs, options).run();
+    if (options.gradient.empty()) return Simulation(machine, inputs, options).run();
+    const auto taped = std::make_shared<Simulation>(machine, inputs, options);
+    Trajectory trajectory = taped->run();
+    if (trajectory.status == Status::success)
+        trajectory.pull_back = [taped](const std::vector<double>& seeds) { return taped->pull_back(seeds); };
+    return trajectory;
 }
 
 Simulation::Simulation(const Machine& machine, const Inputs& inputs, const SimulateOptions& options)
@@ -93,6 +98,7 @@ Trajectory Simulation::run() {
     if (out_.status == Status::success) loop();
     finish();
     if (options_.rows) options_.rows(out_);
+    out_rows_ = out_.t.size();
     return std::move(out_);
 }
 

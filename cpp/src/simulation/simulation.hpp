@@ -6,6 +6,7 @@
 #include <memory>
 #include <queue>
 
+#include "../solvers/exact/exact.hpp"
 #include "affine_field.hpp"
 #include "dualdrive/simulate.hpp"
 #include "history.hpp"
@@ -16,14 +17,24 @@ class Simulation final : public Problem {
   public:
     Simulation(const Machine& machine, const Inputs& inputs, const SimulateOptions& options);
     Trajectory run();
+    // ∂(cost)/∂(options.gradient) from ∂(cost)/∂(recorded values): see gradient.cpp.
+    std::vector<double> pull_back(const std::vector<double>& seeds);
 
   private:
+    enum class JumpKind { riding, tick, output, encoders };
+    struct Parameter {
+        std::vector<std::size_t> slots;  // members of a group move together
+        int initial_state = -1;
+        double scale;
+    };
+
     // run.cpp, options.cpp, start.cpp, record.cpp: set-up, loop, recording
     void read_options();
     bool is_read(const std::string& input) const;
     void read_parameters();
+    Parameter read_parameter(const std::string& path) const;
+    std::vector<std::unique_ptr<Model<Gradient>>> seeded_models(const std::vector<Parameter>& parameters) const;
     void start();
-    void start_encoder_sensitivities();
     void loop();
     void restart();
     double next_stop();
@@ -42,6 +53,10 @@ class Simulation final : public Problem {
     Pace pace();
     void choose_solver(int guards, std::span<const double> parameter_scale);
     bool exact_is_possible(std::string& reason) const;
+    void refuse_what_is_not_exact(const std::string& impossible) const;
+    bool wants_exact() const;
+    bool chooses_engine() const;
+    void take_exact_solver(Solver::Size size);
     double exact_grid() const;
     std::vector<double> tolerances() const;
 
@@ -57,11 +72,15 @@ class Simulation final : public Problem {
     Mode standing_mode(int element);
     double guard_scale(int element, int which) const;
     void pass_break();
-    void tick(const Clock& clock, bool output);
-    void apply(const std::function<void(Model<double>&, double*)>& jump,
-               const std::function<void(Model<Gradient>&, Gradient*)>& jump_with_slopes);
+    void apply(JumpKind kind, const Clock* clock = nullptr);
     void slave_riding();
     void add_delayed_breaks(double t, const std::vector<double>& time_slope);
+
+    // gradient.cpp: the tape of a run, and the way back over it
+    void write_jump(JumpKind kind, const Clock* clock = nullptr);
+    void jump_back(int number, double* lambda, std::vector<double>& gradient);
+    template <class S>
+    void do_jump(JumpKind kind, const Clock* clock, const Model<S>& model, const S* z, S* next) const;
 
     // crossing.cpp: which guards fell in the last step, and when first
     std::vector<int> fallen_guards(Solver::Outcome outcome);
@@ -105,13 +124,9 @@ class Simulation final : public Problem {
     Model<Gradient> along_;
     std::vector<std::unique_ptr<Model<Gradient>>> chunk_;
 
-    struct Parameter {
-        std::vector<std::size_t> slots;  // members of a group move together
-        int initial_state = -1;
-        double scale;
-    };
-    std::vector<Parameter> parameters_;
-    std::vector<int> recorded_;  // signals
+    std::vector<Parameter> parameters_;       // of forward sensitivities
+    std::vector<Parameter> back_parameters_;  // of the gradient
+    std::vector<int> recorded_;               // signals
     std::vector<double> times_;
     std::size_t next_output_ = 0;
 
@@ -153,6 +168,19 @@ class Simulation final : public Problem {
     bool bad_numbers_ = false;           // the last rates or guards were not finite
     long crowded_ = 0, guard_calls_ = 0;
     double last_switch_ = 0.0;
+    struct Jump {
+        JumpKind kind;
+        const Clock* clock;
+        double t;
+        std::vector<double> z;
+        Modes modes;
+        Cell cell;
+    };
+    std::vector<Jump> jumps_;
+    std::size_t out_rows_ = 0;
+    std::unique_ptr<exact::Tape> tape_;
+    exact::Exact<double>* exact_ = nullptr;  // the solver, of double
+    std::vector<std::unique_ptr<Model<Gradient>>> back_models_;
     Trajectory out_;
 };
 

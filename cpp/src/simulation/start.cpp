@@ -114,7 +114,7 @@ void Simulation::start() {
     for (std::size_t k = 0; k < parameters_.size(); ++k)
         for (std::size_t state = 0; state < n; ++state)
             solver_->sensitivity(static_cast<int>(k))[state] = seed(k, state);
-    start_encoder_sensitivities();
+    if (!layout_.encoder_history.empty()) apply(JumpKind::encoders);
     double longest = options_.longest_step;
     for (const auto& d : layout_.delays) {  // the past must lie behind the step
         const double delay = d.effect >= 0
@@ -134,23 +134,6 @@ void Simulation::start() {
     pass_break();
     evaluate(options_.start, solver_->state().data());
     energy_start_ = model_.signals()[static_cast<std::size_t>(layout_.at.stored_energy)];
-}
-
-// Encoders start with the motors' angles, which follow from ratios and initial states.
-void Simulation::start_encoder_sensitivities() {
-    for (std::size_t c = 0; c < chunks(); ++c) {
-        evaluate_chunk(c, options_.start, solver_->state().data(), [&](std::size_t k, std::size_t state) {
-            return solver_->sensitivity(static_cast<int>(k))[state];
-        });
-        for (std::size_t m = 0; m < layout_.encoder_history.size(); ++m) {
-            const auto body = static_cast<std::size_t>(machine_.motors()[m].body);
-            const Gradient& angle = chunk_[c]->signals()[static_cast<std::size_t>(layout_.at.angle[body])];
-            for (std::size_t k = c * directions; k < std::min((c + 1) * directions, parameters_.size()); ++k)
-                for (int h = 0; h < machine_.controller().speed_samples; ++h)
-                    solver_->sensitivity(static_cast<int>(
-                        k))[static_cast<std::size_t>(layout_.encoder_history[m] + h)] = angle.slope[k - c * directions];
-        }
-    }
 }
 
 }  // namespace dualdrive

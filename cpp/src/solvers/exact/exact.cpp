@@ -200,14 +200,12 @@ void Exact<R>::take_slopes(int k, double length) {
 
 template <class R>
 const double* Exact<R>::slopes_at(double t) const {
+    const Spot at = spot(t);
+    if (at.ahead == 0.0) return slopes(at.column);
     if constexpr (std::is_same_v<R, double>) {
-        if (std::abs(t - t_) <= instant(t)) return slopes(last());
-        const int k = std::clamp(static_cast<int>((t - begin_) / now_->step() + 1e-9), 0, done_);
-        const double ahead = t - time_of(k);
-        if (std::abs(ahead) <= instant(t)) return slopes(k);
-        slope_probe_.assign(slopes(k), slopes(k) + rows_ * size_.sensitivities);
-        slope_y_.assign(column(k), column(k) + rows_);
-        slope_now_->advance(std::max(0.0, ahead), slope_y_.data(), slope_probe_.data());
+        slope_probe_.assign(slopes(at.column), slopes(at.column) + rows_ * size_.sensitivities);
+        slope_y_.assign(column(at.column), column(at.column) + rows_);
+        slope_now_->advance(at.ahead, slope_y_.data(), slope_probe_.data());
     }
     return slope_probe_.data();
 }
@@ -221,7 +219,7 @@ template <class R>
 bool Exact<R>::signal_slopes_at(double t, double* out) const {
     if constexpr (std::is_same_v<R, double>) {
         if (!slope_now_) return false;
-        slope_now_->signals(y_at(t), slopes_at(t), static_cast<int>(setup_.recorded.size()), out);
+        slope_now_->signals(y_at(spot(t)), slopes_at(t), static_cast<int>(setup_.recorded.size()), out);
         return true;
     }
     return false;
@@ -240,7 +238,35 @@ Solver::Outcome Exact<R>::arrive() {
     for (int k = 0; size_.quadratures > 0 && k < last(); ++k)
         if (!integrate_work(k, k < done_ ? now_->step() : end - time_of(done_))) return Outcome::failed;
     t_ = end;
+    if constexpr (std::is_same_v<R, double>)
+        if (setup_.tape)
+            setup_.tape->add({.kind = Entry::Kind::steps,
+                              .law = now_,
+                              .count = done_,
+                              .column = ended_ ? 1 : 0,
+                              .length = part_length_},
+                             column(0), rows_ * (last() + 1));
     return Outcome::stepped;
+}
+
+template <class R>
+void Exact<R>::write_instant(int guard, double rate) {
+    if constexpr (std::is_same_v<R, double>) {
+        const Propagator<R>* const before = now_;
+        take_modes();  // several switches at one instant: the modes between them
+        std::vector<double> y(column(last()), column(last()) + rows_);
+        std::copy(z_.begin(), z_.end(), y.begin());
+        setup_.tape->add({.kind = Entry::Kind::instant, .law = now_, .count = guard, .length = rate}, y.data(), rows_);
+        now_ = before;
+    }
+}
+
+template <class R>
+std::vector<Laws<R>> Exact<R>::derivatives(const Propagator<R>* law,
+                                           const std::vector<std::vector<std::size_t>>& parameters) {
+    for (const auto& [modes, known] : known_)
+        if (known.get() == law) return reader_.derivatives(modes, parameters);
+    return {};
 }
 
 // Where a guard that fell reads one state alone, that state stands where the guard is zero: a gap that is tiny beside the
@@ -371,34 +397,42 @@ std::optional<R> Exact<R>::first_fall(int k, R fraction) {
 }
 
 template <class R>
-const R* Exact<R>::y_at(double t) const {
-    if (std::abs(t - t_) <= instant(t)) return column(last());
+typename Exact<R>::Spot Exact<R>::spot(double t) const {
+    if (std::abs(t - t_) <= instant(t)) return {last(), 0.0};
     const int k = std::clamp(static_cast<int>((t - begin_) / now_->step() + 1e-9), 0, done_);
     const double ahead = t - time_of(k);
-    if (std::abs(ahead) <= instant(t)) return column(k);
-    std::copy_n(column(k), rows_, probe_.data());
-    now_->advance(probe_.data(), R(std::max(0.0, ahead)), probe_scratch_.data());
+    return {k, std::abs(ahead) <= instant(t) ? 0.0 : std::max(0.0, ahead)};
+}
+
+template <class R>
+const R* Exact<R>::y_at(const Spot& at) const {
+    if (at.ahead == 0.0) return column(at.column);
+    std::copy_n(column(at.column), rows_, probe_.data());
+    now_->advance(probe_.data(), R(at.ahead), probe_scratch_.data());
     return probe_.data();
 }
 
 template <class R>
 void Exact<R>::state_at(double t, double* z) const {
-    const R* y = y_at(t);
+    const R* y = y_at(spot(t));
     for (int k = 0; k < size_.states; ++k) z[k] = static_cast<double>(y[k]);
 }
 
 template <class R>
 bool Exact<R>::signals_at(double t, double* signals) const {
     const int m = now_->outputs();
-    const R* y = y_at(t);
+    const Spot at = spot(t);
+    const R* y = y_at(at);
     Arithmetic<R>::multiply(m, n_, now_->output_rows().data(), rows_, y, 1, probe_signals_.data());
     for (std::size_t k = 0; k < setup_.recorded.size(); ++k) signals[k] = static_cast<double>(probe_signals_[k]);
+    if constexpr (std::is_same_v<R, double>)
+        if (setup_.tape) setup_.tape->add_output(now_, last() == 0 ? -1 : at.column, at.ahead, y, rows_);
     return true;
 }
 
 template <class R>
 void Exact<R>::go_back(double t) {
-    const R* y = y_at(t);
+    const R* y = y_at(spot(t));
     std::vector<R> there(y, y + rows_);
     quadrature_at(t, work(0));
     if (slope_now_) {

@@ -15,6 +15,7 @@
 #include "laws.hpp"
 #include "propagator.hpp"
 #include "slopes.hpp"
+#include "tape.hpp"
 
 namespace dualdrive::exact {
 
@@ -30,6 +31,7 @@ class Exact final : public Solver {
         double start, grid;                                // s; grid times are start + k grid
         std::vector<int> recorded;                         // signals
         std::vector<std::vector<std::size_t>> parameters;  // slots that move together, per sensitivity
+        Tape* tape = nullptr;                              // to write on, for the way back
     };
 
     Exact(Problem& problem, Size size, Setup setup);
@@ -53,6 +55,11 @@ class Exact final : public Solver {
     Failure failure() const override { return {false, not_finite}; }
     Counts counts() const override { return counts_; }
     std::string name() const override { return "exact"; }
+
+    // For the tape: the guard that falls at the present instant, in the modes as they are, at `rate` per s.
+    void write_instant(int guard, double rate);
+    // What the laws on the tape owe to parameters.
+    std::vector<Laws<R>> derivatives(const Propagator<R>* law, const std::vector<std::vector<std::size_t>>& parameters);
 
   private:
     static constexpr int block = 16;  // steps that are watched together
@@ -84,8 +91,14 @@ class Exact final : public Solver {
     void next_place();
     R* column(int k) { return y_.data() + static_cast<std::ptrdiff_t>(k) * rows_; }
     const R* column(int k) const { return y_.data() + static_cast<std::ptrdiff_t>(k) * rows_; }
-    // y at t within the last step, in `probe_` unless it is stored.
-    const R* y_at(double t) const;
+    // Where t lies within the last step: after which column, and by how much.
+    struct Spot {
+        int column;
+        double ahead;
+    };
+    Spot spot(double t) const;
+    // y there, in `probe_` unless it is stored.
+    const R* y_at(const Spot& at) const;
     bool integrate_work(int k, double length);
     // S at t within the last step, as y_at.
     const double* slopes_at(double t) const;

@@ -1,0 +1,96 @@
+// The way back over a tape: λ = ∂(cost)/∂y at each point, and with it the cost's gradient.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <span>
+#include <vector>
+
+#include "laws.hpp"
+#include "tape.hpp"
+
+namespace dualdrive::exact {
+
+// Σ a bᵀ, many pairs at a time.
+class OuterSum {
+  public:
+    OuterSum() = default;
+    OuterSum(int rows, int columns);  // rows padded
+
+    void add(const double* a, const double* b, double factor = 1.0);
+    const std::vector<double>& total();  // column-major
+    bool empty() const { return sum_.empty(); }
+
+  private:
+    static constexpr int most = 16;
+    void flush();
+
+    int rows_ = 0, columns_ = 0, pairs_ = 0;
+    std::vector<double> sum_, left_, right_, product_;
+};
+
+// ∂(cost)/∂(coefficients) of one law, summed over a run. The exponentials' parts become one of A at the end.
+class LawGradient {
+  public:
+    explicit LawGradient(const Propagator<double>& law);
+
+    // λ back over step / 2^level that began at y.
+    void step_back(int level, const double* y, double* lambda);
+    void part_back(double length, const double* y, double* lambda);
+    // For `count` columns of states y: `push` (rows × count) becomes ∂(cost)/∂y by way of the signals' seeds there.
+    void outputs_back(int count, const double* y, const double* seeds, double* push);
+    void guard_back(int guard, double weight, const double* y);
+
+    // Σ over all coefficients of their gradient times their derivative.
+    double along(const Laws<double>& derivative);
+
+  private:
+    const std::vector<double>& transposed(int level);
+    void taylor_back(double length, const double* y, double* lambda);
+    Matrix<double> of_exponentials();
+    void close();
+
+    const Propagator<double>& law_;
+    const int n_, rows_, signals_;
+    std::vector<std::vector<double>> transposed_;  // per level: Eᵀ
+    std::vector<OuterSum> exponential_;            // per level: ∂(cost)/∂E
+    OuterSum series_, outputs_;                    // of A directly; of the signals' rows, transposed
+    std::vector<double> A_transposed_, outputs_transposed_, scratch_, last_;
+    Matrix<double> guards_, A_;  // A_: of all ways, once closed
+    bool closed_ = false;
+};
+
+class Adjoint {
+  public:
+    // jump_back(number, λ): takes λ, over the states, back over a jump of the simulation and keeps what it owes to
+    // parameters.
+    Adjoint(const Tape& tape, int states, std::function<void(int, double*)> jump_back);
+
+    // seeds: ∂(cost)/∂(recorded signals), rows × signals.
+    void walk(const double* seeds, std::size_t signals);
+    const std::vector<double>& lambda() const { return lambda_; }  // at the start
+    std::map<const Propagator<double>*, LawGradient>& laws() { return laws_; }
+
+  private:
+    using Outputs = std::span<const Entry>;
+    LawGradient& gradient(const Propagator<double>* law);
+    const double* values(const Entry& e) const { return tape_.values.data() + e.y; }
+    const double* seeds(const Entry& e) const { return seeds_ + static_cast<std::size_t>(e.row) * signals_; }
+    void present_outputs_back(Outputs outputs);
+    void pushes_of(Outputs outputs, const Entry& steps);
+    void steps_back(const Entry& entry, Outputs outputs);
+    void switch_back(const Entry& entry);
+
+    const Tape& tape_;
+    const int states_;
+    std::function<void(int, double*)> jump_back_;
+    const double* seeds_ = nullptr;
+    std::size_t signals_ = 0;
+    std::vector<double> lambda_, side_, pushes_;  // pushes_: into λ at every column of the present steps
+    double instant_ = 0.0;                        // ∂(cost)/∂(time of the instant)
+    const Propagator<double>* recent_ = nullptr;  // the law asked for last
+    LawGradient* recent_gradient_ = nullptr;
+    std::map<const Propagator<double>*, LawGradient> laws_;
+};
+
+}  // namespace dualdrive::exact
