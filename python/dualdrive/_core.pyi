@@ -411,6 +411,15 @@ class Trajectory:
         """d signal / d parameter, shape (n, signals, parameters)."""
 
     @property
+    def gradient_parameters(self) -> list[str]:
+        """Of pull_back."""
+
+    def pull_back(self, seeds: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
+        """
+        d cost / d parameter, shape (gradient_parameters,), from d cost / d value, shape (n, signals). Raises ValueError for another shape, and for a run without gradient or one that stopped early.
+        """
+
+    @property
     def work(self) -> Annotated[NDArray[numpy.float64], dict(writable=False)]:
         """
         Energy put in since the start by each path of work_names, J, shape (n, 7); dissipation is negative.
@@ -435,12 +444,12 @@ class Trajectory:
     @property
     def statistics(self) -> dict[str, Any]: ...
 
-def simulate(machine: Machine, inputs: Mapping[str, Waveform], *, end: float, start: float = 0.0, output_step: float = 0.001, times: Sequence[float] = [], engine: str = 'auto', rtol: float = 1e-10, method: str = 'auto', long_double: bool = False, longest_step: float = 0.0, max_steps: int = 50000000, signals: Sequence[str] = [], sensitivities: Sequence[str] = [], initial: Mapping[str, float] = {}, energy: bool = True) -> Trajectory:
+def simulate(machine: Machine, inputs: Mapping[str, Waveform], *, end: float, start: float = 0.0, output_step: float = 0.001, times: Sequence[float] = [], engine: str = 'auto', rtol: float = 1e-10, method: str = 'auto', long_double: bool = False, longest_step: float = 0.0, max_steps: int = 50000000, signals: Sequence[str] = [], sensitivities: Sequence[str] = [], gradient: Sequence[str] = [], initial: Mapping[str, float] = {}, energy: bool = True) -> Trajectory:
     """
     Integrate a machine with every switch located.
 
     inputs: name -> Waveform (theta_ref, T_load, U_n or T_n of an uncontrolled machine, columns a formula reads). Times in s.
-    sensitivities: parameter paths or groups, or initial.<state>. initial: state -> value, others 0. The GIL is released.
+    sensitivities: parameter paths or groups, or initial.<state>. gradient: the same, for Trajectory.pull_back. initial: state -> value, others 0. The GIL is released.
     Raises ValueError for input that makes no sense, KeyboardInterrupt on Ctrl-C; a failed integration is a status.
     """
 
