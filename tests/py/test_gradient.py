@@ -156,7 +156,7 @@ def test_only_the_exact_engine_goes_back() -> None:
     motion = core_inputs(move(0.02, 0.03, 0.05, 0.3, start=0.0))
     options = {"end": 0.1, "signals": ["theta_m"], "gradient": ["table.J"]}
     with pytest.raises(ValueError, match=r"gradient: .*engine = cvode"):
-        _core.simulate(machine, motion, engine="cvode", **options)
+        _core.simulate(machine, motion, engine="cvode", **options)  # type: ignore[arg-type]
     machine.add_effect("stribeck", "table")
     with pytest.raises(ValueError, match=r"gradient: .*not affine.*ask for sensitivities"):
-        _core.simulate(machine, motion, **options)
+        _core.simulate(machine, motion, **options)  # type: ignore[arg-type]
