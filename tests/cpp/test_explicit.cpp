@@ -182,7 +182,7 @@ struct Errors {
 Errors errors_of_steps(double h) {
     Law law = swell();
     auto solver = started(law, 1e6, 1.0);
-    solver->limit_step(h);
+    solver->limit_step(h, std::numeric_limits<double>::infinity());
     Errors worst;
     while (solver->step(8.0) == Solver::Outcome::stepped) {
         worst.at_end = std::max(worst.at_end, std::abs(solver->state()[0] - swell_at(solver->time())));

@@ -96,6 +96,18 @@ def test_bristles_bend_slip_and_spring_back() -> None:
     np.testing.assert_allclose(seen["theta_m"], truth.y[2], atol=1e-8 * np.abs(truth.y[2]).max())
 
 
+@pytest.mark.parametrize("at", [0.3, 0.30037])
+def test_a_short_push_is_not_slept_through(at: float) -> None:
+    """One sample of 1 ms stands out: a hump whose integral is the body's momentum afterwards."""
+    J, h = 2.0, 1e-3
+    t = at + h * np.arange(-3, 4)
+    push = _core.sampled(t, np.where(np.arange(7) == 3, 50.0, 0.0), _core.Interpolation.cubic)
+    knocked = run(body(J), {"T_load": push}, end=1.0, rtol=1e-8, engine="explicit")
+    fine = np.linspace(t[0], t[-1], 60001)
+    momentum = np.trapezoid([push.value(x) for x in fine], fine)
+    assert knocked["omega_m"][-1] == pytest.approx(-momentum / J, rel=1e-6)
+
+
 # --------------------------------------------------------------- whole machines, as CVODE sees them
 
 QUICK = move(0.02, 0.03, 0.05, 0.3, start=0.2)
@@ -306,6 +318,20 @@ def test_slopes_are_handed_over_too() -> None:
             expected = truth.slope(signal, name)
             np.testing.assert_allclose(auto.slope(signal, name), expected,
                                        atol=1e-5 * np.abs(expected).max())  # fmt: skip
+
+
+def test_slopes_pass_a_kink_however_tight_the_tolerance() -> None:
+    """A motor reverses on its bristles: |speed| has a kink, slopes by a gain have a jump."""
+    machine, motion, _, initial = sliding_bristles()
+    case = machine, motion, 0.25, initial
+    names = ("controller.K_v", "lugre@motor_1.torque")
+    truth = seen_by("cvode", case, 1e-12, method="bdf", sensitivities=names)
+    for rtol in (1e-11, 1e-13):
+        seen = seen_by("explicit", case, rtol, sensitivities=names)
+        for name in names:
+            expected = truth.slope("omega_1", name)
+            np.testing.assert_allclose(seen.slope("omega_1", name), expected,
+                                       atol=1e-7 * np.abs(expected).max())  # fmt: skip
 
 
 def under(torque: str, **numbers: float) -> _core.Machine:

@@ -42,7 +42,9 @@ class Solver {
 
     // Start afresh at (t, state()), with sensitivity(k) and quadrature() as they stand, absolute tolerances per state.
     virtual void restart(double t, std::span<const double> atol, double quadrature_atol) = 0;
-    virtual void limit_step(double longest) = 0;
+    // No step longer than `longest`, and none that could stride over an input unseen, which takes `turning` to come and go.
+    // Infinite: no limit.
+    virtual void limit_step(double longest, double turning) = 0;
 
     // One internal step, at most to `stop`. After root or stopped, time() and state() are at that point.
     virtual Outcome step(double stop) = 0;

@@ -1,6 +1,7 @@
 // The start of a run: typical sizes, modes, what lies before it.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 #include "instant.hpp"
@@ -115,7 +116,8 @@ void Simulation::start() {
         for (std::size_t state = 0; state < n; ++state)
             solver_->sensitivity(static_cast<int>(k))[state] = seed(k, state);
     if (!layout_.encoder_history.empty()) apply(JumpKind::encoders);
-    double longest = options_.longest_step;
+    constexpr double unlimited = std::numeric_limits<double>::infinity();
+    double longest = options_.longest_step > 0 ? options_.longest_step : unlimited, turning = unlimited;
     for (const auto& d : layout_.delays) {  // the past must lie behind the step
         const double delay = d.effect >= 0
                                  ? machine_.values()[machine_.effects()[static_cast<std::size_t>(d.effect)].first]
@@ -123,13 +125,11 @@ void Simulation::start() {
         if (delay < 1e-7)
             throw std::invalid_argument(d.name + ": " + text(delay) +
                                         " s is too short to integrate as a delay; use 0 or at least 1e-7 s");
-        longest = longest > 0 ? std::min(longest, 0.99 * delay) : 0.99 * delay;
+        longest = std::min(longest, 0.99 * delay);
     }
-    for (const auto& [name, w] : inputs_) {  // a machine at rest would step over a command that comes and goes
-        const double turning = w.turning_time();
-        if (std::isfinite(turning)) longest = longest > 0 ? std::min(longest, turning) : turning;
-    }
-    solver_->limit_step(longest);
+    // A machine at rest would stride over a command that comes and goes.
+    for (const auto& [name, w] : inputs_) turning = std::min(turning, w.turning_time());
+    solver_->limit_step(longest, turning);
     restart();
     pass_break();
     evaluate(options_.start, solver_->state().data());

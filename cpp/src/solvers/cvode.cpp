@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstring>
 #include <exception>
+#include <limits>
 #include <new>
 #include <stdexcept>
 #include <utility>
@@ -71,7 +72,7 @@ struct Cvode::Hidden {
     N_Vector *s = nullptr, s_scratch = nullptr;
     SUNMatrix matrix = nullptr;
     SUNLinearSolver linear = nullptr;
-    double t = 0.0, begin = 0.0, longest = 0.0;
+    double t = 0.0, begin = 0.0, longest = std::numeric_limits<double>::infinity();
     int flag = 0;
     bool started = false;
     std::vector<int> root, direction;
@@ -220,10 +221,10 @@ void Cvode::restart(double t, std::span<const double> atol, double quadrature_at
         if (h.size.quadratures > 0) CVodeQuadReInit(h.memory, h.q);
         if (h.size.sensitivities > 0) CVodeSensReInit(h.memory, CV_STAGGERED, h.s);
     }
-    if (h.longest > 0) CVodeSetMaxStep(h.memory, h.longest);
+    if (std::isfinite(h.longest)) CVodeSetMaxStep(h.memory, h.longest);
 }
 
-void Cvode::limit_step(double longest) { h_->longest = longest; }
+void Cvode::limit_step(double longest, double turning) { h_->longest = std::min(longest, turning); }
 
 Solver::Outcome Cvode::step(double stop) {
     Hidden& h = *h_;

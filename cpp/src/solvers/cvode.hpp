@@ -16,7 +16,7 @@ class Cvode final : public Solver {
     ~Cvode() override;
 
     void restart(double t, std::span<const double> atol, double quadrature_atol) override;
-    void limit_step(double longest) override;
+    void limit_step(double longest, double turning) override;
     Outcome step(double stop) override;
     double time() const override;
     double previous_time() const override;

@@ -10,9 +10,10 @@ void Handover::restart(double t, std::span<const double> atol, double quadrature
     now().restart(t, atol, quadrature_atol);
 }
 
-void Handover::limit_step(double longest) {
+void Handover::limit_step(double longest, double turning) {
     longest_ = longest;
-    now().limit_step(longest);
+    turning_ = turning;
+    now().limit_step(longest, turning);
 }
 
 Solver::Outcome Handover::step(double stop) {
@@ -26,7 +27,7 @@ void Handover::hand_over() {
     std::ranges::copy(mild_->quadrature(), stiff->quadrature().begin());
     for (int k = 0; k < mild_->sensitivities(); ++k)
         std::ranges::copy(mild_->sensitivity(k), stiff->sensitivity(k).begin());
-    stiff->limit_step(longest_);
+    stiff->limit_step(longest_, turning_);
     stiff->restart(mild_->time(), atol_, quadrature_atol_);
     stiff_ = std::move(stiff);
 }

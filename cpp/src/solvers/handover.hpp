@@ -15,7 +15,7 @@ class Handover final : public Solver {
     Handover(std::unique_ptr<RungeKutta> mild, Make stiff) : mild_(std::move(mild)), make_stiff_(std::move(stiff)) {}
 
     void restart(double t, std::span<const double> atol, double quadrature_atol) override;
-    void limit_step(double longest) override;
+    void limit_step(double longest, double turning) override;
     Outcome step(double stop) override;
     double time() const override { return now().time(); }
     double previous_time() const override { return now().previous_time(); }
@@ -40,7 +40,7 @@ class Handover final : public Solver {
     std::unique_ptr<Solver> stiff_;
     Make make_stiff_;
     std::vector<double> atol_;
-    double quadrature_atol_ = 0.0, longest_ = 0.0;
+    double quadrature_atol_ = 0.0, longest_ = 0.0, turning_ = 0.0;
 };
 
 }  // namespace dualdrive

@@ -37,7 +37,7 @@ class Exact final : public Solver {
     Exact(Problem& problem, Size size, Setup setup);
 
     void restart(double t, std::span<const double> atol, double quadrature_atol) override;
-    void limit_step(double) override {}  // the solution is known at all times: nothing can be stepped over
+    void limit_step(double, double) override {}  // the solution is known at all times: nothing can be stepped over
     Outcome step(double stop) override;
     double time() const override { return t_; }
     double previous_time() const override { return begin_; }

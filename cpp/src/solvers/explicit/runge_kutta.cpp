@@ -54,6 +54,9 @@ void RungeKutta::restart(double t, std::span<const double> atol, double quadratu
     std::fill(atol_.begin() + static_cast<std::ptrdiff_t>(quadratures_from_), atol_.end(), quadrature_atol);
 }
 
+// Stages look into a step at a dozen places, a multistep method only at its end.
+void RungeKutta::limit_step(double longest, double turning) { longest_ = std::min(longest, 2.0 * turning); }
+
 std::span<double> RungeKutta::sensitivity(int k) { return part(states_ * static_cast<std::size_t>(1 + k), states_); }
 
 bool RungeKutta::rates(double t, const double* y, double* rate) {
@@ -85,7 +88,7 @@ Solver::Outcome RungeKutta::step(double stop) {
     from_ = now_;
     if (!(next_ > 0)) next_ = first_step();
 
-    const double wanted = std::max(least_, longest_ > 0 ? std::min(next_, longest_) : next_);
+    const double wanted = std::max(least_, std::min(next_, longest_));
     // The last two steps before a stop share what is left, so that none is tiny.
     double h = wanted > 0.99 * left ? left : wanted > 0.5 * left ? 0.5 * left : wanted;
     bool rejected = false, stops = h == left;

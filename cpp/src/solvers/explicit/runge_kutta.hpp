@@ -6,6 +6,8 @@
 // Guards are not looked at here, see simulation/crossing.cpp.
 #pragma once
 
+#include <limits>
+
 #include "dualdrive/solver.hpp"
 
 namespace dualdrive {
@@ -17,7 +19,7 @@ class RungeKutta final : public Solver {
     RungeKutta(Problem& problem, Size size, double rtol, std::span<const double> parameter_scale, double stiff_beyond);
 
     void restart(double t, std::span<const double> atol, double quadrature_atol) override;
-    void limit_step(double longest) override { longest_ = longest; }
+    void limit_step(double longest, double turning) override;
     Outcome step(double stop) override;
     double time() const override { return t_; }
     double previous_time() const override { return begin_; }
@@ -71,7 +73,7 @@ class RungeKutta final : public Solver {
     std::vector<std::size_t> ends_;  // of the parts whose errors count separately: state, each sensitivity, work
 
     double t_ = 0.0, begin_ = 0.0, end_ = 0.0;  // now; the last step, even where part of it was taken back
-    double next_ = 0.0, least_ = 0.0, longest_ = 0.0, pole_ = 0.0;
+    double next_ = 0.0, least_ = 0.0, longest_ = std::numeric_limits<double>::infinity(), pole_ = 0.0;
     int limited_ = 0, mild_ = 0;  // steps in a row at the limit of stability, and not
     bool rate_known_ = false, finite_ = true;
     Vector now_, from_, to_, atol_, weight_, stage_, middle_;
