@@ -10,10 +10,23 @@ namespace dualdrive::exact {
 
 template <class R>
 struct Arithmetic {
+    // A lane's sums stay in registers: a long double is slow to store.
     static void product(int rows, int n, const R* M, const R* x, R* out) {
-        std::fill_n(out, rows, R(0));
-        for (int j = 0; j < n; ++j)
-            for (int i = 0; i < rows; ++i) out[i] += M[j * rows + i] * x[j];
+        static_assert(lane == 4);
+        for (int i = 0; i < rows; i += lane) {
+            R a(0), b(0), c(0), d(0);
+            for (int j = 0; j < n; ++j) {
+                const R* m = M + j * rows + i;
+                a += m[0] * x[j];
+                b += m[1] * x[j];
+                c += m[2] * x[j];
+                d += m[3] * x[j];
+            }
+            out[i] = a;
+            out[i + 1] = b;
+            out[i + 2] = c;
+            out[i + 3] = d;
+        }
     }
     static void multiply(int rows, int n, const R* M, int ldx, const R* x, int count, R* out) {
         for (int k = 0; k < count; ++k) product(rows, n, M, x + k * ldx, out + k * rows);

@@ -1,7 +1,7 @@
 // The few loops in which the exact engine spends its time, built once for every processor the program may meet.
 //
 // Matrices are column-major with a leading dimension that is a multiple of `lane`; vectors have as many entries. Which
-// build runs is chosen when the program starts; DUALDRIVE_KERNELS=baseline in the environment takes the plain one.
+// build runs is chosen when the program starts; DUALDRIVE_KERNELS in the environment (baseline, avx2, avx512) names another.
 #pragma once
 
 namespace dualdrive::exact {
@@ -19,6 +19,7 @@ struct Kernels {
     void (*taylor)(int rows, int n, const double* A, double r, int order, double* y, double* scratch);
 };
 
+// Throws std::invalid_argument when the environment asks for what is not there.
 const Kernels& kernels();
 
 namespace build {
