@@ -20,6 +20,13 @@ enum class Power { delivered, conversion, copper, viscous, effects, mesh, load }
 inline constexpr std::size_t powers = 7;
 extern const char* const power_names[powers];
 
+// A term of a power, or of the stored energy: both factors are affine in states and inputs where the machine is.
+template <class S>
+struct Product {
+    std::size_t path;  // of `Power`; `powers`: stored
+    S a, b;
+};
+
 template <class S>
 class Model {
   public:
@@ -45,6 +52,8 @@ class Model {
     const std::vector<S>& signals() const { return signal_; }
     const std::vector<S>& rate() const { return rate_; }  // ż
     const std::array<S, powers>& power() const { return power_; }
+    // Where every evaluation lists what power() and the stored energy are summed up from; null: nowhere.
+    void list_products(std::vector<Product<S>>* into) { products_ = into; }
     const Block<S>& block(int b) const { return block_[static_cast<std::size_t>(b)]; }
     // Net torque on a group without dry friction, and its inertia, in the frame of the group's reference body.
     const S& group_torque(int g) const { return torque_[static_cast<std::size_t>(g)]; }
@@ -94,6 +103,8 @@ class Model {
     BodyPort<S> port(std::size_t body, const S& t) const;
     Mode mode(int element) const { return now_.modes[static_cast<std::size_t>(element)]; }
     void add_torque(int body, const S& torque);
+    void deliver(Power path, const S& a, const S& b);
+    void store(const S& a, const S& b);
     const S* memory_of(int effect, int body) const;
 
     const Machine& machine_;
@@ -120,6 +131,8 @@ class Model {
     S derivative_rate_{}, tension_rate_{}, tension_sum_{}, tension_left_{};
     std::vector<S> branch_argument_;
     std::array<S, powers> power_{};
+    S stored_{};
+    std::vector<Product<S>>* products_ = nullptr;
 };
 
 extern template class Model<double>;

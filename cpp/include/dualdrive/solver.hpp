@@ -6,6 +6,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -63,6 +64,8 @@ class Solver {
     virtual void state_at(double t, double* z) const = 0;
     virtual void sensitivity_at(double t, int k, double* s) const = 0;
     virtual void quadrature_at(double t, double* q) const = 0;
+    // The stored energy that quadratures belong to, where the solver has it cheaper than the model does.
+    virtual std::optional<double> stored_energy_at(double /*t*/) const { return std::nullopt; }
 
     // The recorded signals at t within the last step, where the solver has them cheaper than the model does.
     virtual bool signals_at(double /*t*/, double* /*signals*/) const { return false; }

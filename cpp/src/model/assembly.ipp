@@ -88,6 +88,8 @@ void Model<S>::evaluate(const S& t, const S* z, const Now& now) {
     time_ = t;
     state_ = z;
     power_.fill(S(0.0));
+    stored_ = S(0.0);
+    if (products_) products_->clear();
     std::fill(body_torque_.begin(), body_torque_.end(), S(0.0));
     read_inputs(t);
     kinematics(z);

@@ -92,11 +92,12 @@ void Model<S>::connection_torques() {
             const S half_square = 0.5 * xi.value * xi.value;
             add_torque(k.driver, -(contact * xi.slope[0] + K.slope[0] * half_square));
             add_torque(k.driven, -(contact * xi.slope[1] + K.slope[1] * half_square));
-            power_[static_cast<std::size_t>(Power::mesh)] -= damping * xi_rate * xi_rate;
+            deliver(Power::mesh, -damping * xi_rate, xi_rate);
         } else if (!open) {
             // Parting: the spring relaxes against its own damper, which takes the energy it still held.
             const S K_rate = K.slope[0] * speed_a + K.slope[1] * speed_b;
-            power_[static_cast<std::size_t>(Power::mesh)] += elastic * xi_rate + 0.5 * K_rate * xi.value * xi.value;
+            deliver(Power::mesh, elastic, xi_rate);
+            deliver(Power::mesh, 0.5 * K_rate * xi.value, xi.value);
         }
         gap_[c] = gap.value;
         stiffness_[c] = K.value;
@@ -156,7 +157,6 @@ const S* Model<S>::memory_of(int effect, int body) const {
 template <class S>
 void Model<S>::body_torques(const S& t) {
     const auto& at = layout_.at;
-    const auto power = [&](Power kind) -> S& { return power_[static_cast<std::size_t>(kind)]; };
     for (const int s : at.effect)
         if (s >= 0) signal_[static_cast<std::size_t>(s)] = S(0.0);
     for (std::size_t k = 0; k < motor_.size(); ++k) {
@@ -175,17 +175,17 @@ void Model<S>::body_torques(const S& t) {
         signal_[static_cast<std::size_t>(at.U[k])] = voltage_[k];
         add_torque(machine_.motors()[k].body, torque);
         if (layout_.current[k] >= 0) {
-            power(Power::delivered) += voltage_[k] * I;
-            power(Power::copper) -= motor_[k].R * I * I;
-            power(Power::conversion) += torque * speed - motor_[k].C_e * speed * I;  // zero when K_d = C_e
+            deliver(Power::delivered, voltage_[k], I);
+            deliver(Power::copper, -motor_[k].R * I, I);
+            deliver(Power::conversion, torque - motor_[k].C_e * I, speed);  // zero when K_d = C_e
         } else {
-            power(Power::delivered) += torque * speed;
+            deliver(Power::delivered, torque, speed);
         }
     }
     for (std::size_t b = 0; b < body_.size(); ++b) {
         const S& speed = signal_[static_cast<std::size_t>(at.speed[b])];
         add_torque(static_cast<int>(b), -body_[b].b * speed);
-        power(Power::viscous) -= body_[b].b * speed * speed;
+        deliver(Power::viscous, -body_[b].b * speed, speed);
         if (layout_.effects_on_body[b].empty()) continue;
         BodyPort<S> p = port(b, t);
         for (const int e : layout_.effects_on_body[b]) {
@@ -198,13 +198,13 @@ void Model<S>::body_torques(const S& t) {
             const S torque = effect_[effect]->torque_on_body(p);
             signal_[static_cast<std::size_t>(at.effect[effect])] += torque;
             add_torque(static_cast<int>(b), torque);
-            power(Power::effects) += torque * speed;
+            deliver(Power::effects, torque, speed);
         }
     }
     if (const int table = layout_.table; table >= 0) {
         const S& load = signal_[static_cast<std::size_t>(at.T_load)];
         add_torque(table, -load);
-        power(Power::load) -= load * signal_[static_cast<std::size_t>(at.speed[static_cast<std::size_t>(table)])];
+        deliver(Power::load, -load, signal_[static_cast<std::size_t>(at.speed[static_cast<std::size_t>(table)])]);
     }
 }
 
@@ -249,7 +249,7 @@ void Model<S>::rates(const S* z) {
         const S dry = direction > 0 ? limit_forward_[k] : direction < 0 ? -limit_backward_[k] : S(0.0);
         acceleration_[k] = layout_.locked[k] || stuck ? S(0.0) : (torque_[k] - dry) / inertia_[k];
         rate_[k] = acceleration_[k];
-        if (!stuck && direction != 0) power_[static_cast<std::size_t>(Power::effects)] -= dry * z[g];
+        if (!stuck && direction != 0) deliver(Power::effects, -dry, z[g]);
     }
     for (std::size_t b = 0; b < body_.size(); ++b)
         signal_[static_cast<std::size_t>(at.acceleration[b])] =
@@ -291,18 +291,30 @@ void Model<S>::rates(const S* z) {
 }
 
 template <class S>
+void Model<S>::deliver(Power path, const S& a, const S& b) {
+    const auto k = static_cast<std::size_t>(path);
+    power_[k] += a * b;
+    if (products_) products_->push_back({k, a, b});
+}
+
+template <class S>
+void Model<S>::store(const S& a, const S& b) {
+    stored_ += a * b;
+    if (products_) products_->push_back({powers, a, b});
+}
+
+template <class S>
 void Model<S>::energy(const S* z) {
-    S stored(0.0);
-    for (int g = 0; g < layout_.groups; ++g) stored += 0.5 * inertia_[static_cast<std::size_t>(g)] * z[g] * z[g];
+    for (int g = 0; g < layout_.groups; ++g) store(0.5 * inertia_[static_cast<std::size_t>(g)] * z[g], z[g]);
     for (std::size_t k = 0; k < motor_.size(); ++k)
-        if (const int s = layout_.current[k]; s >= 0) stored += 0.5 * motor_[k].L * z[s] * z[s];
+        if (const int s = layout_.current[k]; s >= 0) store(0.5 * motor_[k].L * z[s], z[s]);
     for (std::size_t c = 0; c < connection_.size(); ++c)
         if (layout_.twist[c] >= 0) {
-            stored += 0.5 * stiffness_[c] * elongation_[c] * elongation_[c];
+            store(0.5 * stiffness_[c] * elongation_[c], elongation_[c]);
             if (machine_.connections()[c].kind == ConnectionKind::compliant)
-                stored += connection_[c].preload * elongation_[c];
+                store(connection_[c].preload, elongation_[c]);
         }
-    signal_[static_cast<std::size_t>(layout_.at.stored_energy)] = stored;
+    signal_[static_cast<std::size_t>(layout_.at.stored_energy)] = stored_;
 }
 
 }  // namespace dualdrive

@@ -85,7 +85,7 @@ void Simulation::refuse_what_is_not_exact(const std::string& impossible) const {
         if (!wants_exact() && !chooses_engine())
             refuse(std::string("gradient: engine = ") + other + " has no way back; ask for sensitivities instead");
         if (!impossible.empty()) refuse("gradient: " + impossible + "; ask for sensitivities instead");
-        if (!recorded_are_linear_)
+        if (!curved_.empty())
             refuse("gradient: record signals that are linear in the state; energies and torques of effects are not");
     }
     if (options_.long_double && !(options_.sensitivities.empty() && options_.gradient.empty()))
@@ -107,7 +107,7 @@ void Simulation::take_exact_solver(Solver::Size size) {
     const auto build = [&]<class R>() {
         typename exact::Exact<R>::Setup setup{machine_,       inputs_,      layout_,   modes_, cell_,
                                               options_.start, exact_grid(), recorded_, slots,  tape_.get()};
-        return std::make_unique<exact::Exact<R>>(*this, size, std::move(setup));
+        return std::make_unique<exact::Exact<R>>(size, std::move(setup));
     };
     if (options_.long_double) {
         solver_ = build.operator()<long double>();

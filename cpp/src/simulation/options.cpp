@@ -52,10 +52,12 @@ void Simulation::read_options() {
         if (layout_.signal(name) < 0) refuse("simulate: no signal named " + name + near_names(name, known));
         add(layout_.signal(name));
     }
-    for (const int s : recorded_) {  // energies are quadratic, and at rest laws of friction share what is needed
+    for (std::size_t k = 0; k < recorded_.size(); ++k) {
+        // energies are quadratic, and at rest laws of friction share what is needed
         const auto& effects = layout_.at.effect;
+        const int s = recorded_[k];
         if (s == layout_.at.stored_energy || std::find(effects.begin(), effects.end(), s) != effects.end())
-            recorded_are_linear_ = false;
+            curved_.push_back(k);
     }
     for (const int s : recorded_) out_.signals.push_back(layout_.signals[static_cast<std::size_t>(s)]);
     for (const auto& [name, value] : options_.initial) {

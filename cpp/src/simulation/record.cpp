@@ -32,10 +32,13 @@ bool Simulation::record_signals(double t, const double* z) {
     const std::size_t first = out_.values.size();
     out_.values.resize(first + recorded_.size());
     double* row = out_.values.data() + first;
-    if ((options_.energy && !tape_) || !recorded_are_linear_ || !solver_->signals_at(t, row)) {
-        evaluate(t, z);
-        for (const int s : recorded_) *row++ = model_.signals()[static_cast<std::size_t>(s)];
-    }
+    const auto from_model = [&](std::size_t k) { row[k] = model_.signals()[static_cast<std::size_t>(recorded_[k])]; };
+    const bool known = solver_->signals_at(t, row);
+    if (!known || !curved_.empty()) evaluate(t, z);
+    if (known)
+        std::for_each(curved_.begin(), curved_.end(), from_model);
+    else
+        for (std::size_t k = 0; k < recorded_.size(); ++k) from_model(k);
     if (std::all_of(out_.values.begin() + static_cast<std::ptrdiff_t>(first), out_.values.end(),
                     [](double v) { return std::isfinite(v); }))
         return true;
@@ -49,10 +52,9 @@ void Simulation::record(double t, const double* z) {
     out_.t.push_back(t);
     out_.modes.insert(out_.modes.end(), modes_.begin(), modes_.end());
     if (options_.energy) {
-        evaluate(t, z);
         solver_->quadrature_at(t, work_scratch_.data());
         out_.work.insert(out_.work.end(), work_scratch_.begin(), work_scratch_.end());
-        const double stored = model_.signals()[static_cast<std::size_t>(layout_.at.stored_energy)];
+        const double stored = stored_energy(t, z);
         double work = 0.0;
         for (const double w : work_scratch_) {
             work += w;
@@ -64,10 +66,16 @@ void Simulation::record(double t, const double* z) {
     if (!parameters_.empty()) record_sensitivities(t, z, out_.t.size() - 1);
 }
 
+double Simulation::stored_energy(double t, const double* z) {
+    if (const auto known = solver_->stored_energy_at(t)) return *known;
+    evaluate(t, z);
+    return model_.signals()[static_cast<std::size_t>(layout_.at.stored_energy)];
+}
+
 void Simulation::record_sensitivities(double t, const double* z, std::size_t row) {
     const std::size_t width = recorded_.size() * parameters_.size();
     out_.sensitivities.resize((row + 1) * width);
-    if (recorded_are_linear_ && solver_->signal_slopes_at(t, out_.sensitivities.data() + row * width)) return;
+    if (curved_.empty() && solver_->signal_slopes_at(t, out_.sensitivities.data() + row * width)) return;
     std::vector<std::vector<double>> s(parameters_.size(), std::vector<double>(z_along_.size()));
     for (std::size_t k = 0; k < parameters_.size(); ++k) solver_->sensitivity_at(t, static_cast<int>(k), s[k].data());
     for (std::size_t c = 0; c < chunks(); ++c) {

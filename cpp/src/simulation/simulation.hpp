@@ -41,6 +41,7 @@ class Simulation final : public Problem {
     void record_until(double t);
     void record(double t, const double* z);
     bool record_signals(double t, const double* z);
+    double stored_energy(double t, const double* z);
     void record_sensitivities(double t, const double* z, std::size_t row);
     void remember(double from, double to);
     bool stop_now();
@@ -156,7 +157,7 @@ class Simulation final : public Problem {
     std::unique_ptr<AffineField> field_;              // of an affine machine, for a solver that steps
     std::map<Modes, std::vector<double>> jacobians_;  // of an affine machine: one per mode
     bool affine_ = false;
-    bool recorded_are_linear_ = true;  // in the states: no energies, no shares of dry friction
+    std::vector<std::size_t> curved_;                            // those of recorded_ that are not linear in the states
     std::vector<double> guard_begin_, guard_end_, guard_probe_;  // of the last step
     std::vector<double> slope_begin_, slope_end_;                // of the guards, with a field
     std::vector<std::vector<double>> guard_inside_;

@@ -11,9 +11,8 @@
 namespace dualdrive::exact {
 
 template <class R>
-Exact<R>::Exact(Problem& problem, Size size, Setup setup)
-    : problem_(problem),
-      size_(size),
+Exact<R>::Exact(Size size, Setup setup)
+    : size_(size),
       setup_(std::move(setup)),
       generator_(setup_.inputs),
       reader_(setup_.machine, setup_.inputs, setup_.layout, generator_, setup_.recorded),
@@ -38,6 +37,11 @@ void Exact<R>::take_modes() {
         ++counts_.jacobians;
     }
     now_ = known.get();
+    if (size_.quadratures > 0) {
+        auto& ledger = known_ledgers_[now_];
+        if (!ledger) ledger = std::make_unique<Ledger<R>>(reader_.energies(setup_.modes), *now_);
+        ledger_ = ledger.get();
+    }
     if constexpr (std::is_same_v<R, double>) {
         if (size_.sensitivities == 0) return;
         auto& slope = known_slopes_[now_];
@@ -235,8 +239,13 @@ Solver::Outcome Exact<R>::arrive() {
     if (!std::all_of(z_.begin(), z_.end(), [](double x) { return std::isfinite(x); })) return Outcome::failed;
     for (int k = 0; slope_now_ && k < last(); ++k)
         take_slopes(k, k < done_ ? now_->step() : static_cast<double>(part_length_));
-    for (int k = 0; size_.quadratures > 0 && k < last(); ++k)
-        if (!integrate_work(k, k < done_ ? now_->step() : end - time_of(done_))) return Outcome::failed;
+    for (int k = 0; ledger_ && k < last(); ++k) {
+        std::copy_n(work(k), size_.quadratures, work(k + 1));
+        if (k < done_)
+            ledger_->add_step(column(k), work(k + 1));
+        else
+            ledger_->add_part(column(k), part_length_, work(k + 1));
+    }
     t_ = end;
     if constexpr (std::is_same_v<R, double>)
         if (setup_.tape)
@@ -446,61 +455,18 @@ void Exact<R>::go_back(double t) {
     t_ = t;
 }
 
-namespace {
-
-// Gauss-Legendre nodes and weights on [0, 1] (M. Abramowitz, I. Stegun, table 25.4).
-struct Node {
-    double x, weight;
-};
-constexpr Node ten[] = {{0.5 - 0.5 * 0.9739065285171717, 0.5 * 0.0666713443086881},
-                        {0.5 - 0.5 * 0.8650633666889845, 0.5 * 0.1494513491505806},
-                        {0.5 - 0.5 * 0.6794095682990244, 0.5 * 0.2190863625159820},
-                        {0.5 - 0.5 * 0.4333953941292472, 0.5 * 0.2692667193099963},
-                        {0.5 - 0.5 * 0.1488743389816312, 0.5 * 0.2955242247147529},
-                        {0.5 + 0.5 * 0.1488743389816312, 0.5 * 0.2955242247147529},
-                        {0.5 + 0.5 * 0.4333953941292472, 0.5 * 0.2692667193099963},
-                        {0.5 + 0.5 * 0.6794095682990244, 0.5 * 0.2190863625159820},
-                        {0.5 + 0.5 * 0.8650633666889845, 0.5 * 0.1494513491505806},
-                        {0.5 + 0.5 * 0.9739065285171717, 0.5 * 0.0666713443086881}};
-
-}  // namespace
-
-// The work over a whole or part step: the powers are quadratic in y, which ten nodes integrate to rounding.
 template <class R>
-bool Exact<R>::integrate_work(int k, double length) {
-    const auto q = static_cast<std::size_t>(size_.quadratures);
-    std::vector<double> z(z_.size()), rate(q);
-    std::copy_n(work(k), q, work(k + 1));
-    for (const Node& node : ten) {
-        std::copy_n(column(k), rows_, probe_.data());
-        now_->advance(probe_.data(), R(node.x * length), probe_scratch_.data());
-        for (std::size_t i = 0; i < z.size(); ++i) z[i] = static_cast<double>(probe_[i]);
-        if (!problem_.quadrature(time_of(k) + node.x * length, z.data(), rate.data())) return false;
-        for (std::size_t i = 0; i < q; ++i) work(k + 1)[i] += node.weight * length * rate[i];
-    }
-    return true;
+void Exact<R>::quadrature_at(double t, double* q) const {
+    if (!ledger_) return;
+    const Spot at = spot(t);
+    std::copy_n(work(at.column), size_.quadratures, q);
+    ledger_->add_part(column(at.column), R(at.ahead), q);
 }
 
 template <class R>
-void Exact<R>::quadrature_at(double t, double* q) const {
-    if (size_.quadratures == 0) return;
-    int k = std::abs(t - t_) <= instant(t) ? last() : static_cast<int>((t - begin_) / now_->step() + 0.5);
-    k = std::clamp(k, 0, last());
-    std::copy_n(works_.data() + static_cast<std::ptrdiff_t>(k) * size_.quadratures, size_.quadratures, q);
-    double from = k == last() ? t_ : time_of(k);
-    if (k == last() && t < from - instant(t) && k > 0) {
-        --k;
-        std::copy_n(works_.data() + static_cast<std::ptrdiff_t>(k) * size_.quadratures, size_.quadratures, q);
-        from = time_of(k);
-    }
-    const double length = t - from;
-    if (std::abs(length) <= instant(t)) return;
-    std::vector<double> z(z_.size()), rate(static_cast<std::size_t>(size_.quadratures));
-    for (const Node& node : ten) {
-        state_at(from + node.x * length, z.data());
-        problem_.quadrature(from + node.x * length, z.data(), rate.data());
-        for (int i = 0; i < size_.quadratures; ++i) q[i] += node.weight * length * rate[static_cast<std::size_t>(i)];
-    }
+std::optional<double> Exact<R>::stored_energy_at(double t) const {
+    if (!ledger_) return std::nullopt;
+    return ledger_->stored(y_at(spot(t)));
 }
 
 template class Exact<double>;

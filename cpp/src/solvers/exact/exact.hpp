@@ -13,6 +13,7 @@
 #include "dualdrive/solver.hpp"
 #include "generator.hpp"
 #include "laws.hpp"
+#include "ledger.hpp"
 #include "propagator.hpp"
 #include "slopes.hpp"
 #include "tape.hpp"
@@ -34,7 +35,7 @@ class Exact final : public Solver {
         Tape* tape = nullptr;                              // to write on, for the way back
     };
 
-    Exact(Problem& problem, Size size, Setup setup);
+    Exact(Size size, Setup setup);
 
     void restart(double t, std::span<const double> atol, double quadrature_atol) override;
     void limit_step(double, double) override {}  // the solution is known at all times: nothing can be stepped over
@@ -48,6 +49,7 @@ class Exact final : public Solver {
     void state_at(double t, double* z) const override;
     void sensitivity_at(double t, int k, double* s) const override;
     void quadrature_at(double t, double* q) const override;
+    std::optional<double> stored_energy_at(double t) const override;
     bool signals_at(double t, double* signals) const override;
     bool signal_slopes_at(double t, double* slopes) const override;
     std::span<const int> roots() const override { return roots_; }
@@ -99,7 +101,6 @@ class Exact final : public Solver {
     Spot spot(double t) const;
     // y there, in `probe_` unless it is stored.
     const R* y_at(const Spot& at) const;
-    bool integrate_work(int k, double length);
     // S at t within the last step, as y_at.
     const double* slopes_at(double t) const;
     double* slopes(int k) { return slopes_.data() + static_cast<std::ptrdiff_t>(k) * rows_ * size_.sensitivities; }
@@ -108,8 +109,8 @@ class Exact final : public Solver {
     }
     void take_slopes(int k, double length);
     double* work(int k) { return works_.data() + k * size_.quadratures; }
+    const double* work(int k) const { return works_.data() + k * size_.quadratures; }
 
-    Problem& problem_;
     const Size size_;
     const Setup setup_;
     const Generator generator_;
@@ -119,6 +120,8 @@ class Exact final : public Solver {
     const Propagator<R>* now_ = nullptr;
     std::map<const Propagator<R>*, std::unique_ptr<SlopePropagator>> known_slopes_;
     SlopePropagator* slope_now_ = nullptr;  // null without sensitivities
+    std::map<const Propagator<R>*, std::unique_ptr<Ledger<R>>> known_ledgers_;
+    Ledger<R>* ledger_ = nullptr;  // null without quadratures
 
     // Where the run stands: t_ = grid_time(place_) + local_, the present state in column done_. Local times keep the
     // digits that t_ loses.

@@ -79,14 +79,10 @@ std::vector<typename Reader<R>::Weight> Reader<R>::block_rate_weights(const Mode
 }
 
 template <class R>
-typename Reader<R>::Stack Reader<R>::stack(const Modes& modes) {
-    Stack s = empty();
+template <class Store>
+void Reader<R>::columns(const Modes& modes, const Store& store) {
     const auto n = static_cast<std::size_t>(states());
     std::vector<D> z(n, D(0.0));
-    const auto store = [&](Eigen::Index column, const auto& pick) {
-        for (std::size_t row = 0; row < found_.size(); ++row)
-            s.rows(static_cast<Eigen::Index>(row), column) += pick(found_[row]);
-    };
     for (std::size_t first = 0; first < n; first += directions) {
         const std::size_t last = std::min<std::size_t>(first + directions, n);
         for (std::size_t k = first; k < last; ++k) z[k] = D::variable(R(0), static_cast<int>(k - first));
@@ -105,7 +101,40 @@ typename Reader<R>::Stack Reader<R>::stack(const Modes& modes) {
                     store(states() + state, [&](const D& q) { return w * q.slope[0]; });
             });
         }
+}
+
+template <class R>
+typename Reader<R>::Stack Reader<R>::stack(const Modes& modes) {
+    Stack s = empty();
+    columns(modes, [&](Eigen::Index column, const auto& pick) {
+        for (std::size_t row = 0; row < found_.size(); ++row)
+            s.rows(static_cast<Eigen::Index>(row), column) += pick(found_[row]);
+    });
     return s;
+}
+
+template <class R>
+Energies<R> Reader<R>::energies(const Modes& modes) {
+    std::vector<Product<D>> products;
+    Matrix<R> a, b;  // the factors, a row for each product
+    model_.list_products(&products);
+    columns(modes, [&](Eigen::Index column, const auto& pick) {
+        if (a.size() == 0) a = b = Matrix<R>::Zero(static_cast<Eigen::Index>(products.size()), size());
+        for (Eigen::Index row = 0; row < a.rows(); ++row) {
+            a(row, column) += pick(products[static_cast<std::size_t>(row)].a);
+            b(row, column) += pick(products[static_cast<std::size_t>(row)].b);
+        }
+    });
+    model_.list_products(nullptr);
+    Energies<R> energies;
+    for (Eigen::Index row = 0; row < a.rows(); ++row) {
+        if (a.row(row).isZero(0) || b.row(row).isZero(0)) continue;
+        Matrix<R>& form = energies[products[static_cast<std::size_t>(row)].path];
+        if (form.size() == 0) form = Matrix<R>::Zero(size(), size());
+        const Matrix<R> half = a.row(row).transpose() * b.row(row) / R(2);
+        form += half + half.transpose();
+    }
+    return energies;
 }
 
 template <class R>

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <vector>
 
 #include "dualdrive/model.hpp"
@@ -23,6 +24,10 @@ struct Laws {
     Matrix<R> outputs;  // the recorded signals
 };
 
+// Powers by path, and last the stored energy, as symmetric forms y' Q y; empty where nothing flows.
+template <class R>
+using Energies = std::array<Matrix<R>, powers + 1>;
+
 template <class R>
 class Reader {
   public:
@@ -36,6 +41,7 @@ class Reader {
     int one() const { return size() - 1; }                         // the entry that is 1
 
     Laws<R> read(const Modes& modes);
+    Energies<R> energies(const Modes& modes);
 
     // ∂(laws)/∂p for each list of parameter slots that move together.
     std::vector<Laws<R>> derivatives(const Modes& modes, const std::vector<std::vector<std::size_t>>& parameters);
@@ -50,6 +56,10 @@ class Reader {
     };
     Stack empty() const;
     void evaluate(const Modes& modes, const D& t, const std::vector<D>& z, const Inputs& inputs);
+    // Evaluates until every column of y was seen: calls store(column, pick), where pick takes the column's share out of
+    // whatever the model gave.
+    template <class Store>
+    void columns(const Modes& modes, const Store& store);
     Stack stack(const Modes& modes);
     Laws<R> unstack(const Stack& s) const;
     // The guards of riding limiters are rates of blocks: their weights, (guard, block, weight) each.

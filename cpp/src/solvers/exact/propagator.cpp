@@ -205,15 +205,15 @@ const std::vector<R>& Propagator<R>::series(std::size_t watched) const {
 }
 
 template <class R>
+void Propagator<R>::advance_by_power(int level, R* y, R* scratch) const {
+    Arithmetic<R>::multiply(rows_, n_, power(level).data(), rows_, y, 1, scratch);
+    std::copy_n(scratch, rows_, y);
+}
+
+template <class R>
 void Propagator<R>::advance(R* y, R length, R* scratch) const {
-    R part(step_);
-    for (int b = 0; b <= levels && length > R(0); ++b, part /= 2) {
-        if (length < part) continue;
-        Arithmetic<R>::multiply(rows_, n_, power(b).data(), rows_, y, 1, scratch);
-        std::copy_n(scratch, rows_, y);
-        length -= part;
-    }
-    if (length > R(0)) Arithmetic<R>::taylor(rows_, n_, A_.data(), length, order_, y, scratch);
+    const R rest = halve(length, [&](int level) { advance_by_power(level, y, scratch); });
+    if (rest > R(0)) Arithmetic<R>::taylor(rows_, n_, A_.data(), rest, order_, y, scratch);
 }
 
 template class Propagator<double>;

@@ -32,6 +32,18 @@ class Propagator {
 
     // y after `length` ≤ step().
     void advance(R* y, R length, R* scratch) const;
+    void advance_by_power(int level, R* y, R* scratch) const;
+    // Calls use(level) for every step/2^level that `length` is made of, longest first; returns what is left below them.
+    template <class Use>
+    R halve(R length, const Use& use) const {
+        R part(step_);
+        for (int level = 0; level <= levels && length > R(0); ++level, part /= 2) {
+            if (length < part) continue;
+            use(level);
+            length -= part;
+        }
+        return length;
+    }
 
     // A watched quantity q is valid within (0, upper): the two guards of an element are often q and upper − q.
     struct Watched {
