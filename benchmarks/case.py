@@ -1,17 +1,15 @@
 """The case that every engine runs: one closed loop with many impacts, and its exact solution.
 
 Eleven states, mesh 1e8 N m/rad, 10 s of a sine, output every millisecond. The numbers are those of
-`speed_study` in tests/py/reference_model.py, whose mode-wise exact solution is the truth here. The
-error of a run is that of the worst of the eight states of Eq. 23, each over its own peak: reached,
-not asked for.
+`speed_study` in tests/py/reference_model.py. Errors are measured against dualdrive's exact engine
+in long double; `agreement` says how near the independent solution of that file, in double, comes
+to it. The error of a run is that of the worst of the eight states of Eq. 23, each over its own
+peak: reached, not asked for.
 """
 
 from __future__ import annotations
 
 import sys
-import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -21,13 +19,17 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "py"))
 
+import core_machines
 import reference_model as reference
+from dualdrive import _core
 
 Array = NDArray[np.float64]
 
 VARIANT = "H"
 SPAN = 10.0  # s
 AMPLITUDE, FREQUENCY = 0.02, 0.5  # rad, Hz
+#: the eight states of Eq. 23 as the core names them
+PLANT = ["omega_c1", "omega_c2", "theta_c1", "theta_c2", "I_1", "I_2", "theta_m", "omega_m"]
 
 
 def machine() -> reference.Machine:
@@ -39,76 +41,50 @@ def motion() -> reference.Motion:
 
 
 @cache
+def core() -> tuple[_core.Machine, dict[str, _core.Waveform]]:
+    """The case for dualdrive."""
+    return core_machines.core_machine(machine()), core_machines.core_inputs(motion())
+
+
+def simulate(**options: Any) -> core_machines.Run:
+    """The case in dualdrive; raises RuntimeError where it fails."""
+    given: dict[str, Any] = {"end": SPAN, "signals": PLANT, "energy": False} | options
+    raw = _core.simulate(*core(), **given)
+    if raw.status != "success":
+        raise RuntimeError(raw.message)
+    return core_machines.Run(raw)
+
+
+@cache
 def truth() -> reference.Trajectory:
+    """The independent solution, mode by mode, in double."""
     return reference.simulate(machine(), motion(), SPAN)
+
+
+@cache
+def finest() -> Array:
+    """What errors are measured against: shape (times, 8), order of Eq. 23."""
+    return simulate(engine="exact", long_double=True).X
+
+
+def agreement() -> float:
+    return error_of(truth().X)
 
 
 @cache
 def spread() -> float:
     """How far a shift of 1e-12 of the gap at the start carries: no two solvers can agree better."""
-    return error_of(reference.simulate(machine(), motion(), SPAN, perturbation=1e-12).X)
+    shifted = reference.simulate(machine(), motion(), SPAN, perturbation=1e-12)
+    return _apart(shifted.X, truth().X)
 
 
 def error_of(X: Array) -> float:
     """The worst state's largest error over its own peak; X is shape (times, 8), order of Eq. 23."""
-    true = truth().X
+    return _apart(X, finest())
+
+
+def _apart(X: Array, true: Array) -> float:
     return float((np.abs(X - true).max(axis=0) / np.abs(true).max(axis=0)).max())
-
-
-@dataclass(frozen=True)
-class Point:
-    """One engine at one tolerance.
-
-    ms:     processor time per simulated second, best of the repeats
-    error:  reached, see `error_of`; infinite where the engine gave up
-    events: contacts made or lost that it located
-    """
-
-    engine: str
-    rtol: float
-    ms: float
-    error: float
-    events: int
-    note: str = ""
-
-
-@dataclass(frozen=True)
-class Engine:
-    """A way to run the case: `run(rtol)` returns (X, located contacts)."""
-
-    name: str
-    rtols: tuple[float, ...]
-    run: Callable[[float], tuple[Array, int]] = field(repr=False)
-    repeats: int = 3
-    note: str = ""
-
-    def measure(self, rtol: float) -> Point:
-        best, X, events = np.inf, np.empty((0, 8)), 0
-        for _ in range(self.repeats):
-            begin = time.process_time()
-            try:
-                X, events = self.run(rtol)
-            except RuntimeError as failure:
-                return Point(self.name, rtol, np.nan, np.inf, 0, str(failure))
-            best = min(best, time.process_time() - begin)
-            if best > 2.0:  # s: long enough to be told from noise
-                break
-        return Point(self.name, rtol, 1e3 * best / SPAN, error_of(X), events, self.note)
-
-
-def at_equal_error(points: list[Point], target: float) -> float | None:
-    """Time at a reached error, ms: between the two nearest points on logarithmic axes.
-
-    An engine whose coarsest run is better than asked for costs what that run costs; None where no
-    run is good enough.
-    """
-    usable = sorted((p.error, p.ms) for p in points if np.isfinite(p.error))
-    if not usable or usable[0][0] > target:
-        return None
-    errors, ms = (np.array(column) for column in zip(*usable, strict=True))
-    if errors[-1] <= target:
-        return float(ms[errors <= target].min())
-    return float(np.exp(np.interp(np.log(target), np.log(errors), np.log(ms))))
 
 
 def grid() -> Array:

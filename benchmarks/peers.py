@@ -1,116 +1,36 @@
 """The case in other people's solvers, each written as well as its interface allows.
 
-One right-hand side, compiled by Numba, in the same coordinates that dualdrive integrates (twists of
-the meshes, not absolute angles), with the exact Jacobian where a method takes one, absolute
-tolerances scaled to each state, and the contacts as events that are located but stop nothing.
+Compiled rates, the exact Jacobian where a method takes one, absolute tolerances scaled to each
+state, and the contacts as events that are located but stop nothing. CasADi locates none.
 """
 
 from __future__ import annotations
 
-from math import cos, pi, sin
 from typing import Any
 
 import numpy as np
 
-from case import AMPLITUDE, FREQUENCY, SPAN, Array, Engine, grid, machine
+from case import SPAN, Array, grid, machine
+from equations import STATES, TWISTS, compiled, constants, eq_23, law, sizes
+from measure import Engine
 
-# omega_c1, omega_c2, x_1, x_2, I_1, I_2, theta_m, omega_m, two speed integrals, equaliser integral
-STATES = 11
-
-
-def _constants() -> tuple[float, ...]:
-    m = machine()
-    drive, law = m.drives[0], m.controller
-    assert law is not None
-    return (
-        drive.J, drive.b, drive.K_m, drive.K_e, drive.R, drive.L, drive.K_t, drive.gap, m.i_m,
-        m.J_m, m.b_m, law.K_v, law.f_v, law.k_p, law.k_p / law.T_N, law.K_E, law.K_E / law.T_E,
-        law.T_ten, AMPLITUDE, 2 * pi * FREQUENCY,
-    )  # fmt: skip
+METHODS = {"adams": "Adams", "bdf": "BDF"}
 
 
-def compiled() -> tuple[Any, Any, Any]:
-    """Return f(t, y, out), J(t, y, out) and f(t, y) -> out, compiled."""
+def scipy_engines() -> list[Engine]:
     from numba import njit
+    from scipy.integrate import solve_ivp
 
-    (J, b, K_m, K_e, R, L, K_t, gap, i_m, J_m, b_m, K_v, f_v, k_p, k_i, K_E, k_E, T_ten,
-     size, turn) = _constants()  # fmt: skip
-
-    @njit
-    def flank(x):  # type: ignore[no-untyped-def]  # torque of a mesh, Eq. 15-17 corrected
-        if x > gap:
-            return K_t * (x - gap)
-        if x < -gap:
-            return K_t * (x + gap)
-        return 0.0
+    jacobian, rates = compiled().jacobian, compiled().rates
+    gap = machine().drives[0].gap
 
     @njit
-    def rates(t, y, out):  # type: ignore[no-untyped-def]
-        T_1, T_2 = flank(y[2]), flank(y[3])
-        command, speed = size * sin(turn * t), size * turn * cos(turn * t)
-        Omega_1 = i_m * (K_v * (command - y[6]) + f_v * speed)
-        e_T = K_m * (y[4] - y[5]) - T_ten
-        e_1 = Omega_1 - y[0]
-        e_2 = Omega_1 + K_E * e_T + k_E * y[10] - y[1]
-        out[0] = (K_m * y[4] - b * y[0] - T_1) / J
-        out[1] = (K_m * y[5] - b * y[1] - T_2) / J
-        out[2] = y[0] - i_m * y[7]
-        out[3] = y[1] - i_m * y[7]
-        out[4] = (k_p * e_1 + k_i * y[8] - R * y[4] - K_e * y[0]) / L
-        out[5] = (k_p * e_2 + k_i * y[9] - R * y[5] - K_e * y[1]) / L
-        out[6] = y[7]
-        out[7] = (i_m * (T_1 + T_2) - b_m * y[7]) / J_m
-        out[8], out[9], out[10] = e_1, e_2, e_T
-
-    @njit
-    def jacobian(t, y, out):  # type: ignore[no-untyped-def]
-        """The field is affine between contacts, so a difference over any step is exact."""
-        at, rate, base = y.copy(), np.zeros(STATES), np.zeros(STATES)
-        rates(t, at, base)
-        for k in range(STATES):
-            if k == 2 or k == 3:
-                slope = K_t if abs(y[k]) > gap else 0.0  # the flank that is, not one a step away
-                out[:, k] = 0.0
-                out[k - 2, k] = -slope / J
-                out[7, k] = i_m * slope / J_m
-                continue
-            at[k] = y[k] + 1.0
-            rates(t, at, rate)
-            at[k] = y[k]
-            for row in range(STATES):
-                out[row, k] = rate[row] - base[row]
-
-    @njit
-    def rates_new(t, y):  # type: ignore[no-untyped-def]
+    def f(t, y):  # type: ignore[no-untyped-def]
         out = np.empty(STATES)
         rates(t, y, out)
         return out
 
-    y, out = np.zeros(STATES), np.empty(STATES)
-    rates(0.0, y, out), rates_new(0.0, y), jacobian(0.0, y, np.empty((STATES, STATES)))
-    return rates, jacobian, rates_new
-
-
-def sizes() -> Array:
-    """What absolute tolerances are relative to: usual sizes of the states."""
-    m = machine()
-    twist = m.drives[0].gap + 4000 / m.drives[0].K_t
-    return np.array([0.9, 0.9, twist, twist, 350, 350, 0.02, 0.063, 0.1, 0.1, 200])
-
-
-def eq_23(y: Array) -> Array:
-    """Shape (times, 11) to the order of Eq. 23, absolute pinion angles."""
-    i_m, X = machine().i_m, y[:, :8].copy()
-    X[:, 2] += i_m * y[:, 6]
-    X[:, 3] += i_m * y[:, 6]
-    return X
-
-
-def scipy_engines(slow: bool) -> list[Engine]:
-    from scipy.integrate import solve_ivp
-
-    _, jacobian, f = compiled()
-    gap = machine().drives[0].gap
+    f(0.0, np.zeros(STATES))
 
     def side(state: int, sign: float) -> Any:
         def event(t: float, y: Array) -> float:
@@ -118,7 +38,7 @@ def scipy_engines(slow: bool) -> list[Engine]:
 
         return event
 
-    events = [side(state, sign) for state in (2, 3) for sign in (-1.0, 1.0)]
+    events = [side(state, sign) for state in TWISTS for sign in (-1.0, 1.0)]
 
     def J(t: float, y: Array) -> Array:
         out = np.empty((STATES, STATES))
@@ -136,19 +56,20 @@ def scipy_engines(slow: bool) -> list[Engine]:
         return eq_23(found.y.T), sum(map(len, found.t_events))
 
     def engine(method: str, *rtols: float) -> Engine:
-        return Engine(f"SciPy {method}", rtols, lambda rtol: run(method, rtol), repeats=2)
+        return Engine(f"SciPy {method}", rtols, lambda rtol: run(method, rtol))
 
-    quick = [
-        engine("LSODA", 1e-6, 1e-8, 1e-10, 1e-12),
-        engine("DOP853", 1e-6, 1e-8, 1e-10, 1e-12),
+    return [
+        engine("LSODA", 1e-8, 1e-10, 1e-11, 1e-12),
+        engine("DOP853", 1e-8, 1e-10, 1e-12, 1e-13),
+        engine("Radau", 1e-5, 1e-7, 1e-9),
+        engine("BDF", 1e-6, 1e-8),
     ]
-    return [*quick, engine("Radau", 1e-5, 1e-7), engine("BDF", 1e-6, 1e-8)] if slow else quick
 
 
 def sundae_engines() -> list[Engine]:
     from sksundae.cvode import CVODE
 
-    f, jacobian, _ = compiled()
+    f, jacobian = compiled().rates, compiled().jacobian
     gap = machine().drives[0].gap
 
     def rates(t: float, y: Array, yp: Array) -> None:
@@ -180,8 +101,39 @@ def sundae_engines() -> list[Engine]:
         return eq_23(np.asarray(y)), contacts
 
     def engine(method: str, *rtols: float) -> Engine:
-        return Engine(
-            f"scikit-sundae CVODE {method}", rtols, lambda rtol: run(method, rtol), repeats=2
-        )
+        return Engine(f"scikit-sundae CVODE {method}", rtols, lambda rtol: run(method, rtol))
 
-    return [engine("Adams", 1e-6, 1e-8, 1e-10, 1e-12), engine("BDF", 1e-6, 1e-8, 1e-10)]
+    return [engine("Adams", 1e-8, 1e-10, 1e-12, 1e-13), engine("BDF", 1e-8, 1e-10, 1e-12)]
+
+
+def casadi_engines() -> list[Engine]:
+    import casadi as ca
+
+    numbers = constants()
+    K_t, gap, size, turn = (numbers[k] for k in (6, 7, 18, 19))
+    scaled, t = ca.SX.sym("scaled", STATES), ca.SX.sym("t")
+    y = scaled * ca.DM(sizes())  # one absolute tolerance for all: states over their usual sizes
+
+    def mesh(x: Any) -> Any:
+        return ca.if_else(x > gap, K_t * (x - gap), ca.if_else(x < -gap, K_t * (x + gap), 0))
+
+    command, speed = size * ca.sin(turn * t), size * turn * ca.cos(turn * t)
+    rate = law()([y[k] for k in range(STATES)], command, speed, *(mesh(y[k]) for k in TWISTS))
+    problem = {"x": scaled, "t": t, "ode": ca.vertcat(*rate) / ca.DM(sizes())}
+
+    def engine(method: str, *rtols: float) -> Engine:
+        ready = {
+            rtol: ca.integrator("case", "cvodes", problem, 0.0, grid()[1:], {
+                "reltol": rtol, "abstol": rtol, "linear_multistep_method": method,
+                "max_num_steps": 1_000_000,
+            })
+            for rtol in rtols
+        }  # fmt: skip
+
+        def run(rtol: float) -> tuple[Array, int]:
+            found = np.asarray(ready[rtol](x0=np.zeros(STATES))["xf"]).T
+            return eq_23(np.vstack([np.zeros(STATES), found * sizes()])), 0
+
+        return Engine(f"CasADi CVODES {METHODS[method]}", rtols, run)
+
+    return [engine("adams", 1e-8, 1e-10, 1e-12), engine("bdf", 1e-8, 1e-10)]

@@ -1,20 +1,50 @@
-"""The benchmark as tables and as a picture."""
+"""The benchmark as tables, and the ratios beside what was asked for."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from case import SPAN, VARIANT, Point, at_equal_error
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+import dop853
+import ours
+import plain
+from case import SPAN
+from measure import Point, at_equal_error
 
 #: reached errors at which engines are compared
-TARGETS = (1e-3, 1e-4, 1e-5, 1e-6)
-OURS = "dualdrive Adams"
+TARGETS = (1e-3, 1e-6, 1e-9)
+SAME_RTOL = 1e-10  # at which the cvode engine and the plain program take the same steps
+PLAIN = f"{plain.OPTIMISED} Adams"
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A figure with its target: `measured` at least, or at most, `limit`."""
+
+    what: str
+    measured: float | None
+    limit: float | None
+    at_least: bool = True
+    unit: str = "times"
+    goal: float | None = None
+
+    def cells(self) -> tuple[str, str, str, str]:
+        sign = "≥" if self.at_least else "≤"
+        target = "" if self.limit is None else f"{sign} {self.limit:g}"
+        if self.goal is not None:
+            target += f" (goal {self.goal:g})"
+        if self.measured is None:
+            return self.what, "not reached", target, ""
+        return self.what, f"{self.measured:.3g} {self.unit}", target, self.verdict()
+
+    def verdict(self) -> str:
+        if self.limit is None or self.measured is None:
+            return ""
+        met = self.measured >= self.limit if self.at_least else self.measured <= self.limit
+        return "met" if met else "not met"
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -34,123 +64,123 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def surroundings_text(facts: dict[str, Any]) -> str:
-    return "\n".join(f"{name}: {value}" for name, value in facts.items())
+    return "Taken with " + "; ".join(f"{name} {value}" for name, value in facts.items()) + "."
 
 
-def equal_error(points: Sequence[Point]) -> dict[str, dict[str, float | None]]:
-    """Engine -> error -> ms per simulated second, or None where it does not get there."""
-    return {
-        name: {
-            f"{target:.0e}": at_equal_error([p for p in points if p.engine == name], target)
-            for target in TARGETS
-        }
-        for name in dict.fromkeys(p.engine for p in points)
-    }
+def of(points: Sequence[Point], name: str) -> list[Point]:
+    return [p for p in points if p.engine == name]
 
 
-def engines_text(result: dict[str, Any], points: Sequence[Point]) -> str:
-    told = result["case"]
-    lines = [
-        "",
-        f"Variant {VARIANT}: {SPAN:g} s, {told['contacts']} contacts made or lost; a shift of the "
-        f"start by 1e-12 of the gap grows to {told['spread']:.1e}",
-        "",
-        table(
-            ("engine", "rtol", "ms per simulated s", "contacts found", "error reached"),
-            (
-                (
-                    p.engine,
-                    f"{p.rtol:.0e}",
-                    f"{p.ms:.2f}",
-                    str(p.events),
-                    f"{p.error:.1e}" if np.isfinite(p.error) else f"failed: {p.note}",
-                )
-                for p in points
-            ),
-        ),
-        "",
-        "ms per simulated second at equal error reached, and how many times that of "
-        f"{OURS} it is (interpolated between the runs above)",
-        "",
-        table(("engine", *(f"{t:.0e}" for t in TARGETS)), _ratios(result["at_equal_error"])),
-        *(f"left out: {what}" for what in result["missing"]),
+def names(points: Sequence[Point]) -> list[str]:
+    return list(dict.fromkeys(p.engine for p in points))
+
+
+def points_text(points: Sequence[Point]) -> str:
+    head = ("engine", "rtol", "ms per simulated s", "contacts found", "error reached")
+    rows = (
+        (
+            p.engine,
+            "–" if np.isnan(p.rtol) else f"{p.rtol:.0e}",
+            f"{p.ms / SPAN:.2f}",
+            str(p.events) if p.events else "–",
+            f"{p.error:.1e}" if np.isfinite(p.error) else f"failed: {p.note}",
+        )
+        for p in points
+    )
+    return table(head, rows)
+
+
+def equal_error_text(points: Sequence[Point]) -> str:
+    """Milliseconds per simulated second at each target, and over the fastest exact engine."""
+    rows = []
+    fastest = min(
+        (cost for name in names(points) if name.startswith(ours.NATIVE)
+         if (cost := at_equal_error(of(points, name), TARGETS[-1])) is not None),
+        default=None,
+    )  # fmt: skip
+    for name in names(points):
+        costs = [at_equal_error(of(points, name), target) for target in TARGETS]
+        rows.append((name, *(_cost(ms, fastest) for ms in costs)))
+    return table(("engine", *(f"{t:.0e}" for t in TARGETS)), rows)
+
+
+def _cost(ms: float | None, fastest: float | None) -> str:
+    if ms is None:
+        return "not reached"
+    ratio = "" if fastest is None else f" ({ms / fastest:.3g}x)"
+    return f"{ms / SPAN:.3g}{ratio}"
+
+
+def wanted(points: Sequence[Point]) -> list[Wanted]:
+    """Everything that was asked for, and what else belongs beside it."""
+    found = []
+    for name in names(points):
+        if name.startswith(ours.NATIVE):
+            found += of_exact(points, name)
+    explicit = {e: ratio(points, ours.EXPLICIT, dop853.NAME, e) for e in TARGETS[1:]}
+    for error, value in explicit.items():
+        what = f"explicit engine against {dop853.NAME}, error {error:.0e}"
+        found.append(Wanted(what, value, None, at_least=False))
+    for method in ("Adams", "BDF"):
+        found += of_path(points, method)
+    return found
+
+
+def of_exact(points: Sequence[Point], name: str) -> list[Wanted]:
+    """The run itself, and how many times faster it is than other engines at their error."""
+    own = of(points, name)[0]
+    limit = 3.0 if name == ours.BASELINE else 1.8
+    found = [
+        Wanted(f"{name}: {SPAN:g} s with {own.events} contacts", own.ms, limit, False, "ms"),
+        Wanted(f"{name}: error", own.error, 1e-9, False, ""),
     ]
-    return "\n".join(lines)
+    others: tuple[tuple[str, float | None, float | None], ...] = (
+        (PLAIN, 25, 40),
+        (ours.ADAMS, None, None),
+        ("scikit-sundae CVODE Adams", 300, None),
+        ("SciPy LSODA", 1000, None),
+        (dop853.NAME, None, None),
+    )
+    for error in TARGETS[1:]:
+        for other, least, goal in others:
+            if of(points, other):
+                asked = (least, goal) if error == 1e-6 else (None, None)
+                what = f"{name} against {other}, error {error:.0e}"
+                value = ratio(points, other, name, error)
+                found.append(Wanted(what, value, asked[0], goal=asked[1]))
+    return found
 
 
-def _ratios(costs: dict[str, dict[str, float | None]]) -> Iterable[Sequence[str]]:
-    own = costs[OURS]
-    for name, row in costs.items():
-        cells = []
-        for target, ms in row.items():
-            mine = own[target]
-            ratio = "" if ms is None or mine is None else f" ({ms / mine:.1f}x)"
-            cells.append("not reached" if ms is None else f"{ms:.1f}{ratio}")
-        yield (name, *cells)
+def of_path(points: Sequence[Point], method: str) -> list[Wanted]:
+    """The cvode engine over the plain program: what our own machinery costs."""
+    mine, theirs = f"dualdrive cvode {method}", f"{plain.OPTIMISED} {method}"
+    what = f"cvode engine over the plain program, {method}"
+    same = [
+        next((p.ms for p in of(points, name) if p.rtol == SAME_RTOL), None)
+        for name in (mine, theirs)
+    ]
+    value = None if None in same else same[0] / same[1]  # type: ignore[operator]
+    return [
+        Wanted(f"{what}, rtol {SAME_RTOL:.0e}", value, 1.15, at_least=False),
+        Wanted(f"{what}, error 1e-06", ratio(points, mine, theirs, 1e-6), 1.15, at_least=False),
+    ]
+
+
+def ratio(points: Sequence[Point], slow: str, fast: str, error: float) -> float | None:
+    costs = [at_equal_error(of(points, name), error) for name in (slow, fast)]
+    return None if None in costs else costs[0] / costs[1]  # type: ignore[operator]
+
+
+def wanted_text(figures: Sequence[Wanted]) -> str:
+    return table(("", "measured", "asked for", ""), (f.cells() for f in figures))
 
 
 def presets_text(rows: Sequence[dict[str, Any]]) -> str:
-    return "\n".join(
-        [
-            "",
-            "Presets through their default motion, default options, every signal and the energy "
-            "balance recorded each ms",
-            "",
-            table(
-                ("preset", "simulated s", "ms per simulated s", "times real time", "events",
-                 "steps", "method", "error"),
-                (
-                    (r["preset"], f"{r['simulated_s']:.2f}", f"{r['ms_per_s']:.2f}",
-                     f"{r['times_real_time']:.0f}", str(r["events"]), str(r["steps"]), r["method"],
-                     f"{r['error']:.0e}")
-                    for r in rows
-                ),
-            ),
-        ]
-    )  # fmt: skip
-
-
-def throughput_text(rows: Sequence[dict[str, Any]]) -> str:
-    head = ("runs", "threads", "cores it got", "runs per s", "processor ms per run")
+    head = ("preset", "simulated s", "ms per simulated s", "times real time", "events", "engine",
+            "error")  # fmt: skip
     cells = (
-        (
-            r["what"],
-            str(r["jobs"]),
-            f"{r['cores_used']:.2f}",
-            f"{r['runs_per_s']:.1f}",
-            f"{r['ms_per_run']:.1f}",
-        )
+        (r["preset"], f"{r['simulated_s']:.2f}", f"{r['ms_per_s']:.2f}",
+         f"{r['times_real_time']:.0f}", str(r["events"]), r["method"], f"{r['error']:.0e}")
         for r in rows
-    )
-    return "\n".join(["", "Many runs; runs per second are wall clock", "", table(head, cells)])
-
-
-def draw(points: Sequence[Point], spread: float) -> Figure:
-    """Error reached over time spent, both logarithmic: lower left is better."""
-    from dualdrive.plots.style import LIMIT, drive_colour, figure_of, picture, single
-
-    @picture
-    def drawn() -> Figure:
-        axes = single(None, 8.0, 5.0)
-        for number, name in enumerate(dict.fromkeys(p.engine for p in points), 1):
-            own = [p for p in points if p.engine == name and np.isfinite(p.error)]
-            mine = name.startswith("dualdrive")
-            axes.loglog(
-                [p.ms for p in own],
-                [p.error for p in own],
-                marker="o" if mine else "s",
-                ms=5,
-                lw=2.0 if mine else 1.2,
-                ls="-" if mine else "--",
-                color=drive_colour(number),
-                label=name,
-            )
-        axes.axvline(1e3, color=LIMIT, lw=1.0, ls=":", label="real time")
-        axes.margins(0.05)
-        axes.set_xlabel("processor time [ms per simulated s]")
-        axes.set_ylabel("error reached [worst state over its peak]")
-        axes.set_title(f"{SPAN:g} s with many impacts: error against time")
-        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-        return figure_of(axes)
-
-    return drawn()
+    )  # fmt: skip
+    return table(head, cells)

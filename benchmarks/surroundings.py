@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def describe() -> dict[str, Any]:
-    packages = ("numpy", "scipy", "numba", "scikit-sundae")
+    packages = ("numpy", "scipy", "numba", "scikit-sundae", "casadi")
     return {
         "processor": _processor(),
         "cores": len(os.sched_getaffinity(0)),

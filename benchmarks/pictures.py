@@ -1,0 +1,45 @@
+"""The benchmark as pictures: error against work, cost against length and switches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from case import SPAN
+from measure import Point
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def accuracy_against_work(points: Sequence[Point]) -> Figure:
+    """Error reached over time spent, both logarithmic: lower left is better."""
+    from dualdrive.plots.style import LIMIT, drive_colour, figure_of, picture, single
+
+    @picture
+    def drawn() -> Figure:
+        axes = single(None, 9.0, 5.5)
+        for number, name in enumerate(dict.fromkeys(p.engine for p in points), 1):
+            own = [p for p in points if p.engine == name and np.isfinite(p.error)]
+            mine = name.startswith("dualdrive")
+            axes.loglog(
+                [p.ms / SPAN for p in own],
+                [p.error for p in own],
+                marker="o" if mine else "sDv^<>"[number % 6],
+                ms=6 if mine else 4,
+                lw=2.0 if mine else 1.2,
+                ls="-" if mine else "--",
+                color=drive_colour(number),
+                label=name,
+            )
+        axes.axvline(1e3, color=LIMIT, lw=1.0, ls=":", label="real time")
+        axes.margins(0.05)
+        axes.set_xlabel("processor time [ms per simulated s]")
+        axes.set_ylabel("error reached [worst state over its peak]")
+        axes.set_title(f"{SPAN:g} s with many impacts: error against time")
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+        return figure_of(axes)
+
+    return drawn()
