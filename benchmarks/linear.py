@@ -137,34 +137,34 @@ def measure(*, quick: bool = False) -> Lines:
 
 
 def draw(lines: Lines) -> Figure:
-    from dualdrive.plots.style import drive_colour, figure_of, new_axes, picture
+    from matplotlib.figure import Figure
+
+    from dualdrive.plots.style import drive_colour, picture
+
+    some = lines.switches
+    spans, counts = ([c.span for c in lines.time], [float(c.switches) for c in some])
+    per_second = lines.time[-1].ms / lines.time[-1].span
+    panels = (
+        (f"simulated time [s]; slope {lines.time_slope:.3f}", spans, lines.time,
+         [per_second * span for span in spans], "in proportion"),
+        (f"contacts within {some[0].span:g} s; slope beyond rest {lines.switch_slope:.3f}",
+         counts, some, [lines.rest + lines.us_per_switch / 1e3 * n for n in counts],
+         "rest, and in proportion"),
+    )  # fmt: skip
 
     @picture
     def drawn() -> Figure:
-        axes = new_axes(2, 7.0, 6.5)
-        for ax, (label, x, costs) in zip(axes, _curves(lines), strict=True):
-            ms = [c.ms for c in costs]
-            ax.loglog(x, ms, "o", color=drive_colour(1), label="measured")
-            ax.loglog(x, np.array(x) * (ms[-1] / x[-1]), ls=":", color=drive_colour(2),
-                       label="in proportion")  # fmt: skip
+        figure = Figure(figsize=(10.0, 4.0), layout="constrained")
+        axes = figure.subplots(1, 2, sharey=True)
+        for ax, (label, x, costs, line, name) in zip(axes, panels, strict=True):
+            ax.loglog(x, line, ls=":", color=drive_colour(2), label=name)
+            ax.loglog(x, [c.ms for c in costs], "o", color=drive_colour(1), label="measured")
             ax.set_xlabel(label)
-            ax.set_ylabel("processor time [ms]")
             ax.legend()
-        return figure_of(axes[0])
+        axes[0].set_ylabel("processor time [ms]")
+        return figure
 
     return drawn()
-
-
-def _curves(lines: Lines) -> list[tuple[str, list[float], list[Cost]]]:
-    some = [c for c in lines.switches if c.switches]
-    return [
-        (
-            f"simulated time [s], slope {lines.time_slope:.3f}",
-            [c.span for c in lines.time],
-            lines.time,
-        ),
-        (f"contacts within {some[0].span:g} s", [float(c.switches) for c in some], some),
-    ]
 
 
 def main() -> None:

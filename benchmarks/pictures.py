@@ -10,6 +10,8 @@ import numpy as np
 from case import SPAN
 from measure import Point
 
+MARKERS = "osD^v<>"
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -21,17 +23,20 @@ def accuracy_against_work(points: Sequence[Point]) -> Figure:
     @picture
     def drawn() -> Figure:
         axes = single(None, 9.0, 5.5)
-        for number, name in enumerate(dict.fromkeys(p.engine for p in points), 1):
+        families: dict[str, int] = {}  # library -> engines of it so far
+        for name in dict.fromkeys(p.engine for p in points):
             own = [p for p in points if p.engine == name and np.isfinite(p.error)]
-            mine = name.startswith("dualdrive")
+            family = name.split()[0]
+            mark = families[family] = families.get(family, -1) + 1
+            mine = family == "dualdrive"
             axes.loglog(
                 [p.ms / SPAN for p in own],
                 [p.error for p in own],
-                marker="o" if mine else "sDv^<>"[number % 6],
-                ms=6 if mine else 4,
+                marker=MARKERS[mark % len(MARKERS)],
+                ms=7 if mine else 5,
                 lw=2.0 if mine else 1.2,
                 ls="-" if mine else "--",
-                color=drive_colour(number),
+                color=drive_colour(list(families).index(family) + 1),
                 label=name,
             )
         axes.axvline(1e3, color=LIMIT, lw=1.0, ls=":", label="real time")

@@ -147,6 +147,8 @@ def of_exact(points: Sequence[Point], name: str) -> list[Wanted]:
                 asked = (least, goal) if error == 1e-6 else (None, None)
                 what = f"{name} against {other}, error {error:.0e}"
                 value = ratio(points, other, name, error)
+                if value is None and asked[0] is None:
+                    continue  # the table at equal error says so
                 found.append(Wanted(what, value, asked[0], goal=asked[1]))
     return found
 
