@@ -40,7 +40,7 @@ std::vector<int> Simulation::fallen_guards(Solver::Outcome outcome) {
         std::swap(slope_begin_, slope_end_);
         return fallen;
     }
-    const std::size_t looks = guard_inside_.size();
+    const auto looks = static_cast<std::size_t>(solver_->looks());
     const double apart = (to - from) / static_cast<double>(looks + 1);
     for (std::size_t k = 0; k < looks; ++k) {
         const std::size_t j = (looks / 2 + k) % looks;  // the middle first: the solver may have been there last

@@ -22,7 +22,7 @@ constexpr double near_multiple = 1e-9;
 constexpr double slowest_ring = 1000.0;  // 1/s: a drive's own loops; below that nothing is stiff
 // Something well damped and so much faster than what rings makes a machine stiff: the explicit engine and Adams methods
 // then take steps for stability alone. Adams methods bear more, for they cost less a step.
-constexpr double stiff_for_explicit = 5.0, stiff_for_adams = 30.0;
+constexpr double stiff_for_explicit = 8.0, stiff_for_adams = 30.0;
 
 // Whether b is a whole multiple of a.
 bool divides(double a, double b) { return std::abs(b / a - std::round(b / a)) < near_multiple && b > 0.5 * a; }

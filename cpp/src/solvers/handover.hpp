@@ -27,7 +27,7 @@ class Handover final : public Solver {
     void sensitivity_at(double t, int k, double* s) const override { now().sensitivity_at(t, k, s); }
     void quadrature_at(double t, double* q) const override { now().quadrature_at(t, q); }
     std::span<const int> roots() const override { return now().roots(); }
-    int looks() const override { return mild_->looks(); }  // more than the other needs
+    int looks() const override { return now().looks(); }
     Failure failure() const override { return now().failure(); }
     Counts counts() const override;
     std::string name() const override { return stiff_ ? mild_->name() + ", " + stiff_->name() : mild_->name(); }

@@ -14,7 +14,7 @@ using dop853::weighted;
 
 constexpr double infinite = std::numeric_limits<double>::infinity();
 constexpr double shortest = 16.0 * std::numeric_limits<double>::epsilon();  // step, of the time
-constexpr double safety = 0.9, most_growth = 6.0, most_shrinking = 1.0 / 3.0;
+constexpr double safety = 0.8, most_growth = 6.0, most_shrinking = 1.0 / 3.0;
 constexpr double after_a_bad_number = 0.25;  // of a step that left the domain of the laws
 // Where a rate jumps (the slope of a law with a kink), even the shortest step may miss the tolerance. It is taken as it is
 // if it errs by less than this share of the state; where something goes to infinity, it errs by more.
@@ -54,8 +54,8 @@ void RungeKutta::restart(double t, std::span<const double> atol, double quadratu
     std::fill(atol_.begin() + static_cast<std::ptrdiff_t>(quadratures_from_), atol_.end(), quadrature_atol);
 }
 
-// Stages look into a step at a dozen places, a multistep method only at its end.
-void RungeKutta::limit_step(double longest, double turning) { longest_ = std::min(longest, 2.0 * turning); }
+// A multistep method looks at the end of a step only; the stages and the middle lie a sixth of a step apart at most.
+void RungeKutta::limit_step(double longest, double turning) { longest_ = std::min(longest, 6.0 * turning); }
 
 std::span<double> RungeKutta::sensitivity(int k) { return part(states_ * static_cast<std::size_t>(1 + k), states_); }
 
