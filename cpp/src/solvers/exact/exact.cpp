@@ -109,9 +109,9 @@ template <class R>
 double Exact<R>::start_generator(double stop) {
     const auto& knots = generator_.knots();
     const std::size_t passed = next_knot_;
-    double from = t_;  // at a knot its own time, lest rounding leaves it on the far side
-    for (; next_knot_ < knots.size() && knots[next_knot_] <= t_ + instant(t_); ++next_knot_)
-        from = std::max(from, knots[next_knot_]);
+    while (next_knot_ < knots.size() && knots[next_knot_] <= t_ + instant(t_)) ++next_knot_;
+    // at a knot its own time, lest rounding leaves it on the far side
+    const double from = next_knot_ > 0 ? std::max(t_, knots[next_knot_ - 1]) : t_;
     // t_ is rounded: set anew at a switch, the inputs would jump off the surface on which it stands.
     if (!at_root_ || next_knot_ > passed) generator_.set(from, setup_.cell, column(0) + size_.states);
     return next_knot_ < knots.size() ? std::min(stop, knots[next_knot_]) : stop;
