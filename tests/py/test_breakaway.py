@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from dualdrive import _core
+from dualdrive import Machine, _core, simulate
 
 FRICTION, AMPLITUDE, FREQUENCY = 20.0, 60.0, 0.3
 
@@ -41,3 +41,14 @@ def test_a_short_pulse_in_a_long_rest_is_seen() -> None:
     )
     run = _core.simulate(rubbing_axis(), {"T_1": pulse}, end=100.0, output_step=1.0)
     assert [event[2:] for event in run.events][:2] == [("stuck", "forward"), ("forward", "stuck")]
+
+
+@pytest.mark.parametrize("gap", [1.2531328320802006e-05, 2.756892230576441e-05])
+def test_a_pinion_that_breaks_away_goes_on(gap: float) -> None:
+    """Speed and acceleration are zero then but for rounding, which once told it to stop again."""
+    machine = Machine.load("heavy-table-250t")
+    machine.set("meshes.gap", gap)
+    end = 9.96405499221705
+    run = simulate(machine, times=np.linspace(0.0, end, 9965), energy=False)
+    assert (run.status, run.message) == ("success", "")
+    assert len(run.events) < 100

@@ -97,7 +97,8 @@ class FirstFall {
     FirstFall(const R* series, int terms, R noise, bool on_surface) : noise_(noise) {
         std::copy_n(series, terms, p_.begin());
         if (on_surface || std::abs(p_[0]) <= noise) {  // the root one starts on is divided out
-            while (first_ < terms && (std::abs(p_[static_cast<std::size_t>(first_)]) <= noise || first_ == 0)) ++first_;
+            const R zero = on_surface ? R(of_state) * noise : noise;
+            while (first_ < terms && (std::abs(p_[static_cast<std::size_t>(first_)]) <= zero || first_ == 0)) ++first_;
         }
         degree_ = terms - 1 - first_;
     }
@@ -115,6 +116,9 @@ class FirstFall {
   private:
     using Coefficients = std::array<R, most_terms>;
     static constexpr int deepest = 48;
+    // Where something breaks away its speed and its acceleration are zero, but for the rounding that the state brought
+    // along from the step before: more than a series of its own has. A slope of that size is no fall.
+    static constexpr double of_state = 1000.0;
 
     R coefficient(int k) const { return p_[static_cast<std::size_t>(first_ + k)]; }
 
