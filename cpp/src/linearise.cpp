@@ -6,6 +6,7 @@
 #include "dualdrive/layout.hpp"
 #include "dualdrive/model.hpp"
 #include "dualdrive/switching.hpp"
+#include "simulation/affine.hpp"
 #include "simulation/affine_field.hpp"
 
 namespace dualdrive {
@@ -108,6 +109,8 @@ FrozenLaws frozen_laws(const Machine& machine, const Inputs& inputs, const std::
     FrozenLaws laws;
     laws.guards.resize(frozen.size() * guards_per_switch);
     if (of == LawsOf::matrices) {
+        if (const auto effect = effect_that_is_not_affine(machine))
+            throw std::invalid_argument("frozen_laws: effect " + *effect + " is not affine: no matrices say its law");
         AffineField field(machine, inputs, layout, frozen, cell);
         laws.rates.resize(z.size());
         laws.guard_slopes.resize(laws.guards.size());

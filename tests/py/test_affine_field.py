@@ -16,8 +16,12 @@ from core_random import RandomMachine
 from dualdrive import Machine, _core, default_motion, presets
 
 AFFINE = {kind.name for kind in _core.effect_types() if kind.affine} - {"sensor_delay"}
-ROUNDING = 1e-13  # of the sum of what a law adds up
-DRAWS = 12
+ROUNDING = 1e-11  # of the sum of what a law adds up; inputs may cancel each other in it
+FORMULAS = {  # of a body, affine between the switches of their signs; a in N m, c in N m s/rad
+    "-a * sign(speed) - c * speed": "ac",
+    "-c * min(speed, 0) + a / 3": "ac",
+    "if(speed > 0, -a, a / 2) + c * abs(speed) / 4": "ac",
+}
 TIMES = (0.0, 0.05, 0.3217, 1.0, 1.9)  # s
 
 
@@ -25,9 +29,16 @@ class AffineMachine(RandomMachine):
     """A random machine with all that leaves it affine between switches."""
 
     def add_effect(self) -> None:
+        if self.chance(0.2):
+            body, formula = self.pick("table", "motor_1", "pinion_1"), self.pick(*FORMULAS)
+            numbers = {"a": ("N*m", 30.0), "c": ("N*m*s/rad", 2.0)}
+            self.machine.add_expression(
+                body, formula, [(n, *numbers[n]) for n in FORMULAS[formula]]
+            )
+            return
         before = self.machine.copy()
         super().add_effect()
-        if not all(effect["effect"] in AFFINE for effect in self.machine.effects):
+        if self.machine.effects[-1:] and self.machine.effects[-1]["effect"] not in AFFINE:
             self.machine = before
 
     def control(self) -> None:
@@ -155,8 +166,16 @@ def test_the_machines_drawn_have_what_may_go_wrong() -> None:
     notes = {note for seed in range(80) for note in AffineMachine(seed).notes}
     kinds = {f"sampled {loop}" for loop in ("position", "tension", "speed", "current")}
     assert (
-        kinds | {"load hold", "load linear", "load cubic", "falling", "voltage", "ramp load"}
+        kinds
+        | {"load hold", "load linear", "load cubic", "falling", "voltage", "ramp load", *FORMULAS}
         <= notes
     )
     modes = {m for seed in range(80) for known in of_seed(seed).modes.values() for m in known}
     assert {"riding high", "riding low", "high, unwinding", "stuck", "negative"} <= modes
+
+
+def test_a_law_that_no_matrix_says_is_refused() -> None:
+    machine = Machine.load(presets()[0]).core
+    machine.add_effect("cogging", "motor_1")
+    with pytest.raises(ValueError, match="cogging@motor_1 is not affine"):
+        _core.frozen_laws(machine, matrices=True)

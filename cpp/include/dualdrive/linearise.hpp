@@ -35,7 +35,8 @@ struct FrozenLaws {
 // gives no slopes.
 enum class LawsOf { model, matrices };
 
-// t lies in the cell, between two knots of the inputs or at one of them. Arguments and errors else as for linearise.
+// t lies in the cell, between two knots of the inputs or at one of them. Arguments and errors else as for
+// linearise; std::invalid_argument besides for the matrices of a machine that is not affine.
 FrozenLaws frozen_laws(const Machine& machine, const Inputs& inputs, const std::map<std::string, std::string>& modes,
                        const std::map<std::string, double>& state, double t, const Cell& cell, LawsOf of);
 
