@@ -114,7 +114,7 @@ def rows(runs: int = RUNS) -> list[Row]:
     figures = [summaries(runs, jobs) for jobs in range(1, cores + 1)]
     found += [row for row, _ in figures]
     assert len({bits for _, bits in figures}) == 1, "figures depend on the number of threads"
-    found.append(with_balance(max(1, runs // 4), cores))
+    found.append(with_balance(runs, cores))
     found += [into_file(runs, cores), into_file(runs, cores, TRACES)]
     return [*found, *memory(runs, cores)]
 

@@ -29,9 +29,7 @@ R = TypeVar("R")
 Job = tuple[Any, ...]
 
 CONNECT = 10.0  # s to wait for a scheduler's answer
-PATIENCE = (
-    30.0  # s without any worker: a nanny has begun a new one in the place of a dead one by then
-)
+PATIENCE = 30.0  # s without any worker: a nanny has put a new one in a dead one's place by then
 _TICK = 0.2  # s between looks at the scheduler and at Ctrl-C
 
 

@@ -2,12 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from pathlib import Path
+
 import pytest
 
 import core_machines
+from clusters import Cluster
+from dualdrive import distributed
 
 
 @pytest.fixture(params=["auto", "cvode"])
 def both_engines(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Run a test with the engine that suits the machine, and with CVODE."""
     monkeypatch.setattr(core_machines, "ENGINE", request.param)
+
+
+@pytest.fixture
+def mortal(tmp_path: Path) -> Iterator[Cluster]:
+    """A scheduler of the test's own, without workers yet, whose processes may be killed."""
+    with Cluster(tmp_path) as cluster:
+        yield cluster
+
+
+@pytest.fixture
+def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Little patience with schedulers that don't answer and workers that don't come."""
+    monkeypatch.setattr(distributed, "CONNECT", 0.5)
+    monkeypatch.setattr(distributed, "PATIENCE", 1.0)
