@@ -23,7 +23,7 @@ def describe() -> dict[str, Any]:
         "load before": round(os.getloadavg()[0], 2),
         "system": platform.platform(terse=True),
         "python": platform.python_version(),
-        "dualdrive": dualdrive.__version__,
+        "dualdrive": f"{dualdrive.__version__} with {_core.__kernels__} loops",
         "sundials": f"{_core.__sundials_version__}, {_sundials()}",
         **{name: _version(name) for name in packages},
     }
