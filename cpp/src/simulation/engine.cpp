@@ -21,8 +21,8 @@ constexpr int most_exact_states = 256;  // of machine, controller and inputs: de
 constexpr double near_multiple = 1e-9;
 constexpr double slowest_ring = 1000.0;  // 1/s: a drive's own loops; below that nothing is stiff
 // Something well damped and so much faster than what rings makes a machine stiff: the explicit engine and Adams methods
-// then take steps for stability alone. Adams methods bear more, for they cost less a step.
-constexpr double stiff_for_explicit = 8.0, stiff_for_adams = 30.0;
+// then take steps for stability alone, and BDF is the cheaper from about here on (measured, benchmarks/effects.py).
+constexpr double stiff_beyond = 14.0;
 
 // Whether b is a whole multiple of a.
 bool divides(double a, double b) { return std::abs(b / a - std::round(b / a)) < near_multiple && b > 0.5 * a; }
@@ -126,24 +126,27 @@ void Simulation::choose_solver(int guards, std::span<const double> parameter_sca
     refuse_what_is_not_exact(impossible);
     if (wants_exact() || (left_open && possible)) return take_exact_solver(size);
     if (possible) field_ = std::make_unique<AffineField>(machine_, inputs_, layout_, modes_, cell_);
-    const auto explicit_solver = [&](double stiff_beyond) {
-        return std::make_unique<RungeKutta>(*this, size, options_.rtol, parameter_scale, stiff_beyond);
-    };
     const auto cvode = [this, size,
                         scale = std::vector<double>(parameter_scale.begin(), parameter_scale.end())](Method m) {
         const std::vector<int> falling(static_cast<std::size_t>(size.guards), -1);
         return std::make_unique<Cvode>(*this, size, m, options_.rtol, falling, scale);
     };
-    const Pace pace = this->pace();
-    if (options_.engine == Engine::explicit_rk)
+    const auto explicit_solver = [&](double limit) {
+        return std::make_unique<RungeKutta>(*this, size, options_.rtol, parameter_scale, limit);
+    };
+    if (options_.engine == Engine::explicit_rk) {
         solver_ = explicit_solver(std::numeric_limits<double>::infinity());
-    else if (left_open && pace.decays <= stiff_for_explicit * pace.rings)
-        solver_ = std::make_unique<Handover>(explicit_solver(stiff_for_explicit * pace.rings),
-                                             [cvode] { return cvode(Method::bdf); });
+        return;
+    }
+    const auto [rings, decays] = pace();
+    const bool stiff = decays > stiff_beyond * rings;
+    if (left_open && !stiff)
+        solver_ =
+            std::make_unique<Handover>(explicit_solver(stiff_beyond * rings), [cvode] { return cvode(Method::bdf); });
     else if (options_.method != Method::automatic)
         solver_ = cvode(options_.method);
     else
-        solver_ = cvode(pace.decays > stiff_for_adams * pace.rings ? Method::bdf : Method::adams);
+        solver_ = cvode(stiff ? Method::bdf : Method::adams);
 }
 
 }  // namespace dualdrive
