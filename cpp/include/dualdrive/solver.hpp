@@ -67,9 +67,10 @@ class Solver {
     // The stored energy that quadratures belong to, where the solver has it cheaper than the model does.
     virtual std::optional<double> stored_energy_at(double /*t*/) const { return std::nullopt; }
 
-    // The recorded signals at t within the last step, where the solver has them cheaper than the model does.
-    virtual bool signals_at(double /*t*/, double* /*signals*/) const { return false; }
-    // Their sensitivities, signals × parameters row-major.
+    // The recorded signals at times within the last step, times × signals, where the solver has them cheaper than the
+    // model does.
+    virtual bool signals_at(std::span<const double> /*times*/, double* /*signals*/) const { return false; }
+    // Their sensitivities at one time, signals × parameters row-major.
     virtual bool signal_slopes_at(double /*t*/, double* /*slopes*/) const { return false; }
 
     virtual std::span<const int> roots() const = 0;  // after Outcome::root: -1 falling, 1 rising, 0 not at a root

@@ -168,40 +168,40 @@ void Simulation::find_instant_slope(int element, int which, const std::vector<do
     }
 }
 
-// One element changes its mode at the present instant. Where the instant moves with the parameters (τ' of a located
-// switch; zero at a tick or a break; that of the cause where one switch brings about another), the sensitivities jump
-// as field and state do:  s⁺ = h_z s⁻ + (h_z f⁻ − f⁺) τ'.
+// Where the instant moves with the parameters (τ' of a located switch; zero at a tick or a break; that of the cause where
+// one switch brings about another), the sensitivities jump as field and state do:  s⁺ = h_z s⁻ + (h_z f⁻ − f⁺) τ'.
+// `before`: f⁻; `zeroed`: a state that h sets to zero, or −1.
+void Simulation::carry_derivatives(const std::vector<double>& before, int zeroed) {
+    evaluate(solver_->time(), solver_->state().data());
+    std::vector<double> change(before);
+    if (zeroed >= 0) change[static_cast<std::size_t>(zeroed)] = 0.0;
+    for (std::size_t i = 0; i < change.size(); ++i) change[i] -= model_.rate()[i];
+    for (std::size_t k = 0; k < parameters_.size(); ++k) {
+        const auto s = solver_->sensitivity(static_cast<int>(k));
+        if (zeroed >= 0) s[static_cast<std::size_t>(zeroed)] = 0.0;
+        for (std::size_t i = 0; i < s.size(); ++i) s[i] += change[i] * instant_slope_[k];
+    }
+    if (tape_) tape_->add({.kind = exact::Entry::Kind::shift, .column = zeroed}, change.data(), layout_.size());
+}
+
+// One element changes its mode at the present instant.
 bool Simulation::transition(int element, int which, Cause cause) {
     const auto e = static_cast<std::size_t>(element);
     const double t = solver_->time();
     const auto z = solver_->state();
     const Mode from = modes_[e];
     evaluate(t, z.data());
-    const std::vector<double> before(model_.rate());
+    const bool derives = !parameters_.empty() || tape_;
+    const std::vector<double> before = derives ? model_.rate() : std::vector<double>{};
     const Mode to = next_mode(element, which);
     if (to == from) return true;
 
-    if (cause == Cause::guard) find_instant_slope(element, which, before);
+    if (derives && cause == Cause::guard) find_instant_slope(element, which, before);
     modes_[e] = to;
     const bool sticks = layout_.switches[e].kind == SwitchKind::stick;
     const auto group = static_cast<std::size_t>(layout_.switches[e].index);
     if (sticks) z[group] = 0.0;
-    evaluate(t, z.data());
-    for (std::size_t k = 0; k < parameters_.size(); ++k) {
-        const auto s = solver_->sensitivity(static_cast<int>(k));
-        if (sticks) s[group] = 0.0;
-        for (std::size_t i = 0; i < s.size(); ++i) {
-            const double carried = sticks && i == group ? 0.0 : before[i];
-            s[i] += (carried - model_.rate()[i]) * instant_slope_[k];
-        }
-    }
-    if (tape_) {
-        std::vector<double> change(before);
-        for (std::size_t i = 0; i < change.size(); ++i) change[i] -= model_.rate()[i];
-        if (sticks) change[group] = -model_.rate()[group];
-        tape_->add({.kind = exact::Entry::Kind::shift, .column = sticks ? static_cast<int>(group) : -1}, change.data(),
-                   layout_.size());
-    }
+    if (derives) carry_derivatives(before, sticks ? static_cast<int>(group) : -1);
     slave_riding();
     out_.events.push_back({t, element, from, to});
     if (history_) add_delayed_breaks(t, instant_slope_);

@@ -56,6 +56,7 @@ void Simulation::read_options() {
         // energies are quadratic, and at rest laws of friction share what is needed
         const auto& effects = layout_.at.effect;
         const int s = recorded_[k];
+        all_.push_back(k);
         if (s == layout_.at.stored_energy || std::find(effects.begin(), effects.end(), s) != effects.end())
             curved_.push_back(k);
     }

@@ -39,10 +39,12 @@ class Simulation final : public Problem {
     void restart();
     double next_stop();
     void record_until(double t);
-    void record(double t, const double* z);
-    bool record_signals(double t, const double* z);
-    double stored_energy(double t, const double* z);
-    void record_sensitivities(double t, const double* z, std::size_t row);
+    void record(std::span<const double> times);
+    void record_by_model(double t, const std::vector<std::size_t>& which, double* row);
+    std::size_t finite_rows(std::size_t rows) const;
+    void record_work(double t);
+    double stored_energy(double t);
+    void record_sensitivities(double t, std::size_t row);
     void remember(double from, double to);
     bool stop_now();
     Status failure() const;
@@ -67,6 +69,7 @@ class Simulation final : public Problem {
     void switch_at(const std::vector<int>& fallen);
     enum class Cause { guard, instant };  // the element's own guard fell here, or something else happened
     bool transition(int element, int which, Cause cause);
+    void carry_derivatives(const std::vector<double>& before, int zeroed);
     void find_instant_slope(int element, int which, const std::vector<double>& rate);
     Mode next_mode(int element, int which);
     Mode next_limiter_mode(std::size_t block, Mode from, int which);
@@ -157,7 +160,7 @@ class Simulation final : public Problem {
     std::unique_ptr<AffineField> field_;              // of an affine machine, for a solver that steps
     std::map<Modes, std::vector<double>> jacobians_;  // of an affine machine: one per mode
     bool affine_ = false;
-    std::vector<std::size_t> curved_;                            // those of recorded_ that are not linear in the states
+    std::vector<std::size_t> all_, curved_;  // numbers within recorded_; those that are not linear in the states
     std::vector<double> guard_begin_, guard_end_, guard_probe_;  // of the last step
     std::vector<double> slope_begin_, slope_end_;                // of the guards, with a field
     std::vector<std::vector<double>> guard_inside_;

@@ -61,30 +61,53 @@ struct Quintic {
     }
 };
 
+inline constexpr std::array<double, most_terms> sixth_factors = [] {  // k (k − 1) ... (k − 5)
+    std::array<double, most_terms> f{};
+    for (int k = 6; k < most_terms; ++k)
+        f[static_cast<std::size_t>(k)] = 1.0 * k * (k - 1) * (k - 2) * (k - 3) * (k - 4) * (k - 5);
+    return f;
+}();
+
 // The largest sixth derivative over the unit interval, from a power series.
 template <class R>
 R sixth_derivative(const R* series, int terms) {
-    R sum(0);
-    for (int k = 6; k < terms; ++k)
-        sum += std::abs(series[k]) * R(k) * R(k - 1) * R(k - 2) * R(k - 3) * R(k - 4) * R(k - 5);
-    return sum;
+    R even(0), odd(0);
+    for (int k = 6; k < terms; k += 2) {
+        even += std::abs(series[k]) * R(sixth_factors[static_cast<std::size_t>(k)]);
+        if (k + 1 < terms) odd += std::abs(series[k + 1]) * R(sixth_factors[static_cast<std::size_t>(k + 1)]);
+    }
+    return even + odd;
 }
 
-// The one root of a falling series near `x`: Newton, kept inside the unit interval by bisection.
+// How many terms are left of a series when what is far below its rounding is dropped.
+template <class R>
+int terms_above(const R* series, int terms, R negligible) {
+    R dropped(0);
+    while (terms > 2 && (dropped += std::abs(series[terms - 1])) <= negligible) --terms;
+    return terms;
+}
+
+// The one root of a falling series near `x`: Halley's method, kept inside the interval by bisection.
 template <class R>
 R polish_root(const R* series, int terms, R x, R low = R(0), R high = R(1)) {
+    constexpr R unit = std::numeric_limits<R>::epsilon();
     for (int pass = 0; pass < 100; ++pass) {
-        R value(0), slope(0);
+        R value(0), slope(0), bend(0);  // bend: half the second derivative
         for (int k = terms - 1; k >= 0; --k) {
+            bend = bend * x + slope;
             slope = slope * x + value;
             value = value * x + series[k];
         }
         (value > 0 ? low : high) = x;
-        R next = slope < 0 ? x - value / slope : low;
-        if (!(next > low && next < high)) next = low + (high - low) / 2;
+        const R newton = -value / slope, curved = bend / slope;
+        R next = x + newton / (R(1) + newton * curved);
+        const bool inside = slope < 0 && next > low && next < high;
+        if (!inside) next = low + (high - low) / 2;
         const R moved = std::abs(next - x);
         x = next;
-        if (moved <= 2 * std::numeric_limits<R>::epsilon() * x || !(high > low)) break;
+        // The next step would move by about the cube of this one.
+        const R rest = (R(100) + curved * curved) * moved * moved * moved;
+        if ((inside && rest <= unit) || moved <= 2 * unit * x || !(high > low)) break;
     }
     return x;
 }

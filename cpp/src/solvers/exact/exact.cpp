@@ -59,7 +59,6 @@ void Exact<R>::restart(double t, std::span<const double>, double) {
     for (std::size_t k = 0; k < z_.size(); ++k)
         if (static_cast<double>(y[k]) != z_[k]) y[k] = R(z_[k]);
     take_modes();
-    probe_signals_.resize(static_cast<std::size_t>(now_->outputs()));
     find_place(t);
     begin_ = t_;
     fresh_ = true;
@@ -356,15 +355,15 @@ Quintic<R> Exact<R>::quintic(int k, int i, R fraction) const {
 
 // Where the guard falls first whose power series over the step is in `series_`.
 template <class R>
-std::optional<R> Exact<R>::fall(const Quintic<R>& q, R sixth, R noise, bool after_switch) const {
+std::optional<R> Exact<R>::fall(const Quintic<R>& q, int terms, R sixth, R noise, bool after_switch) const {
     const bool on_surface = after_switch && series_[0] <= noise;
     if (on_surface && q.leaves_zero(sixth, noise)) return std::nullopt;
     if (!on_surface) {
         const Verdict verdict = q.judge(sixth, noise);
         if (verdict == Verdict::none) return std::nullopt;
-        if (verdict == Verdict::one) return polish_root(series_.data(), now_->terms(), q.root());
+        if (verdict == Verdict::one) return polish_root(series_.data(), terms, q.root());
     }
-    return FirstFall<R>(series_.data(), now_->terms(), noise, on_surface).find();
+    return FirstFall<R>(series_.data(), terms, noise, on_surface).find();
 }
 
 // The earliest crossing within step k, from the power series of all quantities; marks the guards that fall there, those
@@ -383,10 +382,12 @@ std::optional<R> Exact<R>::first_fall(int k, R fraction) {
         if (*least > bounds_[i] && *largest + bounds_[i] < quantity.upper) continue;
         Arithmetic<R>::multiply(padded(terms), n_, now_->series(i).data(), rows_, column(k), 1, series_.data());
         R power(1);
-        for (int j = 1; j < terms; ++j) series_[static_cast<std::size_t>(j)] *= power *= fraction;
+        for (int j = 1; j < terms && fraction != R(1); ++j) series_[static_cast<std::size_t>(j)] *= power *= fraction;
         const R sixth = sixth_derivative(series_.data(), terms);
+        const int left = terms_above(series_.data(), terms, noise[i] / R(16));
         const auto look = [&](int guard) {
-            if (const auto x = fall(q, sixth, noise[i], fresh_ && k == 0)) falls_.push_back({*x * fraction, guard});
+            if (const auto x = fall(q, left, sixth, noise[i], fresh_ && k == 0))
+                falls_.push_back({*x * fraction, guard});
         };
         look(quantity.low);
         if (quantity.high < 0) continue;
@@ -427,16 +428,38 @@ void Exact<R>::state_at(double t, double* z) const {
     for (int k = 0; k < size_.states; ++k) z[k] = static_cast<double>(y[k]);
 }
 
+// Columns in a row, as outputs on the grid are, take one product.
 template <class R>
-bool Exact<R>::signals_at(double t, double* signals) const {
-    const int m = now_->outputs();
-    const Spot at = spot(t);
-    const R* y = y_at(at);
-    Arithmetic<R>::multiply(m, n_, now_->output_rows().data(), rows_, y, 1, probe_signals_.data());
-    for (std::size_t k = 0; k < setup_.recorded.size(); ++k) signals[k] = static_cast<double>(probe_signals_[k]);
-    if constexpr (std::is_same_v<R, double>)
-        if (setup_.tape) setup_.tape->add_output(now_, last() == 0 ? -1 : at.column, at.ahead, y, rows_);
+bool Exact<R>::signals_at(std::span<const double> times, double* signals) const {
+    const std::size_t width = setup_.recorded.size();
+    for (std::size_t k = 0; k < times.size();) {
+        const Spot at = spot(times[k]);
+        int together = 1;
+        for (; at.ahead == 0.0 && k + static_cast<std::size_t>(together) < times.size(); ++together) {
+            const Spot next = spot(times[k + static_cast<std::size_t>(together)]);
+            if (next.ahead != 0.0 || next.column != at.column + together) break;
+        }
+        rows_of(y_at(at), together, signals + k * width);
+        if constexpr (std::is_same_v<R, double>)
+            for (int j = 0; setup_.tape && j < together; ++j)
+                setup_.tape->add_output(now_, last() == 0 ? -1 : at.column + j, at.ahead, y_at(at), rows_);
+        k += static_cast<std::size_t>(together);
+    }
     return true;
+}
+
+// The recorded signals of `count` states.
+template <class R>
+void Exact<R>::rows_of(const R* y, int count, double* signals) const {
+    const int m = now_->outputs();
+    const auto width = static_cast<int>(setup_.recorded.size());
+    if constexpr (std::is_same_v<R, double>)
+        if (m == width) return Arithmetic<R>::multiply(m, n_, now_->output_rows().data(), rows_, y, count, signals);
+    probe_signals_.resize(static_cast<std::size_t>(m * count));
+    Arithmetic<R>::multiply(m, n_, now_->output_rows().data(), rows_, y, count, probe_signals_.data());
+    for (int k = 0; k < count; ++k)
+        for (int s = 0; s < width; ++s)
+            signals[k * width + s] = static_cast<double>(probe_signals_[static_cast<std::size_t>(k * m + s)]);
 }
 
 template <class R>

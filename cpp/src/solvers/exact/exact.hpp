@@ -50,7 +50,7 @@ class Exact final : public Solver {
     void sensitivity_at(double t, int k, double* s) const override;
     void quadrature_at(double t, double* q) const override;
     std::optional<double> stored_energy_at(double t) const override;
-    bool signals_at(double t, double* signals) const override;
+    bool signals_at(std::span<const double> times, double* signals) const override;
     bool signal_slopes_at(double t, double* slopes) const override;
     std::span<const int> roots() const override { return roots_; }
     bool finds_every_root() const override { return true; }
@@ -87,7 +87,7 @@ class Exact final : public Solver {
         int guard;
     };
     Quintic<R> quintic(int k, int watched, R fraction) const;
-    std::optional<R> fall(const Quintic<R>& q, R sixth, R noise, bool after_switch) const;
+    std::optional<R> fall(const Quintic<R>& q, int terms, R sixth, R noise, bool after_switch) const;
     std::optional<R> first_fall(int k, R fraction);
     void find_place(double t);
     void next_place();
@@ -101,6 +101,8 @@ class Exact final : public Solver {
     Spot spot(double t) const;
     // y there, in `probe_` unless it is stored.
     const R* y_at(const Spot& at) const;
+    void rows_of(const R* y, int count, double* signals) const;
+    bool integrate_work(int k, double length);
     // S at t within the last step, as y_at.
     const double* slopes_at(double t) const;
     double* slopes(int k) { return slopes_.data() + static_cast<std::ptrdiff_t>(k) * rows_ * size_.sensitivities; }
