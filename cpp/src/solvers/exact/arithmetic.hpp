@@ -2,6 +2,8 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
+#include <cstddef>
 #include <utility>
 
 #include "kernels.hpp"
@@ -43,6 +45,24 @@ struct Arithmetic {
             std::swap(term, next);
         }
     }
+    static void largest(int rows, int count, const R* y, R* out) {
+        std::fill_n(out, rows, R(0));
+        for (int k = 0; k < count; ++k)
+            for (int i = 0; i < rows; ++i) out[i] = std::max(out[i], std::abs(y[k * rows + i]));
+    }
+    static int suspect(int m, int from, int count, R fraction, const R* watched, const R* margin, const R* upper) {
+        const R square = fraction * fraction;
+        for (int k = from; k < count; ++k) {
+            const R *a = watched + static_cast<std::ptrdiff_t>(k) * 3 * m, *b = a + 3 * m;
+            for (int i = 0; i < m; ++i) {
+                const R b1 = a[i] + fraction * a[m + i], b2 = b1 + fraction * a[m + i] + square * a[2 * m + i];
+                const R b4 = b[i] - fraction * b[m + i], b3 = b4 - fraction * b[m + i] + square * b[2 * m + i];
+                const auto [low, high] = std::minmax({a[i], b1, b2, b3, b4, b[i]});
+                if (!(low > margin[i]) || !(high + margin[i] < upper[i])) return k;
+            }
+        }
+        return count;
+    }
 };
 
 template <>
@@ -53,6 +73,11 @@ struct Arithmetic<double> {
     static void chain(int rows, int n, const double* M, int count, double* y) { kernels().chain(rows, n, M, count, y); }
     static void taylor(int rows, int n, const double* A, double r, int order, double* y, double* scratch) {
         kernels().taylor(rows, n, A, r, order, y, scratch);
+    }
+    static void largest(int rows, int count, const double* y, double* out) { kernels().largest(rows, count, y, out); }
+    static int suspect(int m, int from, int count, double fraction, const double* watched, const double* margin,
+                       const double* upper) {
+        return kernels().suspect(m, from, count, fraction, watched, margin, upper);
     }
 };
 

@@ -306,13 +306,10 @@ void Exact<R>::watch(int count, R fraction) {
     const int m = now_->watch_rows();
     watched_.resize(static_cast<std::size_t>(3 * m * (block + 2)));
     bounds_.resize(static_cast<std::size_t>(2 * m));
-    largest_.assign(static_cast<std::size_t>(rows_), R(0));
+    largest_.resize(static_cast<std::size_t>(rows_));
     if (m == 0) return;
     Arithmetic<R>::multiply(3 * m, n_, now_->watch().data(), rows_, column(0), count + 1, watched_.data());
-    for (int k = 0; k < count; ++k)
-        for (int i = 0; i < rows_; ++i)
-            largest_[static_cast<std::size_t>(i)] =
-                std::max(largest_[static_cast<std::size_t>(i)], std::abs(column(k)[i]));
+    Arithmetic<R>::largest(rows_, count, column(0), largest_.data());
     Arithmetic<R>::multiply(2 * m, n_, now_->bounds().data(), rows_, largest_.data(), 1, bounds_.data());
     const R cube = fraction * fraction * fraction, sixth = cube * cube;
     for (int i = 0; i < m; ++i)
@@ -324,24 +321,8 @@ void Exact<R>::watch(int count, R fraction) {
 // both ends (value, slope, curvature) do not keep their distance from the limits.
 template <class R>
 int Exact<R>::suspect(int from, int count, R fraction) const {
-    const int m = now_->watch_rows();
-    const auto& limits = now_->upper_limits();
-    const R square = fraction * fraction;
-    for (int k = from; k < count; ++k) {
-        const R *a = watched_.data() + static_cast<std::ptrdiff_t>(k) * 3 * m, *b = a + 3 * m;
-        bool near = false;
-        for (int i = 0; i < m; ++i) {
-            const R v0 = fraction * a[m + i], a0 = square * a[2 * m + i];
-            const R v1 = fraction * b[m + i], a1 = square * b[2 * m + i];
-            const R b1 = a[i] + v0, b2 = b1 + v0 + a0, b4 = b[i] - v1, b3 = b4 - v1 + a1;
-            const R low = std::min(std::min(std::min(a[i], b[i]), std::min(b1, b2)), std::min(b3, b4));
-            const R high = std::max(std::max(std::max(a[i], b[i]), std::max(b1, b2)), std::max(b3, b4));
-            const R margin = bounds_[static_cast<std::size_t>(i)];
-            near |= !(low > margin) | !(high + margin < limits[static_cast<std::size_t>(i)]);
-        }
-        if (near) return k;
-    }
-    return count;
+    return Arithmetic<R>::suspect(now_->watch_rows(), from, count, fraction, watched_.data(), bounds_.data(),
+                                  now_->upper_limits().data());
 }
 
 template <class R>

@@ -17,6 +17,13 @@ struct Kernels {
     void (*chain)(int rows, int n, const double* M, int count, double* y);
     // y = Σ (A r)^k y / k! for k ≤ order; `scratch` holds 2 × rows.
     void (*taylor)(int rows, int n, const double* A, double r, int order, double* y, double* scratch);
+    // out[i] = max |y[i, k]| over k < count.
+    void (*largest)(int rows, int count, const double* y, double* out);
+    // The first k ≥ from, k < count, at which the Bernstein coefficients of any quintic do not keep their margin from 0 and
+    // their upper limit; else count. watched: values, slopes/5 and curvatures/20, m of each, at count + 1 times; `fraction`
+    // of a step lies between these.
+    int (*suspect)(int m, int from, int count, double fraction, const double* watched, const double* margin,
+                   const double* upper);
 };
 
 // Throws std::invalid_argument when the environment asks for what is not there.

@@ -19,15 +19,50 @@ inline typename VectorOf<W>::type load(const double* p) {
     return v;
 }
 
-// `count` vectors of W rows, all columns: even and odd columns are summed apart, so that the sums wait less on each other.
-template <int W, int count>
-inline void tile(int rows, int n, const double* M, const double* x, double* out) {
+template <int W>
+inline void store(double* p, typename VectorOf<W>::type v) {
+    std::memcpy(p, &v, sizeof v);
+}
+
+template <class V>
+inline V lesser(V a, V b) {
+    return a < b ? a : b;
+}
+
+template <class V>
+inline V greater(V a, V b) {
+    return a > b ? a : b;
+}
+
+// What becomes of a sum M x: it is put down; or it is the next term of a series, which is also added up.
+struct Put {
+    double* out;
+    template <int W>
+    void take(int row, typename VectorOf<W>::type sum) const {
+        store<W>(out + row, sum);
+    }
+};
+struct PutTerm {
+    double factor;
+    double *term, *total;
+    template <int W>
+    void take(int row, typename VectorOf<W>::type sum) const {
+        sum *= factor;
+        store<W>(term + row, sum);
+        store<W>(total + row, load<W>(total + row) + sum);
+    }
+};
+
+// `count` vectors of W rows from `row` on, all columns: even and odd columns are summed apart, so that the sums wait less on
+// each other.
+template <int W, int count, class Sink>
+inline void tile(int rows, int n, const double* M, const double* x, int row, const Sink& sink) {
     using V = typename VectorOf<W>::type;
     V even[count], odd[count];
     for (int k = 0; k < count; ++k) even[k] = odd[k] = V{};
     int j = 0;
     for (; j + 1 < n; j += 2) {
-        const double *a = M + j * rows, *b = a + rows;
+        const double *a = M + j * rows + row, *b = a + rows;
         const double xa = x[j], xb = x[j + 1];
         for (int k = 0; k < count; ++k) {
             even[k] += load<W>(a + k * W) * xa;
@@ -35,57 +70,87 @@ inline void tile(int rows, int n, const double* M, const double* x, double* out)
         }
     }
     if (j < n)
-        for (int k = 0; k < count; ++k) even[k] += load<W>(M + j * rows + k * W) * x[j];
-    for (int k = 0; k < count; ++k) {
-        const V sum = even[k] + odd[k];
-        std::memcpy(out + k * W, &sum, sizeof sum);
-    }
+        for (int k = 0; k < count; ++k) even[k] += load<W>(M + j * rows + row + k * W) * x[j];
+    for (int k = 0; k < count; ++k) sink.template take<W>(row + k * W, even[k] + odd[k]);
 }
 
-inline void product(int rows, int n, const double* M, const double* x, double* out) {
-    constexpr int narrow = WIDTH < 4 ? WIDTH : 4;
+constexpr int narrow = WIDTH < 4 ? WIDTH : 4;  // vectors of a lane
+
+template <class Sink>
+inline void product(int rows, int n, const double* M, const double* x, const Sink& sink) {
     int r = 0;
     for (; r + 16 <= rows; r += 16) {
         if constexpr (WIDTH == 2) {  // sixteen registers hold no more sums than these
-            tile<2, 4>(rows, n, M + r, x, out + r);
-            tile<2, 4>(rows, n, M + r + 8, x, out + r + 8);
+            tile<2, 4>(rows, n, M, x, r, sink);
+            tile<2, 4>(rows, n, M, x, r + 8, sink);
         } else {
-            tile<WIDTH, 16 / WIDTH>(rows, n, M + r, x, out + r);
+            tile<WIDTH, 16 / WIDTH>(rows, n, M, x, r, sink);
         }
     }
     if (r + 8 <= rows) {
-        tile<WIDTH, 8 / WIDTH>(rows, n, M + r, x, out + r);
+        tile<WIDTH, 8 / WIDTH>(rows, n, M, x, r, sink);
         r += 8;
     }
-    if (r < rows) tile<narrow, 4 / narrow>(rows, n, M + r, x, out + r);
+    if (r < rows) tile<narrow, 4 / narrow>(rows, n, M, x, r, sink);
 }
 
 void multiply(int rows, int n, const double* M, int ldx, const double* x, int count, double* out) {
-    for (int k = 0; k < count; ++k) product(rows, n, M, x + k * ldx, out + k * rows);
+    for (int k = 0; k < count; ++k) product(rows, n, M, x + k * ldx, Put{out + k * rows});
 }
 
 void chain(int rows, int n, const double* M, int count, double* y) {
-    for (int k = 0; k < count; ++k) product(rows, n, M, y + k * rows, y + (k + 1) * rows);
+    for (int k = 0; k < count; ++k) product(rows, n, M, y + k * rows, Put{y + (k + 1) * rows});
 }
 
 void taylor(int rows, int n, const double* A, double r, int order, double* y, double* scratch) {
     double *term = scratch, *next = scratch + rows;
     std::memcpy(term, y, static_cast<unsigned long>(rows) * sizeof(double));
     for (int k = 1; k <= order; ++k) {
-        product(rows, n, A, term, next);
-        const double factor = r / k;
-        for (int i = 0; i < rows; ++i) {
-            next[i] *= factor;
-            y[i] += next[i];
-        }
+        product(rows, n, A, term, PutTerm{r / k, next, y});
         double* const swap = term;
         term = next;
         next = swap;
     }
 }
 
+void largest(int rows, int count, const double* y, double* out) {
+    using V = typename VectorOf<narrow>::type;
+    for (int i = 0; i < rows; i += narrow) {
+        V most{};
+        for (int k = 0; k < count; ++k) {
+            const V v = load<narrow>(y + k * rows + i);
+            most = greater(most, greater(v, -v));
+        }
+        store<narrow>(out + i, most);
+    }
+}
+
+int suspect(int m, int from, int count, double fraction, const double* watched, const double* margin,
+            const double* upper) {
+    using V = typename VectorOf<narrow>::type;
+    const double square = fraction * fraction;
+    for (int k = from; k < count; ++k) {
+        const double *a = watched + static_cast<long>(k) * 3 * m, *b = a + 3 * m;
+        auto near = V{} < V{};
+        for (int i = 0; i < m; i += narrow) {
+            const V b0 = load<narrow>(a + i), b5 = load<narrow>(b + i);
+            const V slope = load<narrow>(a + m + i) * fraction, last = load<narrow>(b + m + i) * fraction;
+            const V b1 = b0 + slope, b2 = b1 + slope + load<narrow>(a + 2 * m + i) * square;
+            const V b4 = b5 - last, b3 = b4 - last + load<narrow>(b + 2 * m + i) * square;
+            const V low = lesser(lesser(lesser(b0, b5), lesser(b1, b2)), lesser(b3, b4));
+            const V high = greater(greater(greater(b0, b5), greater(b1, b2)), greater(b3, b4));
+            const V apart = load<narrow>(margin + i);
+            near |= ~(low > apart) | ~(high + apart < load<narrow>(upper + i));
+        }
+        long any = 0;
+        for (int i = 0; i < narrow; ++i) any |= near[i];
+        if (any != 0) return k;
+    }
+    return count;
+}
+
 }  // namespace
 
-const Kernels build::BUILD = {BUILD_NAME, &multiply, &chain, &taylor};
+const Kernels build::BUILD = {BUILD_NAME, &multiply, &chain, &taylor, &largest, &suspect};
 
 }  // namespace dualdrive::exact
