@@ -123,13 +123,14 @@ Mode Simulation::next_mode(int element, int which) {
             if (m == flank::gap) return which == 0 ? flank::front : flank::back;
             const auto side = static_cast<Mode>(flank::side(m));
             if (!flank::carries(m)) return which == 0 ? flank::gap : side;
+            if (layout_.effects_on_mesh[k].empty()) return flank::gap;
+            evaluate(solver_->time(), solver_->state().data());
             const double x = model_.signals()[static_cast<std::size_t>(layout_.at.deflection[k])];
-            return side * x > model_.gap(k) * (1.0 + 1e-9) && !layout_.effects_on_mesh[k].empty()
-                       ? static_cast<Mode>(2 * side)
-                       : flank::gap;
+            return side * x > model_.gap(k) * (1.0 + 1e-9) ? static_cast<Mode>(2 * side) : flank::gap;
         }
         case SwitchKind::stick: {
             if (m == stick::stuck) return which == 0 ? stick::forward : stick::backward;
+            evaluate(solver_->time(), solver_->state().data());
             const double torque = model_.group_torque(s.index);
             if (torque > model_.friction_limit(s.index, 1)) return stick::forward;
             return torque < -model_.friction_limit(s.index, -1) ? stick::backward : stick::stuck;
@@ -190,8 +191,8 @@ bool Simulation::transition(int element, int which, Cause cause) {
     const double t = solver_->time();
     const auto z = solver_->state();
     const Mode from = modes_[e];
-    evaluate(t, z.data());
     const bool derives = !parameters_.empty() || tape_;
+    if (derives) evaluate(t, z.data());
     const std::vector<double> before = derives ? model_.rate() : std::vector<double>{};
     const Mode to = next_mode(element, which);
     if (to == from) return true;
@@ -223,7 +224,10 @@ bool Simulation::settle(bool located) {
     for (int pass = 0; pass < settle_passes * static_cast<int>(1 + modes_.size()); ++pass) {
         const double t = solver_->time();
         const double* z = solver_->state().data();
-        if (!model_guards(t, z, g.data())) {
+        if (located && solver_->guards_now(g.data())) {
+            if (std::none_of(g.begin(), g.end(), [](double value) { return value < 0; })) return true;
+            evaluate(t, z);
+        } else if (!model_guards(t, z, g.data())) {
             fail(Status::not_finite, "a switching condition is not finite; check parameters and initial state");
             return false;
         }

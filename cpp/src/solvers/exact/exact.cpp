@@ -29,14 +29,20 @@ Exact<R>::Exact(Size size, Setup setup)
     y_[static_cast<std::size_t>(reader_.one())] = R(1);
 }
 
+// Of the modes as they are.
 template <class R>
-void Exact<R>::take_modes() {
+const Propagator<R>& Exact<R>::propagator() {
     auto& known = known_[setup_.modes];
     if (!known) {
         known = std::make_unique<Propagator<R>>(reader_.read(setup_.modes), setup_.grid);
         ++counts_.jacobians;
     }
-    now_ = known.get();
+    return *known;
+}
+
+template <class R>
+void Exact<R>::take_modes() {
+    now_ = &propagator();
     if (size_.quadratures > 0) {
         auto& ledger = known_ledgers_[now_];
         if (!ledger) ledger = std::make_unique<Ledger<R>>(reader_.energies(setup_.modes), *now_);
@@ -53,17 +59,32 @@ void Exact<R>::take_modes() {
 
 template <class R>
 void Exact<R>::restart(double t, std::span<const double>, double) {
-    // Whoever stopped the engine may have changed the state; what was not touched keeps its own digits.
     begin_again();
-    R* y = column(0);
-    for (std::size_t k = 0; k < z_.size(); ++k)
-        if (static_cast<double>(y[k]) != z_[k]) y[k] = R(z_[k]);
+    take_changes();
     take_modes();
     find_place(t);
     begin_ = t_;
     fresh_ = true;
     wide_ = 2;
     start_generator(t_);
+}
+
+// Whoever stopped the engine may have changed the state; what was not touched keeps its own digits.
+template <class R>
+void Exact<R>::take_changes() {
+    R* y = column(last());
+    for (std::size_t k = 0; k < z_.size(); ++k)
+        if (static_cast<double>(y[k]) != z_[k]) y[k] = R(z_[k]);
+}
+
+template <class R>
+bool Exact<R>::guards_now(double* g) {
+    take_changes();
+    using Vector = Eigen::Matrix<R, Eigen::Dynamic, 1>;
+    const Matrix<R>& guards = propagator().laws().guards;
+    const Vector values = guards * Eigen::Map<const Vector>(column(last()), n_);
+    for (Eigen::Index k = 0; k < values.size(); ++k) g[k] = static_cast<double>(values(k));
+    return values.allFinite();
 }
 
 // The end of the last step is the begin of the next.
@@ -260,12 +281,9 @@ Solver::Outcome Exact<R>::arrive() {
 template <class R>
 void Exact<R>::write_instant(int guard, double rate) {
     if constexpr (std::is_same_v<R, double>) {
-        const Propagator<R>* const before = now_;
-        take_modes();  // several switches at one instant: the modes between them
-        std::vector<double> y(column(last()), column(last()) + rows_);
-        std::copy(z_.begin(), z_.end(), y.begin());
-        setup_.tape->add({.kind = Entry::Kind::instant, .law = now_, .count = guard, .length = rate}, y.data(), rows_);
-        now_ = before;
+        take_changes();  // several switches may come at one instant, and this be between them
+        setup_.tape->add({.kind = Entry::Kind::instant, .law = &propagator(), .count = guard, .length = rate},
+                         column(last()), rows_);
     }
 }
 

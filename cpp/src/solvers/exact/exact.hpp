@@ -52,6 +52,7 @@ class Exact final : public Solver {
     std::optional<double> stored_energy_at(double t) const override;
     bool signals_at(std::span<const double> times, double* signals) const override;
     bool signal_slopes_at(double t, double* slopes) const override;
+    bool guards_now(double* g) override;
     std::span<const int> roots() const override { return roots_; }
     bool finds_every_root() const override { return true; }
     Failure failure() const override { return {false, not_finite}; }
@@ -66,7 +67,9 @@ class Exact final : public Solver {
   private:
     static constexpr int block = 16;  // steps that are watched together
 
+    const Propagator<R>& propagator();
     void take_modes();
+    void take_changes();
     double grid_time(long k) const { return setup_.start + static_cast<double>(k) * setup_.grid; }
     double start_generator(double stop);
     bool aligned() const { return local_ == R(static_cast<double>(part_) * now_->step()); }
@@ -102,7 +105,6 @@ class Exact final : public Solver {
     // y there, in `probe_` unless it is stored.
     const R* y_at(const Spot& at) const;
     void rows_of(const R* y, int count, double* signals) const;
-    bool integrate_work(int k, double length);
     // S at t within the last step, as y_at.
     const double* slopes_at(double t) const;
     double* slopes(int k) { return slopes_.data() + static_cast<std::ptrdiff_t>(k) * rows_ * size_.sensitivities; }

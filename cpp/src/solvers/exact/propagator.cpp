@@ -150,7 +150,6 @@ void Propagator<R>::find_watched() {
     watch_ = pack(all, 3 * m);
     upper_.assign(static_cast<std::size_t>(m), std::numeric_limits<R>::infinity());
     for (std::size_t k = 0; k < watched_.size(); ++k) upper_[k] = watched_[k].upper;
-    series_.resize(watched_.size());
 }
 
 // |q⁽⁶⁾(t + s)| = |G A⁶ e^{A s} y(t)| ≤ Σ_j w_j |y_j| for all s in the step, with w_j ≥ max_s |(G A⁶ e^{A s})_j|. The maximum
@@ -192,16 +191,26 @@ void Propagator<R>::find_bounds() {
 
 template <class R>
 const std::vector<R>& Propagator<R>::series(std::size_t watched) const {
-    auto& s = series_[watched];
-    if (!s.empty()) return s;
-    Eigen::Matrix<R, 1, Eigen::Dynamic> row = watched_rows_.row(static_cast<Eigen::Index>(watched));
-    const int rows = padded(terms_);
-    s.assign(static_cast<std::size_t>(rows) * static_cast<std::size_t>(n_), R(0));
+    if (series_.empty()) find_series();
+    return series_[watched];
+}
+
+// Rows q, q A h, q A² h²/2, ... of all watched quantities at once, as columns.
+template <class R>
+void Propagator<R>::find_series() const {
+    const auto count = static_cast<int>(watched_.size());
+    const int terms = padded(terms_);
+    series_.assign(watched_.size(), std::vector<R>(static_cast<std::size_t>(terms * n_), R(0)));
+    const std::vector<R> transposed = pack(laws_.A.transpose(), rows_);
+    std::vector<R> row = pack(watched_rows_.transpose(), rows_), next(row.size());
     for (int k = 0; k < terms_; ++k) {
-        for (int j = 0; j < n_; ++j) s[static_cast<std::size_t>(j * rows + k)] = row(j);
-        row = (row * laws_.A * (R(step_) / R(k + 1))).eval();
+        for (int i = 0; i < count; ++i)
+            for (int j = 0; j < n_; ++j)
+                series_[static_cast<std::size_t>(i)][static_cast<std::size_t>(j * terms + k)] =
+                    row[static_cast<std::size_t>(i * rows_ + j)];
+        Arithmetic<R>::multiply(rows_, n_, transposed.data(), rows_, row.data(), count, next.data());
+        for (std::size_t j = 0; j < row.size(); ++j) row[j] = next[j] * (R(step_) / R(k + 1));
     }
-    return s;
 }
 
 template <class R>

@@ -68,6 +68,7 @@ class Propagator {
     void exponentials(R norm);
     void find_watched();
     void find_bounds();
+    void find_series() const;
     std::vector<R> pack(const Matrix<R>& m, int rows) const;
 
     Laws<R> laws_;
