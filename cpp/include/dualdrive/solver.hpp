@@ -73,8 +73,11 @@ class Solver {
     // Their sensitivities at one time, signals × parameters row-major.
     virtual bool signal_slopes_at(double /*t*/, double* /*slopes*/) const { return false; }
 
-    // The guards at the present state, in the modes as they are now, where the solver has them cheaper than the model.
+    // At the present state, in the modes as they are now, where the solver has them cheaper than the model: guards, rates,
+    // and how fast one guard changes.
     virtual bool guards_now(double* /*g*/) { return false; }
+    virtual bool rates_now(double* /*rate*/) { return false; }
+    virtual std::optional<double> guard_rate_now(int /*guard*/) { return std::nullopt; }
     virtual std::span<const int> roots() const = 0;  // after Outcome::root: -1 falling, 1 rising, 0 not at a root
     // Whether a step that crosses a guard always ends there: no second look is needed.
     virtual bool finds_every_root() const { return false; }

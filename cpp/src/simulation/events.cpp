@@ -143,6 +143,13 @@ Mode Simulation::next_mode(int element, int which) {
     return m;
 }
 
+std::vector<double> Simulation::rates_now() {
+    std::vector<double> rate(model_.rate().size());
+    if (solver_->rates_now(rate.data())) return rate;
+    evaluate(solver_->time(), solver_->state().data());
+    return model_.rate();
+}
+
 // How the present instant moves with the parameters when a guard falls there: τ' = −(g_z s⁻ + g_p) / (g_z f⁻ + g_t).
 void Simulation::find_instant_slope(int element, int which, const std::vector<double>& rate) {
     const double t = solver_->time();
@@ -153,8 +160,9 @@ void Simulation::find_instant_slope(int element, int which, const std::vector<do
         layout_.switches[static_cast<std::size_t>(element)].kind == SwitchKind::limiter && limiter::riding(m);
     if (tape_ && rides) tape_->add({.kind = exact::Entry::Kind::still});
     if ((parameters_.empty() && !tape_) || rides) return;  // leaving a riding limit, the field is continuous
-    evaluate_along(t, z.data(), 1.0, rate.data());
-    const double approach = along_.guard(element, which, nullptr).slope[0];
+    const auto known = solver_->guard_rate_now(element * guards_per_switch + which);
+    if (!known) evaluate_along(t, z.data(), 1.0, rate.data());
+    const double approach = known ? *known : along_.guard(element, which, nullptr).slope[0];
     if (std::abs(approach) < grazing_rate * guard_scale(element, which)) ++out_.statistics.grazing;
     if (tape_ && approach == 0.0) tape_->add({.kind = exact::Entry::Kind::still});
     if (approach == 0.0) return;
@@ -173,10 +181,10 @@ void Simulation::find_instant_slope(int element, int which, const std::vector<do
 // one switch brings about another), the sensitivities jump as field and state do:  s⁺ = h_z s⁻ + (h_z f⁻ − f⁺) τ'.
 // `before`: f⁻; `zeroed`: a state that h sets to zero, or −1.
 void Simulation::carry_derivatives(const std::vector<double>& before, int zeroed) {
-    evaluate(solver_->time(), solver_->state().data());
     std::vector<double> change(before);
     if (zeroed >= 0) change[static_cast<std::size_t>(zeroed)] = 0.0;
-    for (std::size_t i = 0; i < change.size(); ++i) change[i] -= model_.rate()[i];
+    const std::vector<double> after = rates_now();
+    for (std::size_t i = 0; i < change.size(); ++i) change[i] -= after[i];
     for (std::size_t k = 0; k < parameters_.size(); ++k) {
         const auto s = solver_->sensitivity(static_cast<int>(k));
         if (zeroed >= 0) s[static_cast<std::size_t>(zeroed)] = 0.0;
@@ -192,8 +200,7 @@ bool Simulation::transition(int element, int which, Cause cause) {
     const auto z = solver_->state();
     const Mode from = modes_[e];
     const bool derives = !parameters_.empty() || tape_;
-    if (derives) evaluate(t, z.data());
-    const std::vector<double> before = derives ? model_.rate() : std::vector<double>{};
+    const std::vector<double> before = derives ? rates_now() : std::vector<double>{};
     const Mode to = next_mode(element, which);
     if (to == from) return true;
 

@@ -69,6 +69,7 @@ class Simulation final : public Problem {
     void switch_at(const std::vector<int>& fallen);
     enum class Cause { guard, instant };  // the element's own guard fell here, or something else happened
     bool transition(int element, int which, Cause cause);
+    std::vector<double> rates_now();
     void carry_derivatives(const std::vector<double>& before, int zeroed);
     void find_instant_slope(int element, int which, const std::vector<double>& rate);
     Mode next_mode(int element, int which);

@@ -78,13 +78,29 @@ void Exact<R>::take_changes() {
 }
 
 template <class R>
-bool Exact<R>::guards_now(double* g) {
+auto Exact<R>::present() -> Eigen::Map<const Vector> {
     take_changes();
-    using Vector = Eigen::Matrix<R, Eigen::Dynamic, 1>;
-    const Matrix<R>& guards = propagator().laws().guards;
-    const Vector values = guards * Eigen::Map<const Vector>(column(last()), n_);
+    return {column(last()), n_};
+}
+
+template <class R>
+bool Exact<R>::guards_now(double* g) {
+    const Vector values = propagator().laws().guards * present();
     for (Eigen::Index k = 0; k < values.size(); ++k) g[k] = static_cast<double>(values(k));
     return values.allFinite();
+}
+
+template <class R>
+bool Exact<R>::rates_now(double* rate) {
+    const Vector values = propagator().laws().A * present();
+    for (Eigen::Index k = 0; k < size_.states; ++k) rate[k] = static_cast<double>(values(k));
+    return true;
+}
+
+template <class R>
+std::optional<double> Exact<R>::guard_rate_now(int guard) {
+    const Laws<R>& laws = propagator().laws();
+    return static_cast<double>(laws.guards.row(guard).dot(laws.A * present()));
 }
 
 // The end of the last step is the begin of the next.

@@ -53,6 +53,8 @@ class Exact final : public Solver {
     bool signals_at(std::span<const double> times, double* signals) const override;
     bool signal_slopes_at(double t, double* slopes) const override;
     bool guards_now(double* g) override;
+    bool rates_now(double* rate) override;
+    std::optional<double> guard_rate_now(int guard) override;
     std::span<const int> roots() const override { return roots_; }
     bool finds_every_root() const override { return true; }
     Failure failure() const override { return {false, not_finite}; }
@@ -69,6 +71,8 @@ class Exact final : public Solver {
 
     const Propagator<R>& propagator();
     void take_modes();
+    using Vector = Eigen::Matrix<R, Eigen::Dynamic, 1>;
+    Eigen::Map<const Vector> present();
     void take_changes();
     double grid_time(long k) const { return setup_.start + static_cast<double>(k) * setup_.grid; }
     double start_generator(double stop);
