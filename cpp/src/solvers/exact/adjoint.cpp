@@ -4,56 +4,9 @@
 #include <cmath>
 #include <utility>
 
-#include "arithmetic.hpp"
+#include "kernels.hpp"
 
 namespace dualdrive::exact {
-
-namespace {
-
-using Real = Arithmetic<double>;
-
-// The transpose of the upper n × columns part of a column-major matrix of `rows` rows.
-std::vector<double> transpose(const std::vector<double>& M, int rows, int n, int columns) {
-    const int stride = padded(columns);
-    std::vector<double> T(static_cast<std::size_t>(stride * n), 0.0);
-    for (int c = 0; c < columns; ++c)
-        for (int r = 0; r < n; ++r)
-            T[static_cast<std::size_t>(r * stride + c)] = M[static_cast<std::size_t>(c * rows + r)];
-    return T;
-}
-
-Eigen::Map<const Matrix<double>, 0, Eigen::OuterStride<>> view(const std::vector<double>& M, int rows, int n,
-                                                               int columns) {
-    return {M.data(), n, columns, Eigen::OuterStride<>(rows)};
-}
-
-}  // namespace
-
-OuterSum::OuterSum(int rows, int columns)
-    : rows_(rows),
-      columns_(columns),
-      sum_(static_cast<std::size_t>(rows * columns), 0.0),
-      left_(static_cast<std::size_t>(rows * most), 0.0),
-      right_(static_cast<std::size_t>(columns * most), 0.0),
-      product_(sum_.size()) {}
-
-void OuterSum::add(const double* a, const double* b, double factor) {
-    std::copy_n(a, rows_, left_.data() + pairs_ * rows_);
-    for (int c = 0; c < columns_; ++c) right_[static_cast<std::size_t>(c * most + pairs_)] = factor * b[c];
-    if (++pairs_ == most) flush();
-}
-
-void OuterSum::flush() {
-    if (pairs_ == 0) return;
-    Real::multiply(rows_, pairs_, left_.data(), most, right_.data(), columns_, product_.data());
-    for (std::size_t i = 0; i < sum_.size(); ++i) sum_[i] += product_[i];
-    pairs_ = 0;
-}
-
-const std::vector<double>& OuterSum::total() {
-    flush();
-    return sum_;
-}
 
 LawGradient::LawGradient(const Propagator<double>& law)
     : law_(law),
@@ -62,70 +15,81 @@ LawGradient::LawGradient(const Propagator<double>& law)
       signals_(static_cast<int>(law.laws().outputs.rows())),
       transposed_(levels + 1),
       exponential_(levels + 1),
-      series_(rows_, n_),
-      outputs_(rows_, signals_),
-      A_transposed_(transpose(law.A(), rows_, n_, n_)),
-      outputs_transposed_(transpose(law.output_rows(), law.outputs(), signals_, n_)),
-      scratch_(static_cast<std::size_t>(rows_) * 2),
-      last_(static_cast<std::size_t>(rows_)),
-      guards_(Matrix<double>::Zero(law.laws().guards.rows(), n_)) {}
+      A_transposed_(transpose(law.A())),
+      outputs_transposed_(static_cast<std::size_t>(rows_ * signals_), 0.0),
+      A_(law.A().size(), 0.0),
+      outputs_(outputs_transposed_.size(), 0.0),
+      terms_(static_cast<std::size_t>(rows_ * (law.order() + 1))),
+      bars_(terms_.size()),
+      guards_(Matrix<double>::Zero(law.laws().guards.rows(), n_)) {
+    for (int s = 0; s < signals_; ++s)
+        for (int c = 0; c < n_; ++c)
+            outputs_transposed_[static_cast<std::size_t>(s * rows_ + c)] = law.laws().outputs(s, c);
+}
 
-const std::vector<double>& LawGradient::transposed(int level) {
-    auto& T = transposed_[static_cast<std::size_t>(level)];
+LawGradient::Packed LawGradient::transpose(const Packed& m) const {
+    Packed t(m.size(), 0.0);
+    for (int c = 0; c < n_; ++c)
+        for (int r = 0; r < n_; ++r)
+            t[static_cast<std::size_t>(r * rows_ + c)] = m[static_cast<std::size_t>(c * rows_ + r)];
+    return t;
+}
+
+LawGradient::Packed LawGradient::product(const Packed& a, const Packed& b) const {
+    Packed p(a.size());
+    kernels().multiply(rows_, n_, a.data(), rows_, b.data(), n_, p.data());
+    return p;
+}
+
+// λ_{k−1} += Eᵀ λ_k, and E takes λ_k y_{k−1}ᵀ.
+void LawGradient::power_back(int level, int count, const double* y, double* lambda) {
+    Packed &T = transposed_[static_cast<std::size_t>(level)], &sum = exponential_[static_cast<std::size_t>(level)];
     if (T.empty()) {
-        T = transpose(law_.power(level), rows_, n_, n_);
-        exponential_[static_cast<std::size_t>(level)] = OuterSum(rows_, n_);
+        T = transpose(law_.power(level));
+        sum.assign(T.size(), 0.0);
     }
-    return T;
+    kernels().chain_back(rows_, n_, T.data(), count, lambda);
+    kernels().add_outer(rows_, n_, count, lambda + rows_, rows_, y, sum.data());
 }
 
-void LawGradient::step_back(int level, const double* y, double* lambda) {
-    const std::vector<double>& T = transposed(level);
-    exponential_[static_cast<std::size_t>(level)].add(lambda, y);
-    Real::multiply(rows_, n_, T.data(), rows_, lambda, 1, scratch_.data());
-    std::copy_n(scratch_.data(), rows_, lambda);
-}
+void LawGradient::steps_back(int count, const double* y, double* lambda) { power_back(0, count, y, lambda); }
 
 // As Propagator::advance went: the halves it took, then the rest as a series, now the other way round.
 void LawGradient::part_back(double length, const double* y, double* lambda) {
     std::vector<int> halves;
-    std::vector<double> begins(y, y + rows_);
+    Packed begins(y, y + rows_);
     const auto begin = [&](std::size_t k) { return begins.data() + k * static_cast<std::size_t>(rows_); };
     double part = law_.step();
     for (int b = 0; b <= levels && length > 0; ++b, part /= 2) {
         if (length < part) continue;
         begins.resize(begins.size() + static_cast<std::size_t>(rows_));
-        Real::multiply(rows_, n_, law_.power(b).data(), rows_, begin(halves.size()), 1, begin(halves.size() + 1));
+        kernels().multiply(rows_, n_, law_.power(b).data(), rows_, begin(halves.size()), 1, begin(halves.size() + 1));
         halves.push_back(b);
         length -= part;
     }
-    if (length > 0) taylor_back(length, begin(halves.size()), lambda);
-    for (std::size_t k = halves.size(); k-- > 0;) step_back(halves[k], begin(k), lambda);
+    if (length > 0) series_back(length, begin(halves.size()), lambda);
+    for (std::size_t k = halves.size(); k-- > 0;) {
+        Packed two(static_cast<std::size_t>(2 * rows_), 0.0);
+        std::copy_n(lambda, rows_, two.begin() + rows_);
+        power_back(halves[k], 1, begin(k), two.data());
+        std::copy_n(two.begin(), rows_, lambda);
+    }
 }
 
 // y⁺ = Σ t_k, t_k = A t_{k−1} r/k. Backwards t̄_{k−1} = λ + Aᵀ t̄_k r/k, and A takes t̄_k t_{k−1}ᵀ r/k.
-void LawGradient::taylor_back(double length, const double* y, double* lambda) {
+void LawGradient::series_back(double length, const double* y, double* lambda) {
     const int order = law_.order();
-    std::vector<double> terms(static_cast<std::size_t>(rows_ * (order + 1)));
-    std::copy_n(y, rows_, terms.data());
-    for (int k = 1; k <= order; ++k) {
-        double* t = terms.data() + k * rows_;
-        Real::multiply(rows_, n_, law_.A().data(), rows_, t - rows_, 1, t);
-        for (int i = 0; i < rows_; ++i) t[i] *= length / k;
-    }
-    std::copy_n(lambda, rows_, last_.data());  // t̄ of the last term
-    for (int k = order; k > 0; --k) {
-        series_.add(last_.data(), terms.data() + (k - 1) * rows_, length / k);
-        Real::multiply(rows_, n_, A_transposed_.data(), rows_, last_.data(), 1, scratch_.data());
-        for (int i = 0; i < rows_; ++i)
-            last_[static_cast<std::size_t>(i)] = lambda[i] + scratch_[static_cast<std::size_t>(i)] * (length / k);
-    }
-    std::copy_n(last_.data(), rows_, lambda);
+    std::copy_n(y, rows_, terms_.data());
+    kernels().series(rows_, n_, law_.A().data(), length, order - 1, terms_.data());
+    std::copy_n(lambda, rows_, bars_.data() + order * rows_);
+    kernels().series_back(rows_, n_, A_transposed_.data(), length, order, lambda, bars_.data());
+    kernels().add_outer(rows_, n_, order, bars_.data() + rows_, rows_, terms_.data(), A_.data());
+    std::copy_n(bars_.data(), rows_, lambda);
 }
 
 void LawGradient::outputs_back(int count, const double* y, const double* seeds, double* push) {
-    Real::multiply(rows_, signals_, outputs_transposed_.data(), signals_, seeds, count, push);
-    for (int k = 0; k < count; ++k) outputs_.add(y + k * rows_, seeds + k * signals_);
+    kernels().multiply(rows_, signals_, outputs_transposed_.data(), signals_, seeds, count, push);
+    kernels().add_outer(rows_, signals_, count, y, signals_, seeds, outputs_.data());
 }
 
 void LawGradient::guard_back(int guard, double weight, const double* y) {
@@ -133,40 +97,54 @@ void LawGradient::guard_back(int guard, double weight, const double* y) {
 }
 
 // What the squarings and the series that led to the exponentials owe to A, backwards.
-Matrix<double> LawGradient::of_exponentials() {
-    Matrix<double> bar = Matrix<double>::Zero(n_, n_);  // ∂(cost)/∂E of the present level
+LawGradient::Packed LawGradient::of_exponentials() const {
+    const auto add = [](Packed& to, const Packed& what, double factor) {
+        for (std::size_t i = 0; i < to.size(); ++i) to[i] += factor * what[i];
+    };
+    Packed bar(A_.size(), 0.0);  // ∂(cost)/∂E of the present level
     for (int b = 0; b <= levels; ++b) {
-        if (b > 0) {
-            const Matrix<double> root = view(law_.power(b), rows_, n_, n_);  // E_{b−1} = E_b E_b
-            bar = (bar * root.transpose() + root.transpose() * bar).eval();
+        if (b > 0) {  // E_{b−1} = E_b E_b
+            const Packed root = transpose(law_.power(b));
+            Packed both = product(bar, root);
+            add(both, product(root, bar), 1.0);
+            bar.swap(both);
         }
-        if (OuterSum& own = exponential_[static_cast<std::size_t>(b)]; !own.empty())
-            bar += view(own.total(), rows_, n_, n_);
+        if (const Packed& own = exponential_[static_cast<std::size_t>(b)]; !own.empty()) add(bar, own, 1.0);
     }
     // E = 1 + F_1, F_k = (X + X F_{k+1})/k from F_{order+1} = 0 on.
     const double finest = law_.step() / (1 << levels);
-    const Matrix<double> X = law_.laws().A * finest;
-    std::vector<Matrix<double>> F(static_cast<std::size_t>(law_.order()) + 2, Matrix<double>::Zero(n_, n_));
-    for (int k = law_.order(); k > 0; --k)
-        F[static_cast<std::size_t>(k)] = (X + X * F[static_cast<std::size_t>(k) + 1]) / k;
-    Matrix<double> owed = Matrix<double>::Zero(n_, n_);
-    for (int k = 1; k <= law_.order(); ++k) {
-        bar /= k;
-        owed += bar + bar * F[static_cast<std::size_t>(k) + 1].transpose();
-        bar = (X.transpose() * bar).eval();
+    Packed X(law_.A()), X_transposed(A_transposed_);
+    for (auto* x : {&X, &X_transposed})
+        for (double& each : *x) each *= finest;
+    std::vector<Packed> F(static_cast<std::size_t>(law_.order()) + 2, Packed(A_.size(), 0.0));
+    for (int k = law_.order(); k > 0; --k) {
+        add(F[static_cast<std::size_t>(k)], X, 1.0 / k);
+        add(F[static_cast<std::size_t>(k)], product(X, F[static_cast<std::size_t>(k) + 1]), 1.0 / k);
     }
-    return owed * finest;
+    Packed owed(A_.size(), 0.0);
+    for (int k = 1; k <= law_.order(); ++k) {
+        for (double& each : bar) each /= k;
+        add(owed, bar, finest);
+        add(owed, product(bar, transpose(F[static_cast<std::size_t>(k) + 1])), finest);
+        bar = product(X_transposed, bar);
+    }
+    return owed;
 }
 
 void LawGradient::close() {
     closed_ = true;
-    A_ = of_exponentials() + view(series_.total(), rows_, n_, n_);
+    const Packed rest = of_exponentials();
+    for (std::size_t i = 0; i < A_.size(); ++i) A_[i] += rest[i];
 }
 
 double LawGradient::along(const Laws<double>& derivative) {
     if (!closed_) close();
-    return A_.cwiseProduct(derivative.A).sum() + guards_.cwiseProduct(derivative.guards).sum() +
-           view(outputs_.total(), rows_, n_, signals_).transpose().cwiseProduct(derivative.outputs).sum();
+    const auto view = [this](const Packed& m, int columns) {
+        return Eigen::Map<const Matrix<double>, 0, Eigen::OuterStride<>>(m.data(), n_, columns,
+                                                                         Eigen::OuterStride<>(rows_));
+    };
+    return view(A_, n_).cwiseProduct(derivative.A).sum() + guards_.cwiseProduct(derivative.guards).sum() +
+           view(outputs_, signals_).transpose().cwiseProduct(derivative.outputs).sum();
 }
 
 Adjoint::Adjoint(const Tape& tape, int states, std::function<void(int, double*)> jump_back)
@@ -190,9 +168,9 @@ void Adjoint::present_outputs_back(Outputs outputs) {
 }
 
 // What the outputs along the steps add to λ at each column; those read between two columns go their own way back.
-void Adjoint::pushes_of(Outputs outputs, const Entry& steps) {
+void Adjoint::outputs_back(Outputs outputs, const Entry& steps) {
     const int rows = steps.law->rows(), columns = steps.count + steps.column + 1;
-    pushes_.assign(static_cast<std::size_t>(rows * columns), 0.0);
+    columns_.assign(static_cast<std::size_t>(rows * columns), 0.0);
     for (const Entry& e : outputs) {
         if (e.column < 0) continue;
         LawGradient& g = gradient(e.law);
@@ -201,29 +179,24 @@ void Adjoint::pushes_of(Outputs outputs, const Entry& steps) {
         const double* from = values(steps) + e.column * rows;
         g.outputs_back(e.count, between ? values(e) : from, seeds(e), side_.data());
         if (between) g.part_back(e.length, from, side_.data());
-        double* push = pushes_.data() + e.column * rows;
-        for (int i = 0; i < rows * e.count; ++i) push[i] += side_[static_cast<std::size_t>(i)];
+        double* column = columns_.data() + e.column * rows;
+        for (int i = 0; i < rows * e.count; ++i) column[i] += side_[static_cast<std::size_t>(i)];
     }
 }
 
 void Adjoint::steps_back(const Entry& entry, Outputs outputs) {
-    pushes_of(outputs, entry);
+    outputs_back(outputs, entry);
     LawGradient& g = gradient(entry.law);
     const int rows = entry.law->rows();
     const double* y = values(entry);
-    const auto push = [&](int column) {
-        for (int i = 0; i < rows; ++i)
-            lambda_[static_cast<std::size_t>(i)] += pushes_[static_cast<std::size_t>(column * rows + i)];
-    };
+    double* const last = columns_.data() + entry.count * rows;  // λ after the whole steps
     if (entry.column == 1) {
-        push(entry.count + 1);
+        for (int i = 0; i < rows; ++i) lambda_[static_cast<std::size_t>(i)] += last[rows + i];
         g.part_back(entry.length, y + entry.count * rows, lambda_.data());
     }
-    for (int k = entry.count; k > 0; --k) {
-        push(k);
-        g.step_back(0, y + (k - 1) * rows, lambda_.data());
-    }
-    push(0);
+    for (int i = 0; i < rows; ++i) last[i] += lambda_[static_cast<std::size_t>(i)];
+    if (entry.count > 0) g.steps_back(entry.count, y, columns_.data());
+    std::copy_n(columns_.data(), rows, lambda_.data());
 }
 
 void Adjoint::switch_back(const Entry& e) {

@@ -11,31 +11,14 @@
 
 namespace dualdrive::exact {
 
-// Σ a bᵀ, many pairs at a time.
-class OuterSum {
-  public:
-    OuterSum() = default;
-    OuterSum(int rows, int columns);  // rows padded
-
-    void add(const double* a, const double* b, double factor = 1.0);
-    const std::vector<double>& total();  // column-major
-    bool empty() const { return sum_.empty(); }
-
-  private:
-    static constexpr int most = 16;
-    void flush();
-
-    int rows_ = 0, columns_ = 0, pairs_ = 0;
-    std::vector<double> sum_, left_, right_, product_;
-};
-
 // ∂(cost)/∂(coefficients) of one law, summed over a run. The exponentials' parts become one of A at the end.
 class LawGradient {
   public:
     explicit LawGradient(const Propagator<double>& law);
 
-    // λ back over step / 2^level that began at y.
-    void step_back(int level, const double* y, double* lambda);
+    // λ (rows × (count + 1)) back over whole steps that began at the columns of y; what comes in at each column is there.
+    void steps_back(int count, const double* y, double* lambda);
+    // λ back over part of a step that began at y.
     void part_back(double length, const double* y, double* lambda);
     // For `count` columns of states y: `push` (rows × count) becomes ∂(cost)/∂y by way of the signals' seeds there.
     void outputs_back(int count, const double* y, const double* seeds, double* push);
@@ -45,18 +28,22 @@ class LawGradient {
     double along(const Laws<double>& derivative);
 
   private:
-    const std::vector<double>& transposed(int level);
-    void taylor_back(double length, const double* y, double* lambda);
-    Matrix<double> of_exponentials();
+    using Packed = std::vector<double>;  // by columns of rows_
+    void power_back(int level, int count, const double* y, double* lambda);
+    void series_back(double length, const double* y, double* lambda);
+    Packed product(const Packed& a, const Packed& b) const;
+    Packed transpose(const Packed& m) const;
+    Packed of_exponentials() const;
     void close();
 
     const Propagator<double>& law_;
     const int n_, rows_, signals_;
-    std::vector<std::vector<double>> transposed_;  // per level: Eᵀ
-    std::vector<OuterSum> exponential_;            // per level: ∂(cost)/∂E
-    OuterSum series_, outputs_;                    // of A directly; of the signals' rows, transposed
-    std::vector<double> A_transposed_, outputs_transposed_, scratch_, last_;
-    Matrix<double> guards_, A_;  // A_: of all ways, once closed
+    std::vector<Packed> transposed_, exponential_;  // per level: Eᵀ; ∂(cost)/∂E
+    Packed A_transposed_, outputs_transposed_;
+    Packed A_;        // ∂(cost)/∂A by the series, once closed by all ways
+    Packed outputs_;  // ∂(cost)/∂(signals' rows), transposed
+    Packed terms_, bars_;
+    Matrix<double> guards_;
     bool closed_ = false;
 };
 
@@ -77,7 +64,7 @@ class Adjoint {
     const double* values(const Entry& e) const { return tape_.values.data() + e.y; }
     const double* seeds(const Entry& e) const { return seeds_ + static_cast<std::size_t>(e.row) * signals_; }
     void present_outputs_back(Outputs outputs);
-    void pushes_of(Outputs outputs, const Entry& steps);
+    void outputs_back(Outputs outputs, const Entry& steps);
     void steps_back(const Entry& entry, Outputs outputs);
     void switch_back(const Entry& entry);
 
@@ -86,7 +73,8 @@ class Adjoint {
     std::function<void(int, double*)> jump_back_;
     const double* seeds_ = nullptr;
     std::size_t signals_ = 0;
-    std::vector<double> lambda_, side_, pushes_;  // pushes_: into λ at every column of the present steps
+    std::vector<double> lambda_, side_;
+    std::vector<double> columns_;                 // λ at every column of the present steps
     double instant_ = 0.0;                        // ∂(cost)/∂(time of the instant)
     const Propagator<double>* recent_ = nullptr;  // the law asked for last
     LawGradient* recent_gradient_ = nullptr;

@@ -17,6 +17,15 @@ struct Kernels {
     void (*chain)(int rows, int n, const double* M, int count, double* y);
     // y = Σ (A r)^k y / k! for k ≤ order; `scratch` holds 2 × rows.
     void (*taylor)(int rows, int n, const double* A, double r, int order, double* y, double* scratch);
+    // The way back. y[:, k − 1] += M y[:, k] from k = count down to 1.
+    void (*chain_back)(int rows, int n, const double* M, int count, double* y);
+    // terms[:, k] = A terms[:, k − 1] r/k for k ≤ order; and backwards from λ, with bars[:, order] its first: each scaled by
+    // r/k, then bars[:, k − 1] = λ + A' bars[:, k]; bars[:, 0] is what λ becomes.
+    void (*series)(int rows, int n, const double* A, double r, int order, double* terms);
+    void (*series_back)(int rows, int n, const double* transposed, double r, int order, const double* lambda,
+                        double* bars);
+    // sum[:, c] += Σ a[:, k] b[c, k] over k < count, for c < n.
+    void (*add_outer)(int rows, int n, int count, const double* a, int ldb, const double* b, double* sum);
     // out[i] = max |y[i, k]| over k < count.
     void (*largest)(int rows, int count, const double* y, double* out);
     // The first k ≥ from, k < count, at which the Bernstein coefficients of any quintic do not keep their margin from 0 and

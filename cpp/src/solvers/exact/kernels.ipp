@@ -53,45 +53,69 @@ struct PutTerm {
     }
 };
 
+struct Add {
+    double* out;
+    template <int W>
+    void take(int row, typename VectorOf<W>::type sum) const {
+        store<W>(out + row, load<W>(out + row) + sum);
+    }
+};
+struct PutScaled {
+    double factor;
+    double* out;
+    template <int W>
+    void take(int row, typename VectorOf<W>::type sum) const {
+        store<W>(out + row, sum * factor);
+    }
+};
+struct PutShifted {
+    const double* shift;
+    double* out;
+    template <int W>
+    void take(int row, typename VectorOf<W>::type sum) const {
+        store<W>(out + row, load<W>(shift + row) + sum);
+    }
+};
+
 // `count` vectors of W rows from `row` on, all columns: even and odd columns are summed apart, so that the sums wait less on
 // each other.
 template <int W, int count, class Sink>
-inline void tile(int rows, int n, const double* M, const double* x, int row, const Sink& sink) {
+inline void tile(int rows, int n, const double* M, const double* x, int stride, int row, const Sink& sink) {
     using V = typename VectorOf<W>::type;
     V even[count], odd[count];
     for (int k = 0; k < count; ++k) even[k] = odd[k] = V{};
     int j = 0;
     for (; j + 1 < n; j += 2) {
         const double *a = M + j * rows + row, *b = a + rows;
-        const double xa = x[j], xb = x[j + 1];
+        const double xa = x[j * stride], xb = x[(j + 1) * stride];
         for (int k = 0; k < count; ++k) {
             even[k] += load<W>(a + k * W) * xa;
             odd[k] += load<W>(b + k * W) * xb;
         }
     }
     if (j < n)
-        for (int k = 0; k < count; ++k) even[k] += load<W>(M + j * rows + row + k * W) * x[j];
+        for (int k = 0; k < count; ++k) even[k] += load<W>(M + j * rows + row + k * W) * x[j * stride];
     for (int k = 0; k < count; ++k) sink.template take<W>(row + k * W, even[k] + odd[k]);
 }
 
 constexpr int narrow = WIDTH < 4 ? WIDTH : 4;  // vectors of a lane
 
 template <class Sink>
-inline void product(int rows, int n, const double* M, const double* x, const Sink& sink) {
+inline void product(int rows, int n, const double* M, const double* x, const Sink& sink, int stride = 1) {
     int r = 0;
     for (; r + 16 <= rows; r += 16) {
         if constexpr (WIDTH == 2) {  // sixteen registers hold no more sums than these
-            tile<2, 4>(rows, n, M, x, r, sink);
-            tile<2, 4>(rows, n, M, x, r + 8, sink);
+            tile<2, 4>(rows, n, M, x, stride, r, sink);
+            tile<2, 4>(rows, n, M, x, stride, r + 8, sink);
         } else {
-            tile<WIDTH, 16 / WIDTH>(rows, n, M, x, r, sink);
+            tile<WIDTH, 16 / WIDTH>(rows, n, M, x, stride, r, sink);
         }
     }
     if (r + 8 <= rows) {
-        tile<WIDTH, 8 / WIDTH>(rows, n, M, x, r, sink);
+        tile<WIDTH, 8 / WIDTH>(rows, n, M, x, stride, r, sink);
         r += 8;
     }
-    if (r < rows) tile<narrow, 4 / narrow>(rows, n, M, x, r, sink);
+    if (r < rows) tile<narrow, 4 / narrow>(rows, n, M, x, stride, r, sink);
 }
 
 void multiply(int rows, int n, const double* M, int ldx, const double* x, int count, double* out) {
@@ -111,6 +135,26 @@ void taylor(int rows, int n, const double* A, double r, int order, double* y, do
         term = next;
         next = swap;
     }
+}
+
+void chain_back(int rows, int n, const double* M, int count, double* y) {
+    for (int k = count; k > 0; --k) product(rows, n, M, y + k * rows, Add{y + (k - 1) * rows});
+}
+
+void series(int rows, int n, const double* A, double r, int order, double* terms) {
+    for (int k = 1; k <= order; ++k) product(rows, n, A, terms + (k - 1) * rows, PutScaled{r / k, terms + k * rows});
+}
+
+void series_back(int rows, int n, const double* transposed, double r, int order, const double* lambda, double* bars) {
+    for (int k = order; k > 0; --k) {
+        double* const bar = bars + k * rows;
+        for (int i = 0; i < rows; ++i) bar[i] *= r / k;
+        product(rows, n, transposed, bar, PutShifted{lambda, bar - rows});
+    }
+}
+
+void add_outer(int rows, int n, int count, const double* a, int ldb, const double* b, double* sum) {
+    for (int c = 0; c < n; ++c) product(rows, count, a, b + c, Add{sum + c * rows}, ldb);
 }
 
 void largest(int rows, int count, const double* y, double* out) {
@@ -151,6 +195,7 @@ int suspect(int m, int from, int count, double fraction, const double* watched, 
 
 }  // namespace
 
-const Kernels build::BUILD = {BUILD_NAME, &multiply, &chain, &taylor, &largest, &suspect};
+const Kernels build::BUILD = {BUILD_NAME, &multiply,    &chain,     &taylor,  &chain_back,
+                              &series,    &series_back, &add_outer, &largest, &suspect};
 
 }  // namespace dualdrive::exact
