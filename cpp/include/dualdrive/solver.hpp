@@ -78,6 +78,7 @@ class Solver {
     virtual bool guards_now(double* /*g*/) { return false; }
     virtual bool rates_now(double* /*rate*/) { return false; }
     virtual std::optional<double> guard_rate_now(int /*guard*/) { return std::nullopt; }
+    virtual bool guard_slopes_now(int /*guard*/, double* /*slopes*/) { return false; }  // per sensitivity
     virtual std::span<const int> roots() const = 0;  // after Outcome::root: -1 falling, 1 rising, 0 not at a root
     // Whether a step that crosses a guard always ends there: no second look is needed.
     virtual bool finds_every_root() const { return false; }

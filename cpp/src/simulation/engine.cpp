@@ -56,6 +56,11 @@ double Simulation::exact_grid() const {
     return common ? finest : output;
 }
 
+// How many steps of the grid a run takes, as far as memory for them is worth setting aside.
+std::size_t Simulation::grid_steps() const {
+    return static_cast<std::size_t>(std::min(1e6, (options_.end - options_.start) / exact_grid()));
+}
+
 // How fast the machine rings, and how fast its fastest motion dies away, with flanks closed and drives sliding.
 Simulation::Pace Simulation::pace() {
     const Modes standing = modes_;
@@ -105,8 +110,9 @@ void Simulation::take_exact_solver(Solver::Size size) {
     for (const Parameter& p : parameters_) slots.push_back(p.slots);
     if (!options_.gradient.empty()) tape_ = std::make_unique<exact::Tape>();
     const auto build = [&]<class R>() {
-        typename exact::Exact<R>::Setup setup{machine_,       inputs_,      layout_,   modes_, cell_,
-                                              options_.start, exact_grid(), recorded_, slots,  tape_.get()};
+        typename exact::Exact<R>::Setup setup{machine_, inputs_,        layout_,      modes_,
+                                              cell_,    options_.start, exact_grid(), recorded_,
+                                              slots,    tape_.get(),    grid_steps()};
         return std::make_unique<exact::Exact<R>>(size, std::move(setup));
     };
     if (options_.long_double) {

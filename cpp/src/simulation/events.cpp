@@ -167,14 +167,16 @@ void Simulation::find_instant_slope(int element, int which, const std::vector<do
     if (tape_ && approach == 0.0) tape_->add({.kind = exact::Entry::Kind::still});
     if (approach == 0.0) return;
     if (tape_) exact_->write_instant(element * guards_per_switch + which, approach);
-    for (std::size_t c = 0; c < chunks(); ++c) {
-        evaluate_chunk(c, t, z.data(), [&](std::size_t k, std::size_t state) {
-            return solver_->sensitivity(static_cast<int>(k))[state];
-        });
-        const Gradient g = chunk_[c]->guard(element, which, nullptr);
-        for (std::size_t d = 0; d < directions && c * directions + d < parameters_.size(); ++d)
-            instant_slope_[c * directions + d] = -g.slope[d] / approach;
-    }
+    if (!solver_->guard_slopes_now(element * guards_per_switch + which, instant_slope_.data()))
+        for (std::size_t c = 0; c < chunks(); ++c) {
+            evaluate_chunk(c, t, z.data(), [&](std::size_t k, std::size_t state) {
+                return solver_->sensitivity(static_cast<int>(k))[state];
+            });
+            const Gradient g = chunk_[c]->guard(element, which, nullptr);
+            for (std::size_t d = 0; d < directions && c * directions + d < parameters_.size(); ++d)
+                instant_slope_[c * directions + d] = g.slope[d];
+        }
+    for (double& slope : instant_slope_) slope /= -approach;
 }
 
 // Where the instant moves with the parameters (τ' of a located switch; zero at a tick or a break; that of the cause where

@@ -61,6 +61,7 @@ class Simulation final : public Problem {
     bool chooses_engine() const;
     void take_exact_solver(Solver::Size size);
     double exact_grid() const;
+    std::size_t grid_steps() const;
     std::vector<double> tolerances() const;
 
     // events.cpp: everything that changes modes or state at an instant

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "kernels.hpp"
+#include "arithmetic.hpp"
 
 namespace dualdrive::exact {
 
@@ -15,7 +15,7 @@ LawGradient::LawGradient(const Propagator<double>& law)
       signals_(static_cast<int>(law.laws().outputs.rows())),
       transposed_(levels + 1),
       exponential_(levels + 1),
-      A_transposed_(transpose(law.A())),
+      A_transposed_(transposed(rows_, n_, law.A())),
       outputs_transposed_(static_cast<std::size_t>(rows_ * signals_), 0.0),
       A_(law.A().size(), 0.0),
       outputs_(outputs_transposed_.size(), 0.0),
@@ -25,14 +25,6 @@ LawGradient::LawGradient(const Propagator<double>& law)
     for (int s = 0; s < signals_; ++s)
         for (int c = 0; c < n_; ++c)
             outputs_transposed_[static_cast<std::size_t>(s * rows_ + c)] = law.laws().outputs(s, c);
-}
-
-LawGradient::Packed LawGradient::transpose(const Packed& m) const {
-    Packed t(m.size(), 0.0);
-    for (int c = 0; c < n_; ++c)
-        for (int r = 0; r < n_; ++r)
-            t[static_cast<std::size_t>(r * rows_ + c)] = m[static_cast<std::size_t>(c * rows_ + r)];
-    return t;
 }
 
 LawGradient::Packed LawGradient::product(const Packed& a, const Packed& b) const {
@@ -45,7 +37,7 @@ LawGradient::Packed LawGradient::product(const Packed& a, const Packed& b) const
 void LawGradient::power_back(int level, int count, const double* y, double* lambda) {
     Packed &T = transposed_[static_cast<std::size_t>(level)], &sum = exponential_[static_cast<std::size_t>(level)];
     if (T.empty()) {
-        T = transpose(law_.power(level));
+        T = transposed(rows_, n_, law_.power(level));
         sum.assign(T.size(), 0.0);
     }
     kernels().chain_back(rows_, n_, T.data(), count, lambda);
@@ -104,7 +96,7 @@ LawGradient::Packed LawGradient::of_exponentials() const {
     Packed bar(A_.size(), 0.0);  // ∂(cost)/∂E of the present level
     for (int b = 0; b <= levels; ++b) {
         if (b > 0) {  // E_{b−1} = E_b E_b
-            const Packed root = transpose(law_.power(b));
+            const Packed root = transposed(rows_, n_, law_.power(b));
             Packed both = product(bar, root);
             add(both, product(root, bar), 1.0);
             bar.swap(both);
@@ -125,7 +117,7 @@ LawGradient::Packed LawGradient::of_exponentials() const {
     for (int k = 1; k <= law_.order(); ++k) {
         for (double& each : bar) each /= k;
         add(owed, bar, finest);
-        add(owed, product(bar, transpose(F[static_cast<std::size_t>(k) + 1])), finest);
+        add(owed, product(bar, transposed(rows_, n_, F[static_cast<std::size_t>(k) + 1])), finest);
         bar = product(X_transposed, bar);
     }
     return owed;

@@ -5,10 +5,21 @@
 #include <cmath>
 #include <cstddef>
 #include <utility>
+#include <vector>
 
 #include "kernels.hpp"
 
 namespace dualdrive::exact {
+
+// Of the upper n × n part of a packed matrix.
+template <class R>
+std::vector<R> transposed(int rows, int n, const std::vector<R>& M) {
+    std::vector<R> T(M.size(), R(0));
+    for (int c = 0; c < n; ++c)
+        for (int r = 0; r < n; ++r)
+            T[static_cast<std::size_t>(r * rows + c)] = M[static_cast<std::size_t>(c * rows + r)];
+    return T;
+}
 
 template <class R>
 struct Arithmetic {

@@ -27,6 +27,7 @@ Exact<R>::Exact(Size size, Setup setup)
       slopes_(static_cast<std::size_t>(rows_) * static_cast<std::size_t>(size.sensitivities) * (block + 2), 0.0),
       roots_(static_cast<std::size_t>(size.guards), 0) {
     y_[static_cast<std::size_t>(reader_.one())] = R(1);
+    if (setup_.tape) setup_.tape->values.reserve((setup_.steps + setup_.steps / 4) * static_cast<std::size_t>(rows_));
 }
 
 // Of the modes as they are.
@@ -48,13 +49,18 @@ void Exact<R>::take_modes() {
         if (!ledger) ledger = std::make_unique<Ledger<R>>(reader_.energies(setup_.modes), *now_);
         ledger_ = ledger.get();
     }
-    if constexpr (std::is_same_v<R, double>) {
-        if (size_.sensitivities == 0) return;
-        auto& slope = known_slopes_[now_];
-        if (!slope)
-            slope = std::make_unique<SlopePropagator>(*now_, reader_.derivatives(setup_.modes, setup_.parameters));
-        slope_now_ = slope.get();
-    }
+    if constexpr (std::is_same_v<R, double>)
+        if (size_.sensitivities > 0) slope_now_ = &slope_propagator();
+}
+
+template <class R>
+SlopePropagator& Exact<R>::slope_propagator() {
+    const Propagator<R>& now = propagator();
+    auto& known = known_slopes_[&now];
+    if constexpr (std::is_same_v<R, double>)
+        if (!known)
+            known = std::make_unique<SlopePropagator>(now, reader_.derivatives(setup_.modes, setup_.parameters));
+    return *known;
 }
 
 template <class R>
@@ -101,6 +107,16 @@ template <class R>
 std::optional<double> Exact<R>::guard_rate_now(int guard) {
     const Laws<R>& laws = propagator().laws();
     return static_cast<double>(laws.guards.row(guard).dot(laws.A * present()));
+}
+
+template <class R>
+bool Exact<R>::guard_slopes_now(int guard, double* out) {
+    if constexpr (std::is_same_v<R, double>) {
+        if (size_.sensitivities == 0) return false;
+        slope_propagator().guard(guard, present().data(), slopes(last()), out);
+        return true;
+    }
+    return false;
 }
 
 // The end of the last step is the begin of the next.

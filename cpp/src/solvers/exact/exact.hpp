@@ -33,6 +33,7 @@ class Exact final : public Solver {
         std::vector<int> recorded;                         // signals
         std::vector<std::vector<std::size_t>> parameters;  // slots that move together, per sensitivity
         Tape* tape = nullptr;                              // to write on, for the way back
+        std::size_t steps = 0;                             // that the tape will have to hold, about
     };
 
     Exact(Size size, Setup setup);
@@ -55,6 +56,7 @@ class Exact final : public Solver {
     bool guards_now(double* g) override;
     bool rates_now(double* rate) override;
     std::optional<double> guard_rate_now(int guard) override;
+    bool guard_slopes_now(int guard, double* slopes) override;
     std::span<const int> roots() const override { return roots_; }
     bool finds_every_root() const override { return true; }
     Failure failure() const override { return {false, not_finite}; }
@@ -70,6 +72,7 @@ class Exact final : public Solver {
     static constexpr int block = 16;  // steps that are watched together
 
     const Propagator<R>& propagator();
+    SlopePropagator& slope_propagator();
     void take_modes();
     using Vector = Eigen::Matrix<R, Eigen::Dynamic, 1>;
     Eigen::Map<const Vector> present();

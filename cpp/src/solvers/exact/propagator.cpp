@@ -156,37 +156,47 @@ void Propagator<R>::find_watched() {
 // is taken at the middles of `bound_nodes` parts and carried to their ends by |v e^{A δ}| ≤ |v| e^{|A| δ}.
 template <class R>
 void Propagator<R>::find_bounds() {
-    const int m = watch_rows();
-    Matrix<R> bounds = Matrix<R>::Zero(2 * m, n_);
-    const Eigen::Index count = watched_rows_.rows();
-    if (count > 0) {
-        using Map = Eigen::Map<const Matrix<R>, 0, Eigen::OuterStride<>>;
-        const auto part = [&](int level) { return Map(power(level).data(), n_, n_, Eigen::OuterStride<>(rows_)); };
-        const Matrix<R> A2 = laws_.A * laws_.A;
-        Matrix<R> v = ((watched_rows_ * A2) * A2) * A2;
-        const R scale = R(hermite_error) * std::pow(R(step_), 6);
-        v = (v * part(4)).eval();
-        Matrix<R> worst = v.cwiseAbs();
-        for (int k = 1; k < bound_nodes; ++k) {
-            v = (v * part(3)).eval();
-            worst = worst.cwiseMax(v.cwiseAbs());
-        }
-        const R half = R(step_) / R(2 * bound_nodes);
-        const Matrix<R> size = laws_.A.cwiseAbs() * half;
-        Matrix<R> term = worst;
-        for (int k = 1; k <= order_ + 2; ++k) {
-            term = (term * size / R(k)).eval();
-            worst += term;
-        }
-        bounds.topRows(count) = worst * (scale * R(1.001));
-        // What rounding leaves of the first terms of q's series, where large torques may cancel.
-        const R h(step_);
-        const Matrix<R> first = watched_rows_ * laws_.A, second = watched_rows_ * A2;
-        bounds.middleRows(m, count) =
-            (watched_rows_.cwiseAbs() + first.cwiseAbs() * h + second.cwiseAbs() * (h * h / 2)) *
-            (R(rounding) * std::numeric_limits<R>::epsilon());
+    const int m = watch_rows(), count = static_cast<int>(watched_.size());
+    bounds_.assign(static_cast<std::size_t>(2 * m * n_), R(0));
+    if (count == 0) return;
+    // Rows stand as columns: v A is A' v.
+    const auto times = [&](const std::vector<R>& transposed, const std::vector<R>& v) {
+        std::vector<R> product(v.size());
+        Arithmetic<R>::multiply(rows_, n_, transposed.data(), rows_, v.data(), count, product.data());
+        return product;
+    };
+    const auto size = [](std::vector<R> v) {
+        for (R& x : v) x = std::abs(x);
+        return v;
+    };
+    std::vector<R> A = transposed(rows_, n_, A_);
+    const std::vector<R> value = pack(watched_rows_.transpose(), rows_), slope = times(A, value),
+                         curvature = times(A, slope);
+    std::vector<R> v = curvature;
+    for (int k = 2; k < 6; ++k) v = times(A, v);
+    v = times(transposed(rows_, n_, power(4)), v);
+    std::vector<R> worst = size(v);
+    const std::vector<R> on = transposed(rows_, n_, power(3));
+    for (int k = 1; k < bound_nodes; ++k) {
+        v = times(on, v);
+        for (std::size_t i = 0; i < v.size(); ++i) worst[i] = std::max(worst[i], std::abs(v[i]));
     }
-    bounds_ = pack(bounds, 2 * m);
+    for (R& x : A) x = std::abs(x) * R(step_) / R(2 * bound_nodes);
+    std::vector<R> term = worst;
+    for (int k = 1; k <= order_ + 2; ++k) {
+        term = times(A, term);
+        for (std::size_t i = 0; i < term.size(); ++i) worst[i] += term[i] /= R(k);
+    }
+    // What rounding leaves of the first terms of q's series, where large torques may cancel.
+    const R h(step_), bound = R(1.001) * R(hermite_error) * std::pow(h, 6);
+    const R noise = R(rounding) * std::numeric_limits<R>::epsilon();
+    for (int i = 0; i < count; ++i)
+        for (int j = 0; j < n_; ++j) {
+            const auto from = static_cast<std::size_t>(i * rows_ + j), to = static_cast<std::size_t>(j * 2 * m + i);
+            bounds_[to] = bound * worst[from];
+            bounds_[to + static_cast<std::size_t>(m)] =
+                noise * (std::abs(value[from]) + std::abs(slope[from]) * h + std::abs(curvature[from]) * h * h / 2);
+        }
 }
 
 template <class R>
@@ -201,14 +211,14 @@ void Propagator<R>::find_series() const {
     const auto count = static_cast<int>(watched_.size());
     const int terms = padded(terms_);
     series_.assign(watched_.size(), std::vector<R>(static_cast<std::size_t>(terms * n_), R(0)));
-    const std::vector<R> transposed = pack(laws_.A.transpose(), rows_);
+    const std::vector<R> A = transposed(rows_, n_, A_);
     std::vector<R> row = pack(watched_rows_.transpose(), rows_), next(row.size());
     for (int k = 0; k < terms_; ++k) {
         for (int i = 0; i < count; ++i)
             for (int j = 0; j < n_; ++j)
                 series_[static_cast<std::size_t>(i)][static_cast<std::size_t>(j * terms + k)] =
                     row[static_cast<std::size_t>(i * rows_ + j)];
-        Arithmetic<R>::multiply(rows_, n_, transposed.data(), rows_, row.data(), count, next.data());
+        Arithmetic<R>::multiply(rows_, n_, A.data(), rows_, row.data(), count, next.data());
         for (std::size_t j = 0; j < row.size(); ++j) row[j] = next[j] * (R(step_) / R(k + 1));
     }
 }

@@ -48,6 +48,7 @@ SlopePropagator::SlopePropagator(const Propagator<double>& propagator, const std
     for (const auto& d : derivatives) {
         rates.push_back(&d.A);
         outputs.push_back(&d.outputs);
+        guards_.push_back(d.guards);
     }
     A_ = compress(rates, rows_);
     outputs_ = compress(outputs, static_cast<int>(derivatives.empty() ? 0 : derivatives.front().outputs.rows()));
@@ -127,6 +128,14 @@ void SlopePropagator::taylor(double length, double* y, double* S) {
         term_.swap(next_);
         y_term_.swap(y_next_);
     }
+}
+
+void SlopePropagator::guard(int guard, const double* y, const double* S, double* slopes) const {
+    using Vector = Eigen::Map<const Eigen::VectorXd>;
+    const Eigen::RowVectorXd row = propagator_.laws().guards.row(guard);
+    for (int j = 0; j < parameters_; ++j)
+        slopes[j] =
+            row.dot(Vector(S + j * rows_, n_)) + guards_[static_cast<std::size_t>(j)].row(guard).dot(Vector(y, n_));
 }
 
 void SlopePropagator::signals(const double* y, const double* S, int count, double* slopes) {

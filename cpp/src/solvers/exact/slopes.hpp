@@ -19,6 +19,8 @@ class SlopePropagator {
     void step(int level, const double* y, double* S);
     // Over any part of a step; y is taken along.
     void advance(double length, double* y, double* S);
+    // ∂(a guard)/∂p.
+    void guard(int guard, const double* y, const double* S, double* slopes) const;
     // ∂(signals)/∂p, signals × parameters row-major.
     void signals(const double* y, const double* S, int count, double* slopes);
 
@@ -36,6 +38,7 @@ class SlopePropagator {
     const Propagator<double>& propagator_;
     int parameters_, n_, rows_;
     Rows A_, outputs_;
+    std::vector<Matrix<double>> guards_;      // per parameter
     std::vector<std::vector<double>> power_;  // per level: the L of all parameters, stacked
     std::vector<double> scratch_, product_, term_, next_, y_term_, y_next_;
 };
