@@ -8,23 +8,33 @@
 
 namespace dualdrive::exact {
 
-LawGradient::LawGradient(const Propagator<double>& law)
+LawGradient::LawGradient(const Propagator<double>& law, int states)
     : law_(law),
       n_(law.size()),
       rows_(law.rows()),
+      states_(states),
+      lambda_rows_(padded(states)),
       signals_(static_cast<int>(law.laws().outputs.rows())),
       transposed_(levels + 1),
       exponential_(levels + 1),
-      A_transposed_(transposed(rows_, n_, law.A())),
-      outputs_transposed_(static_cast<std::size_t>(rows_ * signals_), 0.0),
-      A_(law.A().size(), 0.0),
-      outputs_(outputs_transposed_.size(), 0.0),
+      A_transposed_(states_transposed(law.A())),
+      outputs_transposed_(static_cast<std::size_t>(lambda_rows_ * signals_), 0.0),
+      A_(static_cast<std::size_t>(lambda_rows_ * n_), 0.0),
+      outputs_(static_cast<std::size_t>(rows_ * signals_), 0.0),
       terms_(static_cast<std::size_t>(rows_ * (law.order() + 1))),
-      bars_(terms_.size()),
+      bars_(static_cast<std::size_t>(lambda_rows_ * (law.order() + 1))),
       guards_(Matrix<double>::Zero(law.laws().guards.rows(), n_)) {
     for (int s = 0; s < signals_; ++s)
-        for (int c = 0; c < n_; ++c)
-            outputs_transposed_[static_cast<std::size_t>(s * rows_ + c)] = law.laws().outputs(s, c);
+        for (int c = 0; c < states_; ++c)
+            outputs_transposed_[static_cast<std::size_t>(s * lambda_rows_ + c)] = law.laws().outputs(s, c);
+}
+
+LawGradient::Packed LawGradient::states_transposed(const Packed& m) const {
+    Packed t(static_cast<std::size_t>(lambda_rows_ * states_), 0.0);
+    for (int c = 0; c < states_; ++c)
+        for (int r = 0; r < states_; ++r)
+            t[static_cast<std::size_t>(r * lambda_rows_ + c)] = m[static_cast<std::size_t>(c * rows_ + r)];
+    return t;
 }
 
 LawGradient::Packed LawGradient::product(const Packed& a, const Packed& b) const {
@@ -37,11 +47,11 @@ LawGradient::Packed LawGradient::product(const Packed& a, const Packed& b) const
 void LawGradient::power_back(int level, int count, const double* y, double* lambda) {
     Packed &T = transposed_[static_cast<std::size_t>(level)], &sum = exponential_[static_cast<std::size_t>(level)];
     if (T.empty()) {
-        T = transposed(rows_, n_, law_.power(level));
-        sum.assign(T.size(), 0.0);
+        T = states_transposed(law_.power(level));
+        sum.assign(A_.size(), 0.0);
     }
-    kernels().chain_back(rows_, n_, T.data(), count, lambda);
-    kernels().add_outer(rows_, n_, count, lambda + rows_, rows_, y, sum.data());
+    kernels().chain_back(lambda_rows_, states_, T.data(), count, lambda);
+    kernels().add_outer(lambda_rows_, n_, count, lambda + lambda_rows_, rows_, y, sum.data());
 }
 
 void LawGradient::steps_back(int count, const double* y, double* lambda) { power_back(0, count, y, lambda); }
@@ -61,10 +71,10 @@ void LawGradient::part_back(double length, const double* y, double* lambda) {
     }
     if (length > 0) series_back(length, begin(halves.size()), lambda);
     for (std::size_t k = halves.size(); k-- > 0;) {
-        Packed two(static_cast<std::size_t>(2 * rows_), 0.0);
-        std::copy_n(lambda, rows_, two.begin() + rows_);
+        Packed two(static_cast<std::size_t>(2 * lambda_rows_), 0.0);
+        std::copy_n(lambda, lambda_rows_, two.begin() + lambda_rows_);
         power_back(halves[k], 1, begin(k), two.data());
-        std::copy_n(two.begin(), rows_, lambda);
+        std::copy_n(two.begin(), lambda_rows_, lambda);
     }
 }
 
@@ -73,14 +83,14 @@ void LawGradient::series_back(double length, const double* y, double* lambda) {
     const int order = law_.order();
     std::copy_n(y, rows_, terms_.data());
     kernels().series(rows_, n_, law_.A().data(), length, order - 1, terms_.data());
-    std::copy_n(lambda, rows_, bars_.data() + order * rows_);
-    kernels().series_back(rows_, n_, A_transposed_.data(), length, order, lambda, bars_.data());
-    kernels().add_outer(rows_, n_, order, bars_.data() + rows_, rows_, terms_.data(), A_.data());
-    std::copy_n(bars_.data(), rows_, lambda);
+    std::copy_n(lambda, lambda_rows_, bars_.data() + order * lambda_rows_);
+    kernels().series_back(lambda_rows_, states_, A_transposed_.data(), length, order, lambda, bars_.data());
+    kernels().add_outer(lambda_rows_, n_, order, bars_.data() + lambda_rows_, rows_, terms_.data(), A_.data());
+    std::copy_n(bars_.data(), lambda_rows_, lambda);
 }
 
 void LawGradient::outputs_back(int count, const double* y, const double* seeds, double* push) {
-    kernels().multiply(rows_, signals_, outputs_transposed_.data(), signals_, seeds, count, push);
+    kernels().multiply(lambda_rows_, signals_, outputs_transposed_.data(), signals_, seeds, count, push);
     kernels().add_outer(rows_, signals_, count, y, signals_, seeds, outputs_.data());
 }
 
@@ -93,7 +103,8 @@ LawGradient::Packed LawGradient::of_exponentials() const {
     const auto add = [](Packed& to, const Packed& what, double factor) {
         for (std::size_t i = 0; i < to.size(); ++i) to[i] += factor * what[i];
     };
-    Packed bar(A_.size(), 0.0);  // ∂(cost)/∂E of the present level
+    const Packed& A = law_.A();
+    Packed bar(A.size(), 0.0);  // ∂(cost)/∂E of the present level
     for (int b = 0; b <= levels; ++b) {
         if (b > 0) {  // E_{b−1} = E_b E_b
             const Packed root = transposed(rows_, n_, law_.power(b));
@@ -101,19 +112,22 @@ LawGradient::Packed LawGradient::of_exponentials() const {
             add(both, product(root, bar), 1.0);
             bar.swap(both);
         }
-        if (const Packed& own = exponential_[static_cast<std::size_t>(b)]; !own.empty()) add(bar, own, 1.0);
+        if (const Packed& own = exponential_[static_cast<std::size_t>(b)]; !own.empty())
+            for (int c = 0; c < n_; ++c)
+                for (int r = 0; r < states_; ++r)
+                    bar[static_cast<std::size_t>(c * rows_ + r)] += own[static_cast<std::size_t>(c * lambda_rows_ + r)];
     }
     // E = 1 + F_1, F_k = (X + X F_{k+1})/k from F_{order+1} = 0 on.
     const double finest = law_.step() / (1 << levels);
-    Packed X(law_.A()), X_transposed(A_transposed_);
-    for (auto* x : {&X, &X_transposed})
-        for (double& each : *x) each *= finest;
-    std::vector<Packed> F(static_cast<std::size_t>(law_.order()) + 2, Packed(A_.size(), 0.0));
+    Packed X(A);
+    for (double& each : X) each *= finest;
+    const Packed X_transposed = transposed(rows_, n_, X);
+    std::vector<Packed> F(static_cast<std::size_t>(law_.order()) + 2, Packed(A.size(), 0.0));
     for (int k = law_.order(); k > 0; --k) {
         add(F[static_cast<std::size_t>(k)], X, 1.0 / k);
         add(F[static_cast<std::size_t>(k)], product(X, F[static_cast<std::size_t>(k) + 1]), 1.0 / k);
     }
-    Packed owed(A_.size(), 0.0);
+    Packed owed(A.size(), 0.0);
     for (int k = 1; k <= law_.order(); ++k) {
         for (double& each : bar) each /= k;
         add(owed, bar, finest);
@@ -126,26 +140,27 @@ LawGradient::Packed LawGradient::of_exponentials() const {
 void LawGradient::close() {
     closed_ = true;
     const Packed rest = of_exponentials();
-    for (std::size_t i = 0; i < A_.size(); ++i) A_[i] += rest[i];
+    for (int c = 0; c < n_; ++c)
+        for (int r = 0; r < states_; ++r)
+            A_[static_cast<std::size_t>(c * lambda_rows_ + r)] += rest[static_cast<std::size_t>(c * rows_ + r)];
 }
 
 double LawGradient::along(const Laws<double>& derivative) {
     if (!closed_) close();
-    const auto view = [this](const Packed& m, int columns) {
-        return Eigen::Map<const Matrix<double>, 0, Eigen::OuterStride<>>(m.data(), n_, columns,
-                                                                         Eigen::OuterStride<>(rows_));
-    };
-    return view(A_, n_).cwiseProduct(derivative.A).sum() + guards_.cwiseProduct(derivative.guards).sum() +
-           view(outputs_, signals_).transpose().cwiseProduct(derivative.outputs).sum();
+    using View = Eigen::Map<const Matrix<double>, 0, Eigen::OuterStride<>>;
+    const View A(A_.data(), states_, n_, Eigen::OuterStride<>(lambda_rows_));
+    const View outputs(outputs_.data(), n_, signals_, Eigen::OuterStride<>(rows_));
+    return A.cwiseProduct(derivative.A.topRows(states_)).sum() + guards_.cwiseProduct(derivative.guards).sum() +
+           outputs.transpose().cwiseProduct(derivative.outputs).sum();
 }
 
 Adjoint::Adjoint(const Tape& tape, int states, std::function<void(int, double*)> jump_back)
-    : tape_(tape), states_(states), jump_back_(std::move(jump_back)) {}
+    : tape_(tape), states_(states), lambda_rows_(padded(states)), jump_back_(std::move(jump_back)) {}
 
 LawGradient& Adjoint::gradient(const Propagator<double>* law) {
     if (law != recent_) {
         recent_ = law;
-        recent_gradient_ = &laws_.try_emplace(law, *law).first->second;
+        recent_gradient_ = &laws_.try_emplace(law, *law, states_).first->second;
     }
     return *recent_gradient_;
 }
@@ -161,34 +176,33 @@ void Adjoint::present_outputs_back(Outputs outputs) {
 
 // What the outputs along the steps add to λ at each column; those read between two columns go their own way back.
 void Adjoint::outputs_back(Outputs outputs, const Entry& steps) {
-    const int rows = steps.law->rows(), columns = steps.count + steps.column + 1;
-    columns_.assign(static_cast<std::size_t>(rows * columns), 0.0);
+    const int columns = steps.count + steps.column + 1;
+    columns_.assign(static_cast<std::size_t>(lambda_rows_ * columns), 0.0);
     for (const Entry& e : outputs) {
         if (e.column < 0) continue;
         LawGradient& g = gradient(e.law);
         const bool between = e.length > 0.0;
-        side_.resize(std::max(side_.size(), static_cast<std::size_t>(rows * e.count)));
-        const double* from = values(steps) + e.column * rows;
+        side_.resize(std::max(side_.size(), static_cast<std::size_t>(lambda_rows_ * e.count)));
+        const double* from = values(steps) + e.column * steps.law->rows();
         g.outputs_back(e.count, between ? values(e) : from, seeds(e), side_.data());
         if (between) g.part_back(e.length, from, side_.data());
-        double* column = columns_.data() + e.column * rows;
-        for (int i = 0; i < rows * e.count; ++i) column[i] += side_[static_cast<std::size_t>(i)];
+        double* column = columns_.data() + e.column * lambda_rows_;
+        for (int i = 0; i < lambda_rows_ * e.count; ++i) column[i] += side_[static_cast<std::size_t>(i)];
     }
 }
 
 void Adjoint::steps_back(const Entry& entry, Outputs outputs) {
     outputs_back(outputs, entry);
     LawGradient& g = gradient(entry.law);
-    const int rows = entry.law->rows();
     const double* y = values(entry);
-    double* const last = columns_.data() + entry.count * rows;  // λ after the whole steps
+    double* const last = columns_.data() + entry.count * lambda_rows_;  // λ after the whole steps
     if (entry.column == 1) {
-        for (int i = 0; i < rows; ++i) lambda_[static_cast<std::size_t>(i)] += last[rows + i];
-        g.part_back(entry.length, y + entry.count * rows, lambda_.data());
+        for (int i = 0; i < lambda_rows_; ++i) lambda_[static_cast<std::size_t>(i)] += last[lambda_rows_ + i];
+        g.part_back(entry.length, y + entry.count * entry.law->rows(), lambda_.data());
     }
-    for (int i = 0; i < rows; ++i) last[i] += lambda_[static_cast<std::size_t>(i)];
+    for (int i = 0; i < lambda_rows_; ++i) last[i] += lambda_[static_cast<std::size_t>(i)];
     if (entry.count > 0) g.steps_back(entry.count, y, columns_.data());
-    std::copy_n(columns_.data(), rows, lambda_.data());
+    std::copy_n(columns_.data(), lambda_rows_, lambda_.data());
 }
 
 void Adjoint::switch_back(const Entry& e) {
@@ -217,10 +231,7 @@ void Adjoint::switch_back(const Entry& e) {
 void Adjoint::walk(const double* seeds, std::size_t signals) {
     seeds_ = seeds;
     signals_ = signals;
-    int rows = states_;
-    for (const Entry& e : tape_.entries)
-        if (e.law) rows = std::max(rows, e.law->rows());
-    lambda_.assign(static_cast<std::size_t>(rows), 0.0);
+    lambda_.assign(static_cast<std::size_t>(lambda_rows_), 0.0);
     side_ = lambda_;
     std::size_t end = tape_.entries.size();  // of the outputs that follow the entry at hand
     for (std::size_t k = end; k-- > 0;) {

@@ -14,13 +14,15 @@ namespace dualdrive::exact {
 // ∂(cost)/∂(coefficients) of one law, summed over a run. The exponentials' parts become one of A at the end.
 class LawGradient {
   public:
-    explicit LawGradient(const Propagator<double>& law);
+    LawGradient(const Propagator<double>& law, int states);
 
-    // λ (rows × (count + 1)) back over whole steps that began at the columns of y; what comes in at each column is there.
+    // λ is over the states alone: nothing flows from them into the inputs. Its columns have padded(states) rows.
+    //
+    // λ (count + 1 columns) back over whole steps that began at the columns of y; what comes in at each column is there.
     void steps_back(int count, const double* y, double* lambda);
     // λ back over part of a step that began at y.
     void part_back(double length, const double* y, double* lambda);
-    // For `count` columns of states y: `push` (rows × count) becomes ∂(cost)/∂y by way of the signals' seeds there.
+    // For `count` columns of y: `push` (as many columns) becomes ∂(cost)/∂y by way of the signals' seeds there.
     void outputs_back(int count, const double* y, const double* seeds, double* push);
     void guard_back(int guard, double weight, const double* y);
 
@@ -28,18 +30,19 @@ class LawGradient {
     double along(const Laws<double>& derivative);
 
   private:
-    using Packed = std::vector<double>;  // by columns of rows_
+    using Packed = std::vector<double>;  // by columns of rows_ where nothing else is said
     void power_back(int level, int count, const double* y, double* lambda);
     void series_back(double length, const double* y, double* lambda);
     Packed product(const Packed& a, const Packed& b) const;
+    Packed states_transposed(const Packed& m) const;
     Packed of_exponentials() const;
     void close();
 
     const Propagator<double>& law_;
-    const int n_, rows_, signals_;
-    std::vector<Packed> transposed_, exponential_;  // per level: Eᵀ; ∂(cost)/∂E
-    Packed A_transposed_, outputs_transposed_;
-    Packed A_;        // ∂(cost)/∂A by the series, once closed by all ways
+    const int n_, rows_, states_, lambda_rows_, signals_;
+    std::vector<Packed> transposed_, exponential_;  // per level, by columns of λ: Eᵀ of the states; ∂(cost)/∂E
+    Packed A_transposed_, outputs_transposed_;      // by columns of λ
+    Packed A_;        // by columns of λ: ∂(cost)/∂A by the series, once closed by all ways
     Packed outputs_;  // ∂(cost)/∂(signals' rows), transposed
     Packed terms_, bars_;
     Matrix<double> guards_;
@@ -68,7 +71,7 @@ class Adjoint {
     void switch_back(const Entry& entry);
 
     const Tape& tape_;
-    const int states_;
+    const int states_, lambda_rows_;
     std::function<void(int, double*)> jump_back_;
     const double* seeds_ = nullptr;
     std::size_t signals_ = 0;
