@@ -304,3 +304,10 @@ def test_twenty_machines_of_the_campaign() -> None:
     distance, moved = seen[0]["cvode"]["apart"], seen[0]["cvode"]["itself"]
     assert distance[2] < distance[1] < distance[0]
     assert distance[2] <= 3 * moved[1]
+
+
+@pytest.mark.parametrize("seed", [265, 549])
+def test_machines_that_would_not_settle(seed: int) -> None:
+    """A tension's kink whose size no rule knew, a drive that leaves its limit with no rate at all."""
+    case = campaign.AffineMachine(seed)
+    assert campaign.run(case, engine="exact").status == "success"

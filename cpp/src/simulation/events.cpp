@@ -98,18 +98,20 @@ Mode Simulation::next_limiter_mode(std::size_t b, Mode from, int which) {
     const Block<double>& block = model_.block(static_cast<int>(b));
     const bool integrates = layout_.blocks[b].integrator >= 0;
     // A jump of the command carries raw away from the limit: nothing to slide along there.
-    const auto rides = [&](int side) {
-        return integrates && std::abs(side * block.raw - block.limit) < at_limit * block.limit && side * held < 0 &&
+    const auto rides = [&](int side, bool inward) {
+        return integrates && std::abs(side * block.raw - block.limit) < at_limit * block.limit && inward &&
                side * (held + block.gain * block.integrand) > 0;
     };
     const auto saturated = [&](int side) {
         return static_cast<Mode>(side * (side * block.integrand >= 0 || !integrates ? 1 : 2));
     };
     const int side = from == limiter::linear ? (which == 0 ? 1 : -1) : limiter::side(from);
-    if (from == limiter::linear) return rides(side) ? static_cast<Mode>(3 * side) : saturated(side);
+    if (from == limiter::linear) return rides(side, side * held < 0) ? static_cast<Mode>(3 * side) : saturated(side);
     if (limiter::riding(from)) return which == 0 ? static_cast<Mode>(side) : limiter::linear;
     if (which == 1) return static_cast<Mode>(limiter::integrates(from) ? side : 2 * side);
-    return rides(side) ? static_cast<Mode>(3 * side) : limiter::linear;
+    // It falls away from its limit with the integrator held, even where that begins with no rate at all.
+    const bool inward = !limiter::integrates(from) || side * held < 0;
+    return rides(side, inward) ? static_cast<Mode>(3 * side) : limiter::linear;
 }
 
 // What follows when a guard of the present mode has fallen through zero. Taken from the guard, not from re-evaluating
@@ -246,9 +248,11 @@ bool Simulation::settle(bool located) {
             const int element = static_cast<int>(k) / guards_per_switch,
                       which = static_cast<int>(k) % guards_per_switch;
             if (!(g[k] < 0)) continue;
-            bool falls = g[k] < -noise * guard_scale(element, which);
-            forced = falls;
             const Switch& s = layout_.switches[static_cast<std::size_t>(element)];
+            // What a formula decides by has any size: where it has just crossed zero, only its slope can tell.
+            const bool stands = located && s.kind == SwitchKind::branch && crossed_[static_cast<std::size_t>(element)];
+            bool falls = !stands && g[k] < -noise * guard_scale(element, which);
+            forced = falls;
             const bool rides =
                 s.kind == SwitchKind::limiter && limiter::riding(modes_[static_cast<std::size_t>(element)]);
             if (!falls && !rides) {
@@ -279,6 +283,8 @@ void Simulation::switch_at(const std::vector<int>& fallen) {
         if (modes_[static_cast<std::size_t>(element)] != flagged[static_cast<std::size_t>(element)]) continue;
         if (!transition(element, k % guards_per_switch, Cause::guard)) return;
     }
+    crossed_.assign(modes_.size(), false);
+    for (std::size_t e = 0; e < modes_.size(); ++e) crossed_[e] = modes_[e] != flagged[e];
     if (settle(true)) restart();
 }
 

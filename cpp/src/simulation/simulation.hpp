@@ -170,6 +170,7 @@ class Simulation final : public Problem {
     double energy_scale_ = 0.0, energy_start_ = 0.0, energy_moved_ = 0.0, energy_worst_ = 0.0;
     std::vector<double> z_scratch_, rate_scratch_, block_rate_, work_scratch_;
     std::vector<Gradient> z_along_;
+    std::vector<bool> crossed_;          // elements whose own guard fell at the present instant
     std::vector<double> instant_slope_;  // of the instant at which switches happen, per sensitivity
     bool bad_numbers_ = false;           // the last rates or guards were not finite
     long crowded_ = 0, guard_calls_ = 0;
