@@ -64,8 +64,16 @@ class Simulation final : public Problem {
     std::size_t grid_steps() const;
     std::vector<double> tolerances() const;
 
-    // events.cpp: everything that changes modes or state at an instant
+    static constexpr int settle_passes = 60;  // changes of modes at one instant before it is called chattering
+
+    // modes.cpp: the mode of an element, and the next
     void classify();
+    Mode standing_mode(int element);
+    Mode next_mode(int element, int which);
+    Mode next_limiter_mode(std::size_t block, Mode from, int which);
+    double guard_scale(int element, int which) const;
+
+    // events.cpp: everything that changes modes or state at an instant
     bool settle(bool located);
     void switch_at(const std::vector<int>& fallen);
     enum class Cause { guard, instant };  // the element's own guard fell here, or something else happened
@@ -73,10 +81,6 @@ class Simulation final : public Problem {
     std::vector<double> rates_now();
     void carry_derivatives(const std::vector<double>& before, int zeroed);
     void find_instant_slope(int element, int which, const std::vector<double>& rate);
-    Mode next_mode(int element, int which);
-    Mode next_limiter_mode(std::size_t block, Mode from, int which);
-    Mode standing_mode(int element);
-    double guard_scale(int element, int which) const;
     void pass_break();
     void apply(JumpKind kind, const Clock* clock = nullptr);
     void slave_riding();
