@@ -47,7 +47,7 @@ struct Trajectory {
     std::vector<double> work;             // t × powers: energy that went in by each path since the start
     std::vector<double> final_state;
     std::vector<std::string> state_names;
-    std::vector<std::string> gradient;    // parameters of pull_back
+    std::vector<std::string> gradient;  // parameters of pull_back
     // ∂(cost)/∂(those parameters) from ∂(cost)/∂(every recorded value), t × signals; null unless asked for. One walk
     // backwards, whatever the number of parameters.
     std::function<std::vector<double>(const std::vector<double>&)> pull_back;

@@ -70,7 +70,7 @@ class Track {
     const std::vector<double>& breaks() const { return breaks_; }
     const std::vector<double>& coefficients() const { return coefficients_; }  // terms() per piece
     double origin() const { return origin_; }  // from which the first piece counts its time
-    double end() const;  // the last knot; infinite when the last piece is not constant
+    double end() const;                        // the last knot; infinite when the last piece is not constant
     double turning_time() const;
     std::size_t terms() const { return terms_; }  // of the longest piece
     // Adds the derivatives of orders 0 to 5 at `at` to `jet`, from which the piece goes on as a polynomial.
