@@ -48,7 +48,7 @@ Record = dict[str, Any]
 ROOT = Path(__file__).resolve().parents[1]
 MOVED = 1e-15  # change of the inputs whose effect is compared with rounding's, relative
 MARGINS = (1e-15, 1e-14, 1e-13, 1e-12)
-TRIES = 2  # changes of each size
+TRIES = 4  # changes of each size
 SHORT = 1e-3  # s: looked on so much further than where two runs part, ten times
 FLOOR, FACTOR = 1e-9, 1e3  # an error that counts: above both
 CVODE_RTOL = (1e-8, 1e-10, 1e-12)
@@ -71,7 +71,8 @@ def run(case: AffineMachine, *, moved: float = 0.0, attempt: int = 0, finer: int
 def shaken(case: AffineMachine, moved: float, attempt: int) -> dict[str, _core.Waveform]:
     if not moved:
         return case.inputs
-    random = np.random.default_rng([case.seed, attempt])
+    random = np.random.default_rng([case.seed, attempt // 2])
+    moved *= (-1) ** attempt  # both ways
     size = {"theta_ref": case.scale.move[0] / 3, "T_load": case.scale.load, "shove": 1.0}
     return {
         name: wave + _core.sine(moved * size[name], random.uniform(1, 4), random.uniform(0, 6))

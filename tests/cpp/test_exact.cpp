@@ -141,6 +141,14 @@ TEST_CASE("squarings keep the digits of slow parts beside fast ones") {
     CHECK(y[2] == doctest::Approx(std::exp(-1.0)).epsilon(1e-10));
 }
 
+TEST_CASE("however rarely a run is recorded, its steps are short enough for their series") {
+    Matrix<double> A = Matrix<double>::Zero(2, 2);
+    A(0, 0) = -1e6;
+    const Propagator<double> p({A, Matrix<double>::Zero(2, 2), Matrix<double>::Zero(0, 2)}, 1e4);
+    CHECK(p.step() * 1e6 <= 3.0);
+    CHECK(p.terms() < most_terms);
+}
+
 TEST_CASE("equations that are not finite are refused") {
     Matrix<double> A = Matrix<double>::Zero(3, 3);
     A(0, 1) = std::numeric_limits<double>::quiet_NaN();

@@ -308,6 +308,6 @@ def test_twenty_machines_of_the_campaign() -> None:
 
 @pytest.mark.parametrize("seed", [265, 549])
 def test_machines_that_would_not_settle(seed: int) -> None:
-    """A tension's kink whose size no rule knew, a drive that leaves its limit with no rate at all."""
+    """A tension's kink of a size no rule knew; a drive that leaves its limit with no rate."""
     case = campaign.AffineMachine(seed)
     assert campaign.run(case, engine="exact").status == "success"

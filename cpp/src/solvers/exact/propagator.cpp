@@ -12,7 +12,7 @@ namespace dualdrive::exact {
 namespace {
 
 constexpr double widest = 3.0;  // of ‖A‖ h: beyond it more halvings cost less than more terms
-constexpr int most_halvings = 24;
+constexpr int most_halvings = 48;
 // max of |∏ (t − nodes)| / 6! h⁻⁶ for two triple nodes: (1/2)⁶ / 720
 constexpr double hermite_error = 1.0 / 46080.0;
 constexpr int bound_nodes = 8;
