@@ -5,14 +5,16 @@
     python benchmarks/campaign.py --seeds 57 84      these alone, nothing read or written
 
 Each machine runs with the engine in double and, on a grid three or five times finer, in long
-double, so that neither steps nor blocks coincide: a root that one of them missed would show. A
-third run, in double, has its inputs changed by 1e-15 of their size: what that does to the switches
-is what no program in double can do better. Where the two orders of switches part, runs in long
+double, so that neither steps nor blocks coincide: a root that one of them missed would show. Runs
+in double have their inputs changed by 1e-15 of their size: what that does to the switches is what
+no program in double can do better. Where the two orders of switches part, runs in long
 double with inputs changed by 1e-15, 1e-14, ... show whether so small a change parts them too:
 
     agree      all switches, one to one
     rounding   they part where a change of the inputs by `margin` parts long double from itself, or
-               earlier: one by 1e-15, or one that before it was no further off than double is
+               earlier: one by 1e-15, or one that before it was no further off than double is; or a
+               change by 1e-15 moves the times by more than double is off, and two neighbours swap;
+               or (margin 0) a drive at no rate rides its limit in one and stands on it in the other
     FAILED     anything else, and every run whose error is above 1e-9 and above a thousand times
                the effect of the change by 1e-15
 
@@ -40,14 +42,15 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "py"))
 
 from affine_machines import AffineMachine
-from agreement import Agreement, align, dwell, lasting, states_apart
+from agreement import Agreement, align, dwell, lasting, states_apart, without_riding
 from dualdrive import _core
 
 Record = dict[str, Any]
 
 ROOT = Path(__file__).resolve().parents[1]
 MOVED = 1e-15  # change of the inputs whose effect is compared with rounding's, relative
-MARGINS = (1e-15, 1e-14, 1e-13, 1e-12)
+MARGINS = (1e-15, 3e-15, 1e-14, 3e-14, 1e-13, 3e-13, 1e-12)
+ECHOES = (0, 2, 4)  # changes by MOVED
 TRIES = 4  # changes of each size
 SHORT = 1e-3  # s: looked on so much further than where two runs part, ten times
 FLOOR, FACTOR = 1e-9, 1e3  # an error that counts: above both
@@ -89,20 +92,23 @@ def examine(seed: int, with_cvode: bool, budget: int = BUDGET) -> Record:
         case.end *= budget / steps
         double = run(case, engine="exact")
     exact = run(case, engine="exact", long_double=True, finer=case.finer)
-    moved = run(case, engine="exact", moved=MOVED)
-    logs = [lasting(r.events) for r in (double, exact, moved)]
-    same, echo = align(logs[0], logs[1]), align(logs[0], logs[2])
-    blinks = [len(r.events) - len(log) for r, log in zip((double, exact), logs, strict=False)]
+    logs = [lasting(r.events) for r in (double, exact)]
+    same = align(*logs)
+    blinks = [len(r.events) - len(log) for r, log in zip((double, exact), logs, strict=True)]
+    moved = [run(case, engine="exact", moved=MOVED, attempt=k) for k in ECHOES]
+    echoes = [align(logs[0], lasting(r.events)) for r in moved]
+    ends = [min(same.until, e.until) for e in echoes]
     record: Record = {
         "seed": seed, "train": case.train, "status": exact.status, "switches": same.count,
         "longest": len(double.events), "apart": same.apart, "ties": same.ties, "tie": same.tie,
         "blinks": blinks,
         "error": states_apart(double, exact, same.until),
-        "echo": states_apart(double, moved, min(same.until, echo.until)), "echo_apart": echo.apart,
+        "echo": max(map(states_apart, [double] * len(moved), moved, ends)),
+        "echo_apart": max(e.apart for e in echoes), "steady": max(ends) == min(ends) == np.inf,
     }  # fmt: skip
     if np.isfinite(same.until):
         record |= part(case, same, double, exact)
-    record["verdict"] = verdict(record, same, echo)
+    record["verdict"] = verdict(record)
     if with_cvode:
         record["cvode"] = against_cvode(case, double)
     return record | {"seconds": round(time.monotonic() - began, 2)}
@@ -114,28 +120,36 @@ def part(case: AffineMachine, same: Agreement, *both: _core.Trajectory) -> Recor
     off = max(same.apart, 1e-15 * same.until)
     end = min(same.until + 10 * SHORT, case.end)
     log = [switch for switch in lasting(exact.events) if switch[0] <= end]
-    found: Record = {
-        "until": same.until, "margin": None, "dwell": min(dwell(r.events, same.until) for r in both)
-    }  # fmt: skip
+    if align(*(without_riding(lasting(r.events)) for r in both)).until == np.inf:
+        return {"until": same.until, "margin": 0.0, "dwell": 0.0}
+    lasts = min(dwell(r.events, same.until) for r in both)
+    found: Record = {"until": same.until, "margin": None, "gap": gap(same, *both), "dwell": lasts}
     for moved in MARGINS:
         for attempt in range(TRIES):
             other = run(case, engine="exact", long_double=True, finer=case.finer, moved=moved,
                         attempt=attempt, end=end)  # fmt: skip
             there = align(log, lasting(other.events))
             parts = there.count <= same.count and there.until < end - SHORT
-            if parts and (moved <= MOVED or there.apart <= 10 * off):
+            moves = there.apart > same.apart > found["gap"] / 10
+            if (moved <= MOVED and (parts or moves)) or (parts and there.apart <= 10 * off):
                 return found | {"margin": moved}
     return found
 
 
-def verdict(record: Record, same: Agreement, echo: Agreement) -> str:
-    if np.isfinite(same.until):
+def gap(same: Agreement, *both: _core.Trajectory) -> float:
+    """Return how far apart the two switches are whose order is not the same."""
+    logs = [lasting(r.events)[same.count : same.count + 2] for r in both]
+    exchanged = [log[0][1:] == other[1][1:] for log, other in (logs, logs[::-1])
+                 if log and len(other) > 1]  # fmt: skip
+    return min(log[1][0] - log[0][0] for log in logs) if all(exchanged) and exchanged else np.inf
+
+
+def verdict(record: Record) -> str:
+    if "until" in record:
         return "rounding" if record["margin"] is not None else "FAILED"
-    if echo.until < np.inf:
-        return "agree"
-    late = same.apart > max(FLOOR, FACTOR * echo.apart)
+    late = record["apart"] > max(FLOOR, FACTOR * record["echo_apart"])
     off = record["error"] > max(FLOOR, FACTOR * record["echo"])
-    return "FAILED" if late or off else "agree"
+    return "FAILED" if record["steady"] and (late or off) else "agree"
 
 
 def against_cvode(case: AffineMachine, exact: _core.Trajectory) -> Record:
@@ -236,7 +250,7 @@ def report(records: Sequence[Record]) -> int:
     agree = [r for r in ran if r["verdict"] == "agree"]
     parted = [r for r in ran if r["verdict"] == "rounding"]
     failed = [r for r in records if r["verdict"] == "FAILED"]
-    steady = [r for r in agree if max(r["echo"], r["echo_apart"]) < 1e-11]
+    steady = [r for r in agree if r["steady"] and max(r["echo"], r["echo_apart"]) < 1e-11]
     print(f"\n{len(records)} machines, {sum(r['switches'] for r in ran)} switches compared")
     print(f"missed or invented: {len(failed)} machines")
     print(f"agree to the end: {len(agree)} machines, {sum(r['switches'] for r in agree)} switches")
@@ -262,7 +276,7 @@ def report(records: Sequence[Record]) -> int:
 def report_parted(parted: Sequence[Record]) -> None:
     print(f"order decided by rounding: {len(parted)} machines, {sum(r['switches'] for r in parted)}"
           " switches before it")  # fmt: skip
-    for margin in MARGINS:
+    for margin in (0.0, *MARGINS):
         of_it = [r for r in parted if r["margin"] == margin]
         if of_it:
             print(f"  inputs changed by {margin:.0e} part long double from itself: {len(of_it)}"

@@ -64,6 +64,14 @@ def lasting(switches: Sequence[Switch]) -> list[Switch]:
     return log
 
 
+def without_riding(switches: Sequence[Switch]) -> list[Switch]:
+    """Return a log in which a drive that rides its limit is one that stands on it."""
+    plain = [
+        (t, e, a.removeprefix("riding "), b.removeprefix("riding ")) for t, e, a, b in switches
+    ]
+    return [switch for switch in plain if switch[2] != switch[3]]
+
+
 def partner(switch: Switch, ahead: Sequence[Switch]) -> int | None:
     """Return which of the next switches is this one: the next, or one that ties with the next."""
     for k, other in enumerate(ahead):

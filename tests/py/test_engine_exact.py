@@ -23,6 +23,7 @@ from reference_model import heavy_table, move
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
 import campaign
+from affine_machines import AffineMachine
 
 PRECISIONS = (False, True)  # long_double
 MOTION = move(0.02, 0.03, 0.05, 0.3, start=0.05)
@@ -309,5 +310,5 @@ def test_twenty_machines_of_the_campaign() -> None:
 @pytest.mark.parametrize("seed", [265, 549])
 def test_machines_that_would_not_settle(seed: int) -> None:
     """A tension's kink of a size no rule knew; a drive that leaves its limit with no rate."""
-    case = campaign.AffineMachine(seed)
+    case = AffineMachine(seed)
     assert campaign.run(case, engine="exact").status == "success"
