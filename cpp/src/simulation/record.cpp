@@ -59,9 +59,12 @@ void Simulation::record_by_model(double t, const std::vector<std::size_t>& which
 // How many of the last rows are all numbers.
 std::size_t Simulation::finite_rows(std::size_t rows) const {
     const std::size_t width = recorded_.size(), first = out_.values.size() - rows * width;
-    double sum = 0.0;  // of zeros, unless a value is not finite
-    for (std::size_t k = first; k < out_.values.size(); ++k) sum += 0.0 * out_.values[k];
-    if (sum == 0.0) return rows;
+    double sums[4] = {};  // of zeros, unless a value is not finite; four, lest each addition waits for the one before
+    std::size_t k = first;
+    for (; k + 4 <= out_.values.size(); k += 4)
+        for (std::size_t j = 0; j < 4; ++j) sums[j] += 0.0 * out_.values[k + j];
+    for (; k < out_.values.size(); ++k) sums[0] += 0.0 * out_.values[k];
+    if (sums[0] + sums[1] + sums[2] + sums[3] == 0.0) return rows;
     const auto begin = out_.values.begin() + static_cast<std::ptrdiff_t>(first);
     const auto bad = std::find_if(begin, out_.values.end(), [](double v) { return !std::isfinite(v); });
     return static_cast<std::size_t>(bad - begin) / width;

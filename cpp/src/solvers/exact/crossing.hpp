@@ -54,13 +54,14 @@ struct Quintic {
             (value > 0 ? low : high) = x;
             const R next = x - value / slope;
             if (!(next > low && next < high)) return x;
-            if (std::abs(next - x) < R(1e-9)) return next;
+            if (std::abs(next - x) < R(1e-4)) return next;  // the quintic itself is hardly better
             x = next;
         }
         return x;
     }
 };
 
+static_assert(most_terms % 4 == 0);
 inline constexpr std::array<double, most_terms> sixth_factors = [] {  // k (k − 1) ... (k − 5)
     std::array<double, most_terms> f{};
     for (int k = 6; k < most_terms; ++k)
@@ -68,15 +69,15 @@ inline constexpr std::array<double, most_terms> sixth_factors = [] {  // k (k �
     return f;
 }();
 
-// The largest sixth derivative over the unit interval, from a power series.
+// The largest sixth derivative over the unit interval, from a power series that zeros fill up to a multiple of four.
 template <class R>
 R sixth_derivative(const R* series, int terms) {
-    R even(0), odd(0);
-    for (int k = 6; k < terms; k += 2) {
-        even += std::abs(series[k]) * R(sixth_factors[static_cast<std::size_t>(k)]);
-        if (k + 1 < terms) odd += std::abs(series[k + 1]) * R(sixth_factors[static_cast<std::size_t>(k + 1)]);
-    }
-    return even + odd;
+    std::array<R, 4> sum{};
+    for (int k = 4; k < terms; k += 4)
+        for (int j = 0; j < 4; ++j)
+            sum[static_cast<std::size_t>(j)] +=
+                std::abs(series[k + j]) * R(sixth_factors[static_cast<std::size_t>(k + j)]);
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
 // How many terms are left of a series when what is far below its rounding is dropped.
