@@ -99,6 +99,12 @@ class Exact final : public Solver {
     Quintic<R> quintic(int k, int watched, R fraction) const;
     std::optional<R> fall(const Quintic<R>& q, int terms, R sixth, R noise, bool after_switch) const;
     std::optional<R> first_fall(int k, R fraction);
+    struct Judged {
+        const Propagator<R>* law = nullptr;
+        std::vector<R> y;
+        R error{};
+    };
+    R bound_beside(std::size_t i, const R* y) const;
     void find_place(double t);
     void next_place();
     R* column(int k) { return y_.data() + static_cast<std::ptrdiff_t>(k) * rows_; }
@@ -152,6 +158,7 @@ class Exact final : public Solver {
     mutable std::vector<double> slope_probe_, slope_y_;
     std::vector<int> roots_;
     std::vector<Fall> falls_;
+    std::vector<Judged> judged_;  // per watched quantity
     std::size_t next_knot_ = 0;
     Counts counts_{};
 };

@@ -64,6 +64,19 @@ std::optional<R> Exact<R>::fall(const Quintic<R>& q, int terms, R sixth, R noise
     return FirstFall<R>(series_.data(), terms, noise, on_surface).find();
 }
 
+// What the quintic of quantity i may be wrong by over a whole step from y on, by the last state judged in these modes:
+// |q⁽⁶⁾| is at most what it was for that, and what the difference of the two adds. Large torques that cancel do so in both.
+template <class R>
+R Exact<R>::bound_beside(std::size_t i, const R* y) const {
+    const Judged& last = judged_[i];
+    if (last.law != now_) return std::numeric_limits<R>::infinity();
+    const R* weights = now_->bounds().data() + i;
+    const int stride = 2 * now_->watch_rows();
+    R sum = last.error;
+    for (int j = 0; j < n_; ++j) sum += weights[j * stride] * std::abs(y[j] - last.y[static_cast<std::size_t>(j)]);
+    return sum;
+}
+
 // The earliest crossing within step k, from the power series of all quantities; marks the guards that fall there, those
 // included that rounding alone tells apart.
 template <class R>
@@ -71,17 +84,27 @@ std::optional<R> Exact<R>::first_fall(int k, R fraction) {
     ++counts_.guards;
     const int m = now_->watch_rows(), terms = now_->terms();
     const R* noise = bounds_.data() + m;
+    const R cube = fraction * fraction * fraction, sixth_power = cube * cube;
+    judged_.resize(std::max(judged_.size(), now_->watched().size()));
     falls_.clear();
     series_.resize(static_cast<std::size_t>(padded(terms)));
     for (std::size_t i = 0; i < now_->watched().size(); ++i) {
         const auto& quantity = now_->watched()[i];
         Quintic<R> q = quintic(k, static_cast<int>(i), fraction);
         const auto [least, largest] = std::minmax_element(q.b.begin(), q.b.end());
-        if (*least > bounds_[i] && *largest + bounds_[i] < quantity.upper) continue;
+        const auto keeps_off = [&, low = *least, high = *largest](R margin) {
+            return low > margin && high + margin < quantity.upper;
+        };
+        if (keeps_off(bounds_[i]) || keeps_off(bound_beside(i, column(k)) * sixth_power + noise[i])) continue;
         Arithmetic<R>::multiply(padded(terms), n_, now_->series(i).data(), rows_, column(k), 1, series_.data());
         R power(1);
         for (int j = 1; j < terms && fraction != R(1); ++j) series_[static_cast<std::size_t>(j)] *= power *= fraction;
         const R sixth = sixth_derivative(series_.data(), terms);
+        if (fraction == R(1)) {
+            judged_[i].law = now_;
+            judged_[i].y.assign(column(k), column(k) + n_);
+            judged_[i].error = sixth / R(46080);
+        }
         const int left = terms_above(series_.data(), terms, noise[i] / R(16));
         const auto look = [&](int guard) {
             if (const auto x = fall(q, left, sixth, noise[i], fresh_ && k == 0))

@@ -65,10 +65,16 @@ void Reader<R>::evaluate(const Modes& modes, const D& t, const std::vector<D>& z
 template <class R>
 std::vector<typename Reader<R>::Weight> Reader<R>::block_rate_weights(const Modes& modes) {
     std::vector<Weight> weights;
+    const auto rides = [&](std::size_t e) {
+        return layout_.switches[e].kind == SwitchKind::limiter && limiter::riding(modes[e]);
+    };
+    bool any = false;
+    for (std::size_t e = 0; e < modes.size(); ++e) any = any || rides(e);
+    if (!any) return weights;
     evaluate(modes, D(0.0), std::vector<D>(static_cast<std::size_t>(states()), D(0.0)), zero_);
     for (std::size_t e = 0; e < modes.size(); ++e) {
+        if (!rides(e)) continue;
         const Switch& s = layout_.switches[e];
-        if (s.kind != SwitchKind::limiter || !limiter::riding(modes[e])) continue;
         block_rates_[static_cast<std::size_t>(s.index)] = D::variable(R(0), 0);
         for (int which = 0; which < guards_per_switch; ++which)
             weights.push_back({static_cast<Eigen::Index>(e) * guards_per_switch + which, s.index,
