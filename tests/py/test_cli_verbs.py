@@ -6,7 +6,6 @@ import json
 import math
 import os
 import re
-import resource
 import shlex
 import signal
 import subprocess
@@ -22,6 +21,7 @@ from click.testing import CliRunner, Result
 
 from dualdrive import Machine, load_run
 from dualdrive_cli.main import main
+from full_disk import full_disk
 
 ARCSEC = math.pi / 648000
 DUALDRIVE = [sys.executable, "-m", "dualdrive_cli.main"]
@@ -241,7 +241,7 @@ def test_a_full_disk_is_one_line_and_exit_1(tmp_path: Path) -> None:
         cwd=tmp_path,
         capture_output=True,
         text=True,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)),
+        preexec_fn=full_disk(4096),
     )
     assert done.returncode == 1
     assert done.stderr.splitlines()[-1] == (

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -17,6 +16,7 @@ import xarray as xr
 import dualdrive
 from dualdrive import FileError, Machine, Run, load_run, parse_motion, simulate
 from dualdrive.motion import sampled
+from full_disk import full_disk
 
 MOVE = parse_motion("move:0.02,v=0.03,a=0.01,j=0.05,start=0.5,end=3")
 
@@ -243,7 +243,7 @@ def test_a_disk_that_fills_up_leaves_what_was_there(tmp_path: Path) -> None:
         [sys.executable, "-c", code, str(path)],
         capture_output=True,
         text=True,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (65536, 65536)),
+        preexec_fn=full_disk(65536),
     )
     assert done.stdout == f"{path}: cannot be written: File too large; nothing was changed there\n"
     assert done.returncode == 0, done.stderr

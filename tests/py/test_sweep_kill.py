@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -19,6 +18,7 @@ import xarray as xr
 import sweep_worker
 from dualdrive.files import FileError
 from dualdrive.sweeps import Sweep, load_sweep
+from full_disk import full_disk
 
 WORKER = str(Path(sweep_worker.__file__))
 RUNS, BLANK = 40, 100_000
@@ -213,14 +213,9 @@ def test_a_second_ctrl_c_ends_at_once(tmp_path: Path) -> None:
     assert pending(path) == 4
 
 
-def file_size(limit: int) -> Callable[[], None]:
-    """The kernel refuses to write beyond this many bytes of a file, as a full disk would."""
-    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-
-
 def test_a_disk_without_room_leaves_no_file(tmp_path: Path) -> None:
     path = tmp_path / "sweep.h5"
-    worker = cli("--delta", "0:1e-3:100", "--keep", "e", "-o", str(path), limit=file_size(200_000))
+    worker = cli("--delta", "0:1e-3:100", "--keep", "e", "-o", str(path), limit=full_disk(200_000))
     out, err = worker.communicate(timeout=20)
     assert (worker.returncode, out) == (1, "")
     assert err.startswith(f"dualdrive: {path}: cannot be written: ")
@@ -239,7 +234,7 @@ def test_a_disk_that_fails_under_way_loses_nothing(tmp_path: Path, whole: dict[s
     worker.kill()
     worker.wait()
     left = pending(path)
-    second = start("run", path, limit=file_size(4096))
+    second = start("run", path, limit=full_disk(4096))
     _, err = second.communicate(timeout=30)
     assert second.returncode == 1
     last = err.strip().splitlines()[-1]

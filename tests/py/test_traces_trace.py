@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import resource
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -259,7 +260,10 @@ def test_csv_round_trip(tmp_path_factory: pytest.TempPathFactory, made: Trace) -
 
 
 @pytest.mark.parametrize("name", ["x.csv", "x.h5"])
-def test_a_failed_write_leaves_what_was_there(trace: Trace, tmp_path: Path, name: str) -> None:
+def test_a_failed_write_leaves_what_was_there(
+    trace: Trace, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # half a module would stay behind
     path = tmp_path / name
     path.write_text("precious")
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
