@@ -278,9 +278,10 @@ def report_parted(parted: Sequence[Record]) -> None:
           " switches before it")  # fmt: skip
     for margin in (0.0, *MARGINS):
         of_it = [r for r in parted if r["margin"] == margin]
+        cause = f"inputs changed by {margin:.0e} part it" if margin else "a drive rides at rest"
         if of_it:
-            print(f"  inputs changed by {margin:.0e} part long double from itself: {len(of_it)}"
-                  f" machines, times before it {largest(of_it, 'apart')} s apart")  # fmt: skip
+            print(f"  {cause}: {len(of_it)} machines, times before it"
+                  f" {largest(of_it, 'apart')} s apart")  # fmt: skip
     for r in sorted(parted, key=lambda r: r["apart"])[:10]:
         print(f"  machine {r['seed']}: at {r['until']:.6f} s, times before {r['apart']:.1e} s"
               f" apart, margin {r['margin']:.0e}, mode lasts {r['dwell']:.1e} s")  # fmt: skip
