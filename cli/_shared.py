@@ -126,7 +126,12 @@ engine_option = click.option(
     show_default=True,
     help="auto takes exact where every effect is affine between switches.",
 )
-
+method_option = click.option(
+    "--method",
+    type=click.Choice(["auto", "adams", "bdf"]),
+    default="auto",
+    help="Of cvode; adams or bdf asks for it.",
+)
 scheduler_option = click.option(
     "--scheduler",
     metavar="ADDRESS",

@@ -23,6 +23,7 @@ from dualdrive_cli._shared import (
     json_option,
     load,
     machine_argument,
+    method_option,
     overwrite_option,
     pairs,
     picture,
@@ -47,12 +48,7 @@ from dualdrive_cli._shared import (
 @click.option("--output-step", default="1ms", show_default=True, help="Time between samples.")
 @click.option("--rtol", type=float, help="Relative tolerance of the integrator.")
 @engine_option
-@click.option(
-    "--method",
-    type=click.Choice(["auto", "adams", "bdf"]),
-    default="auto",
-    help="Of cvode; adams or bdf asks for it.",
-)
+@method_option
 @click.option("-o", "--output", type=Path, help="Write the run as HDF5.")
 @click.option(
     "--plot", type=Path, callback=picture, help="Draw the run into a picture (png, pdf, svg)."

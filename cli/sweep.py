@@ -29,6 +29,7 @@ from dualdrive_cli._shared import (
     json_option,
     load,
     machine_argument,
+    method_option,
     overwrite_option,
     pairs,
     picture,
@@ -89,7 +90,7 @@ def _check_axis(name: str, options: set[str]) -> None:
               "signals too: those named, or all.")  # fmt: skip
 @click.option("--rtol", type=float, default=1e-10, show_default=True, help="Relative tolerance.")
 @engine_option
-@click.option("--method", type=click.Choice(["auto", "adams", "bdf"]), default="auto")
+@method_option
 @click.option("--energy/--no-energy", default=True, help="Keep the balance of energy of every run.")
 @click.option("--max-steps", type=int, help="Give a run up after so many integration steps.")
 @click.option("--jobs", type=int, help="Threads; default: all cores.")

@@ -174,8 +174,11 @@ def errors(case: Case, nominal: Run, times: Array, path: str) -> tuple[float, fl
 # --------------------------------------------------------------------------------- closed forms
 
 
-def test_slopes_of_a_free_bounce() -> None:
-    """One flight, one contact, one flight back: x = Δ − v (t − Δ/v − π/ω), ω = √(K/J)."""
+def free_bounce() -> tuple[_core.Machine, float, float, float, dict[str, float]]:
+    """One flight, one contact, one flight back: x = Δ − v (t − Δ/v − π/ω), ω = √(K/J).
+
+    Returns machine, v, a time of the flight back, x then, and the slopes of x by parameter.
+    """
     machine = _core.Machine()
     machine.add_body("pinion_1")
     machine.add_body("table", locked=True)
@@ -183,14 +186,17 @@ def test_slopes_of_a_free_bounce() -> None:
     K, J, gap, v = 1e6, 1.0, 1e-3, 0.1
     for name, value in {"pinion_1.J": J, "mesh_1.stiffness": K, "mesh_1.gap": gap}.items():
         machine.set(name, value)
-    names = ("mesh_1.gap", "mesh_1.stiffness", "pinion_1.J", "initial.omega_c1")
-    seen = run(
-        machine, end=0.02, initial={"omega_c1": v}, times=[0.02], rtol=1e-12, sensitivities=names
-    )
-    held = np.pi * np.sqrt(J / K)
-    assert seen["mesh_1.twist"][0] == pytest.approx(gap - v * (0.02 - gap / v - held), rel=1e-9)
+    held, end = np.pi * np.sqrt(J / K), 0.02
     slopes = {"mesh_1.gap": 2.0, "mesh_1.stiffness": -v * held / (2 * K),
-              "pinion_1.J": v * held / (2 * J), "initial.omega_c1": held - 0.02}  # fmt: skip
+              "pinion_1.J": v * held / (2 * J), "initial.omega_c1": held - end}  # fmt: skip
+    return machine, v, end, gap - v * (end - gap / v - held), slopes
+
+
+def test_slopes_of_a_free_bounce() -> None:
+    machine, v, end, x, slopes = free_bounce()
+    seen = run(machine, end=end, initial={"omega_c1": v}, times=[end], rtol=1e-12,
+               sensitivities=list(slopes))  # fmt: skip
+    assert seen["mesh_1.twist"][0] == pytest.approx(x, rel=1e-9)
     for name, expected in slopes.items():
         assert seen.slope("mesh_1.twist", name)[0] == pytest.approx(expected, rel=1e-7), name
 

@@ -209,8 +209,7 @@ void Simulation::pass_break() {
     instant_slope_.assign(parameters_.size(), 0.0);
     if (tape_) tape_->add({.kind = exact::Entry::Kind::still});
     bool broke = t <= options_.start + instant(t), returned = false;
-    evaluate(t, z.data());
-    const std::vector<double> before(model_.rate());
+    const std::vector<double> before = history_ ? rates_now() : std::vector<double>{};
     double begin = t;  // of the cell that follows: a break that rounding puts behind t is over, too
     for (; next_break_ < breaks_.size() && breaks_[next_break_] <= now_or_past; ++next_break_) {
         begin = std::max(begin, breaks_[next_break_]);
@@ -236,13 +235,7 @@ void Simulation::pass_break() {
     const bool discontinuous = broke || !due_outputs.empty() || !due_ticks.empty();
     if (discontinuous && history_) add_delayed_breaks(t, {});
     cell_ = {begin, next_stop()};
-    if (returned) {
-        evaluate(t, z.data());
-        for (std::size_t k = 0; k < parameters_.size(); ++k) {
-            const auto s = solver_->sensitivity(static_cast<int>(k));
-            for (std::size_t i = 0; i < s.size(); ++i) s[i] += (before[i] - model_.rate()[i]) * instant_slope_[k];
-        }
-    }
+    if (returned) carry_derivatives(before, -1);
     for (const Clock* k : due_outputs) apply(JumpKind::output, k);
     for (const Clock* k : due_ticks) apply(JumpKind::tick, k);
     if (settle(false)) restart();

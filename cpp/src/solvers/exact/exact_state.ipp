@@ -123,10 +123,11 @@ bool Exact<R>::signals_at(std::span<const double> times, double* signals) const 
             const Spot next = spot(times[k + static_cast<std::size_t>(together)]);
             if (next.ahead != 0.0 || next.column != at.column + together) break;
         }
-        rows_of(y_at(at), together, signals + k * width);
+        const R* y = y_at(at);
+        rows_of(y, together, signals + k * width);
         if constexpr (std::is_same_v<R, double>)
             for (int j = 0; setup_.tape && j < together; ++j)
-                setup_.tape->add_output(now_, last() == 0 ? -1 : at.column + j, at.ahead, y_at(at), rows_);
+                setup_.tape->add_output(now_, last() == 0 ? -1 : at.column + j, at.ahead, y, rows_);
         k += static_cast<std::size_t>(together);
     }
     return true;
