@@ -170,7 +170,7 @@ Fine at(const std::array<Fine, 6>& b, Fine x) {
 
 TEST_CASE("a guard is never further from its quintic than proven") {
     Draw draw(2);
-    double closest = 0.0;
+    double closest = 0.0, tightest = 1.0;
     for (int k = 0; k < 250; ++k) {
         const double speed = draw.size(2);
         const auto [laws, norm] = random_system(draw, speed);
@@ -180,7 +180,17 @@ TEST_CASE("a guard is never further from its quintic than proven") {
         const FineVector after = series(laws.A, norm, y, h);
         const Matrix<Fine> A = laws.A.cast<Fine>();
         const int m = p.watch_rows();
+        FineVector beside = y;  // a state judged before, near or far
+        const double apart = std::exp2(-draw.uniform(0.0, 20.0));
+        for (Eigen::Index j = 0; j + 1 < y.size(); ++j) beside(j) *= 1 + Fine(apart * draw.normal());
+        const std::vector<double> from = padded_copy(y, p.rows()), judged = padded_copy(beside, p.rows());
         for (std::size_t w = 0; w < p.watched().size(); ++w) {
+            std::vector<double> terms(static_cast<std::size_t>(padded(p.terms())), 0.0);
+            for (std::size_t j = 0; j < static_cast<std::size_t>(p.size()); ++j)
+                for (std::size_t i = 0; i < terms.size(); ++i)
+                    terms[i] += p.series(w)[j * terms.size() + i] * judged[j];
+            const double error = sixth_derivative(terms.data(), p.terms()) / 46080;
+            const double by_neighbour = p.bound_beside(w, from.data(), judged.data(), error);
             const Eigen::Matrix<Fine, 1, Eigen::Dynamic> g = laws.guards.row(p.watched()[w].low).cast<Fine>(),
                                                          g1 = g * A * (h / 5), g2 = g1 * A * (h / 4);
             const Fine v0 = g1.dot(y), a0 = g2.dot(y), v1 = g1.dot(after), a1 = g2.dot(after);
@@ -197,9 +207,12 @@ TEST_CASE("a guard is never further from its quintic than proven") {
             }
             const Fine rounding = 1e-17L * g.cwiseAbs().dot(y.cwiseAbs() + after.cwiseAbs());
             CHECK(furthest <= bound * (1 + 1e-9L) + rounding);
+            CHECK(furthest <= by_neighbour * (1 + 1e-9L) + rounding);
+            tightest = std::min(tightest, by_neighbour / static_cast<double>(bound));
             if (bound > 1e3L * rounding) closest = std::max(closest, static_cast<double>(furthest / bound));
         }
     }
+    CHECK(tightest < 0.1);  // a neighbour says more, if it is near
     CHECK(closest > 0.05);  // nor is the bound so wide that it says nothing
     MESSAGE("largest share of the bound: " << closest);
 }

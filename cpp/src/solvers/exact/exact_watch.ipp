@@ -64,17 +64,12 @@ std::optional<R> Exact<R>::fall(const Quintic<R>& q, int terms, R sixth, R noise
     return FirstFall<R>(series_.data(), terms, noise, on_surface).find();
 }
 
-// What the quintic of quantity i may be wrong by over a whole step from y on, by the last state judged in these modes:
-// |q⁽⁶⁾| is at most what it was for that, and what the difference of the two adds. Large torques that cancel do so in both.
+// What the quintic of quantity i may be wrong by over a whole step from y on, by the last state judged in these modes.
 template <class R>
 R Exact<R>::bound_beside(std::size_t i, const R* y) const {
     const Judged& last = judged_[i];
     if (last.law != now_) return std::numeric_limits<R>::infinity();
-    const R* weights = now_->bounds().data() + i;
-    const int stride = 2 * now_->watch_rows();
-    R sum = last.error;
-    for (int j = 0; j < n_; ++j) sum += weights[j * stride] * std::abs(y[j] - last.y[static_cast<std::size_t>(j)]);
-    return sum;
+    return now_->bound_beside(i, y, last.y.data(), last.error);
 }
 
 // The earliest crossing within step k, from the power series of all quantities; marks the guards that fall there, those

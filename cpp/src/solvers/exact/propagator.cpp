@@ -200,6 +200,14 @@ void Propagator<R>::find_bounds() {
 }
 
 template <class R>
+R Propagator<R>::bound_beside(std::size_t watched, const R* y, const R* y0, R error) const {
+    const int stride = 2 * watch_rows();
+    for (int j = 0; j < n_; ++j)
+        error += bounds_[watched + static_cast<std::size_t>(j * stride)] * std::abs(y[j] - y0[j]);
+    return error;
+}
+
+template <class R>
 const std::vector<R>& Propagator<R>::series(std::size_t watched) const {
     if (series_.empty()) find_series();
     return series_[watched];

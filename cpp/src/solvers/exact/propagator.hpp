@@ -57,6 +57,9 @@ class Propagator {
     const std::vector<R>& watch() const { return watch_; }
     // Two sets of rows for |y|: the largest error of that quintic within a step, and the rounding of q.
     const std::vector<R>& bounds() const { return bounds_; }
+    // The first of the two by another state y₀, where the quintic of that quantity errs by `error`: |q⁽⁶⁾| is at most what
+    // it was for y₀, and what the difference adds. Large torques that cancel do so in both.
+    R bound_beside(std::size_t watched, const R* y, const R* y0, R error) const;
     // Power series of q in t/step: `terms` × size().
     int terms() const { return terms_; }
     const std::vector<R>& series(std::size_t watched) const;
