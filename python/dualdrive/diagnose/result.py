@@ -1,0 +1,207 @@
+"""What a diagnosis says: verdict, candidates, groups, equation, shape, next experiment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from dualdrive.compare import Comparison, Condition
+
+Array = NDArray[np.float64]
+Verdict = Literal["adequate", "parameters", "effect", "ambiguous", "unknown"]
+
+#: what each verdict means, in one line
+VERDICTS: dict[Verdict, str] = {
+    "adequate": "the machine as described meets the record within its noise",
+    "parameters": "numbers of the data sheet are off; refitted, the machine meets the record",
+    "effect": "a physical effect is missing, and the record says which",
+    "ambiguous": "an effect is missing, and this record can't say which of a group",
+    "unknown": "something is missing that no effect of the library explains",
+}
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A number with its 95 % interval, in `unit`."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One hypothesis: an effect (or two) in the machine, everything else refitted under it.
+
+    effects:     (effect, place), one or two of them
+    probability: among the hypotheses considered, "none of these" included
+    fitted:      headline error on the samples it was fitted to
+    held_out:    headline error on samples it was not fitted to
+    gain:        twice the log likelihood it gains over the refitted nominal machine
+    explained:   share it explains of what a free input could, 0 .. 1
+    resolved:    false: the refit failed or was cut; the numbers are those of the score
+    """
+
+    effects: tuple[tuple[str, str], ...]
+    probability: float
+    parameters: Mapping[str, Interval]
+    fitted: float
+    held_out: float
+    gain: float
+    explained: float
+    resolved: bool = True
+    note: str = ""
+
+    @property
+    def label(self) -> str:
+        """``coulomb@table``, or two of them joined by `` + ``."""
+        return " + ".join(f"{effect}@{place}" for effect, place in self.effects)
+
+
+@dataclass(frozen=True)
+class EquationAtFault:
+    """Which equation of motion does not close.
+
+    name:   ``table``, ``motor_1``, ``mesh_2``, ``controller``, ``sensors``, ...
+    shares: equation -> share of the unexplained mean square
+    """
+
+    name: str
+    probability: float
+    shares: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """Missing torque of one equation along one coordinate, with a 95 % band; arrays of shape (n,).
+
+    coordinate: speed, angle, direction, load torque, time, ...
+    explained:  share of the missing torque's mean square that is a function of the coordinate
+    """
+
+    equation: str
+    coordinate: str
+    coordinate_unit: str
+    unit: str
+    at: Array
+    value: Array
+    low: Array
+    high: Array
+    explained: float
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What to measure next.
+
+    motion:    in words of ``--motion``, as `dualdrive.parse_motion` reads them
+    settings:  machine parameters to set for it, such as controller.T_ten = 0
+    separates: the two leading rivals
+    expected_distance: squared distance of the rivals' records over noise, the best refit of the
+        nominal numbers taken out; 11 tells them apart in 95 % of cases
+    other:     name -> expected distance of the rest of the menu; those beyond a limit left out
+    """
+
+    name: str
+    motion: str
+    settings: Mapping[str, float]
+    separates: tuple[str, str]
+    expected_distance: float
+    why: str
+    other: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """What a record says of a machine.
+
+    mode:      closed_loop | balance
+    error:     nominal, refitted, best, noise_floor, held_out_refitted, held_out_best; headline errors
+    groups:    labels that this record can't tell apart
+    warnings:  what is wrong with the record itself; such a record names no effect
+    cut:       what a time limit or a stop left undone
+    refitted:  the machine with its nominal numbers refitted
+    improved:  the machine with the best candidate added and fitted, None where none is named
+    before:    comparison of the refitted machine; `after` of the improved one
+    """
+
+    machine: str
+    mode: str
+    records: tuple[str, ...]
+    verdict: Verdict
+    candidates: Sequence[Candidate]
+    groups: Sequence[tuple[str, ...]]
+    equation: EquationAtFault | None
+    where: Sequence[Condition]
+    error: Mapping[str, float]
+    shapes: Sequence[Shape]
+    next_experiment: Experiment | None
+    warnings: Sequence[str]
+    cut: Sequence[str]
+    paragraph: str
+    command: str
+    seconds: float
+    refitted: Any
+    improved: Any
+    before: Comparison | None
+    after: Comparison | None
+    moved: Mapping[str, Interval] = field(default_factory=dict)
+
+    @property
+    def best(self) -> Candidate | None:
+        """The leading candidate where the verdict names one or a group, else None."""
+        named = self.verdict in ("effect", "ambiguous") and self.candidates
+        return self.candidates[0] if named else None
+
+    def figures(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        best = self.next_experiment
+        return {
+            "verdict": self.verdict,
+            "machine": self.machine,
+            "mode": self.mode,
+            "records": list(self.records),
+            "candidates": [_candidate(c) for c in self.candidates],
+            "groups": [list(group) for group in self.groups],
+            "equation": None if self.equation is None else vars(self.equation),
+            "where": [
+                {"kind": c.kind, "condition": c.condition, "excess": c.excess} for c in self.where
+            ],
+            "error": dict(self.error),
+            "parameters": {path: vars(value) for path, value in self.moved.items()},
+            "shapes": [
+                {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(s).items()}
+                for s in self.shapes
+            ],
+            "next_experiment": None
+            if best is None
+            else {**vars(best), "separates": list(best.separates)},
+            "warnings": list(self.warnings),
+            "cut": list(self.cut),
+            "paragraph": self.paragraph,
+            "command": self.command,
+            "seconds": self.seconds,
+        }
+
+
+def _candidate(c: Candidate) -> dict[str, Any]:
+    (effect, place), *others = c.effects
+    return {
+        "effect": effect,
+        "place": place,
+        **({"with": [{"effect": e, "place": p} for e, p in others]} if others else {}),
+        "probability": c.probability,
+        "fitted": c.fitted,
+        "held_out": c.held_out,
+        "gain": c.gain,
+        "explained": c.explained,
+        "resolved": c.resolved,
+        "note": c.note,
+        "parameters": {path: vars(value) for path, value in c.parameters.items()},
+    }
