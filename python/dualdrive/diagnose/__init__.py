@@ -1,4 +1,4 @@
-"""Where a machine fails, which effect is missing, what can't be told apart, what to measure next."""
+"""Where a machine fails, which effect is missing, what can not be told apart, what to do next."""
 
 from __future__ import annotations
 

@@ -122,7 +122,8 @@ class Diagnosis:
     """What a record says of a machine.
 
     mode:      closed_loop | balance
-    error:     nominal, refitted, best, noise_floor, held_out_refitted, held_out_best; headline errors
+    error:     headline errors: nominal, refitted, best, noise_floor, held_out_refitted,
+               held_out_best
     groups:    labels that this record can't tell apart
     warnings:  what is wrong with the record itself; such a record names no effect
     cut:       what a time limit or a stop left undone
