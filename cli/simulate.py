@@ -38,7 +38,9 @@ from dualdrive_cli._shared import (
     "--motion move:0.02,v=0.03,a=0.01,j=0.05,start=2,end=14 -o run.h5",
 )
 @machine_argument
-@click.option("--motion", help="KIND:FIRST,name=value,... of move, cycle, step, sine, multisine.")
+@click.option(
+    "--motion", help="KIND:FIRST,name=value,... of move, cycle, shuttle, step, sine, multisine."
+)
 @set_option
 @click.option("--end", help="When to stop, s; else the motion says.")
 @click.option("--load", "load_torque", help="Constant load on the table, against positive motion.")
@@ -76,8 +78,9 @@ def command(
 ) -> None:
     """Simulate a machine; without --motion it makes a move that suits it.
 
-    Motions: move:DISTANCE,v=,a=,j=,start=  cycle:A;B;C,v=,a=,dwell=,repeats=  step:HEIGHT,at=
-    sine:AMPLITUDE,f=  multisine:RMS,f=,lines=,seed=; each takes end=. Numbers may carry units.
+    Motions: move:DISTANCE,v=,a=,j=,start=  cycle:A;B;C,v=,a=,dwell=,repeats=
+    shuttle:DISTANCE,speeds=A;B,a=  step:HEIGHT,at=  sine:AMPLITUDE,f=
+    multisine:RMS,f=,lines=,seed=,levels=A;B; each takes end=. Numbers may carry units.
     Ends with 1 if the integration failed; what was computed is written and says so.
     """
     for path in filter(None, (output, plot)):

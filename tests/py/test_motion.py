@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dualdrive import Motion, parse_motion
-from dualdrive.motion import MotionError, cycle, move, multisine, sampled, sine
+from dualdrive.motion import MotionError, cycle, move, multisine, sampled, shuttle, sine
 
 ARCSEC = math.pi / 648000
 
@@ -52,6 +52,25 @@ def test_a_step_a_sine_a_cycle_a_multisine() -> None:
     assert at(m, 0.0) == pytest.approx([0], abs=1e-15)
 
 
+def test_a_shuttle_goes_there_and_back_at_each_speed() -> None:
+    m = shuttle(0.5, [0.1, 0.2], a=1.0, dwell=2.0, start=1.0)
+    slow, fast = 0.5 / 0.1 + 0.1, 0.5 / 0.2 + 0.2  # d/v + v/a
+    turns = [1 + slow + 1.0, 3 + 2 * slow + 1.0, 5 + 2 * slow + fast + 1.0, m.end]
+    assert at(m, *turns) == pytest.approx([0.5, 0.0, 0.5, 0.0], abs=1e-12)
+    assert m.end == pytest.approx(1 + 2 * slow + 2 * fast + 4 * 2.0)
+    rate = np.abs(m.waveform.rate(np.linspace(0, m.end, 100001)))
+    assert rate[: int(1e5 * (3 + 2 * slow) / m.end)].max() == pytest.approx(0.1)
+    assert rate.max() == pytest.approx(0.2)
+
+
+def test_a_multisine_grows_from_level_to_level_where_it_is_zero() -> None:
+    one, two = multisine(1e-3, 0.5, lines=5), multisine(1e-3, 0.5, lines=5, levels=[1.0, 3.0])
+    t = np.linspace(0, 6.0, 1001, endpoint=False)
+    assert two.end == pytest.approx(2 * one.end) == 12.0
+    assert two.waveform.value(t) == pytest.approx(one.waveform.value(t), abs=1e-15)
+    assert two.waveform.value(t + 6.0) == pytest.approx(3 * one.waveform.value(t), abs=1e-12)
+
+
 def test_a_linear_axis_moves_in_metres() -> None:
     m = parse_motion("move:20mm,v=0.5m/s,a=1m/s^2,j=30m/s^3", axis="linear")
     assert at(m, m.end) == pytest.approx([0.02])
@@ -66,6 +85,8 @@ MOTIONS = [
     "step:0.001,at=3.0,end=20.0",
     "sine:0.001,f=2.0,phase=0.5,periods=3.0",
     "multisine:0.001,f=0.5,lines=20,seed=7",
+    "multisine:0.001,f=0.5,lines=20,periods=2.0,levels=1.0;3.0",
+    "shuttle:-0.3,speeds=0.01;0.05,a=0.1,j=1.0,dwell=0.5,start=1.0",
 ]
 
 
@@ -107,7 +128,7 @@ def test_a_recorded_motion_travels_with_its_points() -> None:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("fly:0.02", "'fly' is unknown; choose one of move, cycle, step, sine, multisine"),
+        ("fly:0.02", "'fly' is unknown; choose one of move, cycle, shuttle, step"),
         ("sampled:1", "'sampled' is unknown"),
         ("move:0.02", "v, a missing; a move needs"),
         ("move:0.02,v=0.03,a=-1", "acceleration"),
@@ -119,6 +140,9 @@ def test_a_recorded_motion_travels_with_its_points() -> None:
         ("sine:1,f=0", "frequency_hz = 0 must be a positive number"),
         ("cycle:,v=1,a=1", "targets"),
         ("multisine:1e-3,f=1,lines=2.5", "lines = 2.5: must be a whole number"),
+        ("multisine:1e-3,f=1,periods=2.5,levels=1;2", "several levels need whole periods"),
+        ("shuttle:1,speeds=1;0,a=1", "speed"),
+        ("shuttle:1,speeds=,a=1", "speeds"),
         ("step:1,end=0", "end = 0.0: must be a time after 0"),
         ("step:1,at=-20", "end = -10.0: must be a time after 0"),
     ],

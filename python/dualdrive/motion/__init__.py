@@ -4,7 +4,7 @@ Every motion can be written as one line, which the command line, files and pictu
 ``move:0.02,v=0.03,a=0.01,j=0.05,start=2``. Angles are the table's, in rad (m on a linear axis).
 """
 
-from .builders import Motion, MotionError, cycle, move, multisine, sampled, sine, step
+from .builders import Motion, MotionError, cycle, move, multisine, sampled, shuttle, sine, step
 from .suitable import default_motion
 from .words import parse_motion
 
@@ -17,6 +17,7 @@ __all__ = [
     "multisine",
     "parse_motion",
     "sampled",
+    "shuttle",
     "sine",
     "step",
 ]

@@ -22,6 +22,7 @@ __all__ = [
     "move",
     "multisine",
     "sampled",
+    "shuttle",
     "sine",
     "step",
 ]
@@ -38,7 +39,7 @@ class Motion:
     waveform:   the signal theta_ref: value, rate, acceleration over time
     end:        when a simulation of it may stop: it has come to rest and had time to settle, s
     text:       the words that make it again by parse_motion; a description if it was sampled
-    kind:       move, cycle, step, sine, multisine or sampled
+    kind:       move, cycle, shuttle, step, sine, multisine or sampled
     arguments:  what its builder was given
     """
 
@@ -142,6 +143,38 @@ def cycle(
     return _motion("cycle", waveform, over, arguments)
 
 
+def shuttle(
+    distance: float,
+    speeds: Sequence[float] | ArrayLike,
+    a: float,
+    j: float = math.inf,
+    dwell: float = 1.0,
+    start: float = 0.0,
+    end: float | None = None,
+) -> Motion:
+    """There and back once at each of several speeds, with a dwell (s) after each move.
+
+    speeds: limits in rad/s, shape (n,); the others and errors as for `move`.
+    """
+    limits = _floats(speeds)
+    arguments = {
+        "distance": distance,
+        "speeds": limits,
+        "a": a,
+        "j": j,
+        "dwell": dwell,
+        "start": start,
+        "end": end,
+    }
+    moves, over = [], start
+    for way, v in ((way, v) for v in limits for way in (distance, -distance)):
+        moves.append(_core.jerk_limited_move(way, v, a, j, start=over))
+        over = moves[-1].end() + dwell
+    if not moves:
+        raise MotionError("shuttle: speeds is empty; give at least one")
+    return _motion("shuttle", _core.sum(moves), over if end is None else end, arguments)
+
+
 def step(height: float, at: float = 0.0, settle: float = 10.0, end: float | None = None) -> Motion:
     """A jump of the commanded angle by `height` rad at `at`, s."""
     arguments = {"height": height, "at": at, "settle": settle, "end": end}
@@ -176,12 +209,16 @@ def multisine(
     seed: int = 0,
     start: float = 0.0,
     periods: float = 3.0,
+    levels: Sequence[float] | ArrayLike = (1.0,),
     end: float | None = None,
 ) -> Motion:
     """Odd harmonics f, 3f, 5f, ... of equal size with random phases, starting from zero.
 
-    rms in rad, base frequency f in Hz, `lines` harmonics. Raises ValueError.
+    rms in rad, base frequency f in Hz, `lines` harmonics; `periods` of it at each of the `levels`,
+    which are factors on `rms`. With several levels the periods must be whole, so that the size
+    changes where the signal is zero. Raises ValueError.
     """
+    factors = _floats(levels)
     arguments = {
         "rms": rms,
         "f": f,
@@ -189,10 +226,25 @@ def multisine(
         "seed": int(seed),
         "start": start,
         "periods": periods,
+        "levels": factors,
         "end": end,
     }
-    waveform = _core.odd_multisine(rms, f, int(lines), int(seed), start=start, from_zero=True)
-    return _motion("multisine", waveform, start + periods / f if end is None else end, arguments)
+    if not factors or (len(factors) > 1 and periods != int(periods)):
+        rule = "several levels need whole periods" if factors else "give at least one"
+        raise MotionError(f"multisine: levels = {factors}, periods = {periods:g}: {rule}")
+    steps = np.diff((0.0, *factors)).tolist()
+    lasts = periods / f
+    waveform = _core.sum(
+        [
+            factor
+            * _core.odd_multisine(
+                rms, f, int(lines), int(seed), start=start + k * lasts, from_zero=True
+            )
+            for k, factor in enumerate(steps)
+        ]
+    )
+    over = start + len(factors) * lasts if end is None else end
+    return _motion("multisine", waveform, over, arguments)
 
 
 def sampled(t: ArrayLike, values: ArrayLike, interpolation: str = "cubic") -> Motion:
@@ -215,6 +267,7 @@ def sampled(t: ArrayLike, values: ArrayLike, interpolation: str = "cubic") -> Mo
 BUILDERS: Final[Mapping[str, Callable[..., Motion]]] = {
     "move": move,
     "cycle": cycle,
+    "shuttle": shuttle,
     "step": step,
     "sine": sine,
     "multisine": multisine,
@@ -224,6 +277,7 @@ BUILDERS: Final[Mapping[str, Callable[..., Motion]]] = {
 FIRST: Final = {
     "move": "distance",
     "cycle": "targets",
+    "shuttle": "distance",
     "step": "height",
     "sine": "amplitude",
     "multisine": "rms",

@@ -21,6 +21,7 @@ _UNITS: Final = {
     "amplitude": "rad",
     "rms": "rad",
     "v": "rad/s",
+    "speeds": "rad/s",
     "a": "rad/s^2",
     "j": "rad/s^3",
     "f": "Hz",
@@ -31,10 +32,12 @@ _UNITS: Final = {
     "at": "s",
     "end": "s",
     "periods": "",
+    "levels": "",
     "repeats": "",
     "lines": "",
     "seed": "",
 }
+_LISTS: Final = ("targets", "speeds", "levels")
 _WHOLE: Final = ("repeats", "lines", "seed")
 
 
@@ -42,8 +45,8 @@ def parse_motion(text: str, *, axis: str = "rotary") -> Motion:
     """Read a motion from its words: ``KIND:FIRST,name=value,...``.
 
     ``move:0.02,v=0.03,a=0.01,j=0.05,start=2``, ``cycle:0;10deg;0,v=2deg/s,a=1deg/s^2,dwell=2``,
-    ``step:1mrad,at=3``, ``sine:1mrad,f=2``, ``multisine:20arcsec,f=0.5,lines=20``. Numbers may
-    carry units. Raises MotionError naming word, value, rule and way out.
+    ``shuttle:1deg,speeds=1deg/s;2deg/s,a=1deg/s^2``, ``step:1mrad,at=3``, ``sine:1mrad,f=2``,
+    ``multisine:20arcsec,f=0.5,lines=20,levels=1;3``. Numbers may carry units. Raises MotionError naming word, value, rule and way out.
     """
     kind, _, rest = text.partition(":")
     kind = kind.strip()
@@ -82,7 +85,7 @@ def _spoken(name: str, value: str, axis: str, text: str) -> Any:
     if axis == "linear" and name != "phase":
         unit = {"rad/s^3": "m/s^3"}.get(unit, linear_unit(unit))
     try:
-        if name == "targets":
+        if name in _LISTS:
             return tuple(parse(part, unit, key=name) for part in value.split(";"))
         if name == "j" and value == "inf":
             return math.inf
