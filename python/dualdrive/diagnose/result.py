@@ -106,6 +106,7 @@ class Experiment:
     expected_distance: squared distance of the rivals' records over noise, the best refit of the
         nominal numbers taken out; 11 tells them apart in 95 % of cases
     other:     name -> expected distance of the rest of the menu; those beyond a limit left out
+    commands:  what to type: see what is expected, then diagnose old and new records together
     """
 
     name: str
@@ -115,6 +116,7 @@ class Experiment:
     expected_distance: float
     why: str
     other: Mapping[str, float] = field(default_factory=dict)
+    commands: Sequence[str] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +184,11 @@ class Diagnosis:
             ],
             "next_experiment": None
             if best is None
-            else {**vars(best), "separates": list(best.separates)},
+            else {
+                **vars(best),
+                "separates": list(best.separates),
+                "commands": list(best.commands),
+            },
             "warnings": list(self.warnings),
             "cut": list(self.cut),
             "paragraph": self.paragraph,

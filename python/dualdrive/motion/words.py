@@ -46,7 +46,8 @@ def parse_motion(text: str, *, axis: str = "rotary") -> Motion:
 
     ``move:0.02,v=0.03,a=0.01,j=0.05,start=2``, ``cycle:0;10deg;0,v=2deg/s,a=1deg/s^2,dwell=2``,
     ``shuttle:1deg,speeds=1deg/s;2deg/s,a=1deg/s^2``, ``step:1mrad,at=3``, ``sine:1mrad,f=2``,
-    ``multisine:20arcsec,f=0.5,lines=20,levels=1;3``. Numbers may carry units. Raises MotionError naming word, value, rule and way out.
+    ``multisine:20arcsec,f=0.5,lines=20,levels=1;3``. Numbers may carry units. Raises MotionError
+    naming word, value, rule and way out.
     """
     kind, _, rest = text.partition(":")
     kind = kind.strip()
