@@ -1,0 +1,42 @@
+// A signal of the past: values at the starts of steps, straight lines between them.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+namespace blind {
+
+class Delay {
+  public:
+    Delay(double time, double step, double first)
+        : steps_(time / step), ring_(static_cast<std::size_t>(std::ceil(steps_)) + 2, first) {
+        if (time > 0 && steps_ < 1)
+            steps_ = 1; // a shorter delay than a step can't be told from one step
+    }
+
+    bool on() const { return steps_ > 0; }
+
+    // Value at the start of a step.
+    void push(double value) {
+        head_ = (head_ + 1) % ring_.size();
+        ring_[head_] = value;
+    }
+
+    // The delayed signal `part` (0 .. 1) of a step after the last push.
+    double at(double part) const {
+        double back = steps_ - part;
+        auto whole = static_cast<std::size_t>(back);
+        double rest = back - static_cast<double>(whole);
+        return (1 - rest) * past(whole) + rest * past(whole + 1);
+    }
+
+  private:
+    double past(std::size_t n) const { return ring_[(head_ + ring_.size() - n % ring_.size()) % ring_.size()]; }
+
+    double steps_;
+    std::vector<double> ring_;
+    std::size_t head_ = 0;
+};
+
+} // namespace blind

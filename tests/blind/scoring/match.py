@@ -1,0 +1,94 @@
+"""When an answer is right: effect, place, equation, parameter; and which places are one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+Json = Mapping[str, Any]
+#: with rigid gearboxes motor and pinion turn as one body; the ring is the table's gear
+_ONE = {"motor": "drive", "pinion": "drive", "gearbox": "drive", "ring": "table"}
+_PLURAL = {"motors": "drives", "pinions": "drives", "gearboxes": "drives"}
+#: effects whose place the machine itself can not tell: two meshes, one ring
+_MESHED = frozenset({"eccentricity", "wear", "transmission_error", "time_varying_mesh_stiffness"})
+
+
+def same_place(effect: str, one: str, other: str) -> bool:
+    """Whether two places are the same body, or for a mesh effect the same wheel."""
+    return _body(effect, one) == _body(effect, other)
+
+
+def _body(effect: str, place: str) -> str:
+    if place in _PLURAL:
+        return _PLURAL[place]
+    stem, _, number = place.partition("_")
+    if stem == "mesh" and effect in _MESHED:
+        stem = "drive"
+    if place == "meshes" and effect in _MESHED:
+        return "drives"
+    if stem in _ONE and (number.isdigit() or not number):
+        return _ONE[stem] + ("_" + number if number else "")
+    return place
+
+
+def members(candidate: Json) -> list[tuple[str, str]]:
+    """(effect, place) of a candidate, one or more."""
+    more = candidate.get("with", [])
+    return [(c["effect"], c["place"]) for c in (candidate, *more)]
+
+
+def truths(label: Json) -> list[tuple[str, str]]:
+    """(effect, place) of what is hidden."""
+    return [(e["effect"], e["place"]) for e in label["effects"]]
+
+
+def holds(candidate: Json, truth: tuple[str, str], place: bool = False) -> bool:
+    """Whether the candidate names that effect (and its place)."""
+    return any(
+        effect == truth[0] and (not place or same_place(effect, where, truth[1]))
+        for effect, where in members(candidate)
+    )
+
+
+def exact(candidate: Json, label: Json, place: bool = False) -> bool:
+    """Whether the candidate names all that is hidden and nothing else."""
+    wanted = truths(label)
+    return len(members(candidate)) == len(wanted) and all(
+        holds(candidate, truth, place) for truth in wanted
+    )
+
+
+_EQUATIONS = {
+    **dict.fromkeys(("motor", "motors", "pinion", "pinions", "drive", "drives"), {"drive"}),
+    **dict.fromkeys(("gearbox", "gearboxes"), {"drive", "mesh"}),
+    **dict.fromkeys(("mesh", "meshes", "ring"), {"mesh"}),
+    **dict.fromkeys(("controller", "slave", "tension", "equaliser"), {"controller"}),
+    **dict.fromkeys(("sensor", "sensors", "encoder", "encoders", "recorder"), {"sensors"}),
+    "table": {"table"},
+}
+
+
+def right_equation(named: str, label: Json) -> bool:
+    """Whether the equation at fault is one of those that the hidden effects stand in."""
+    own = _EQUATIONS.get(named) or _EQUATIONS.get(named.split("_")[0], {named})
+    wanted: set[str] = set()
+    for one in label["effects"]:
+        wanted |= set(one["equation"].split("|"))
+    return bool(own & wanted)
+
+
+def covered(parameter: str, interval: Json, truth: float) -> bool:
+    """Whether the true value lies in the interval; phases are angles."""
+    low, high = float(interval["low"]), float(interval["high"])
+    if parameter in ("phase", "centre", "spacing"):
+        middle, half = (low + high) / 2, (high - low) / 2
+        return abs(math.remainder(truth - middle, 2 * math.pi)) <= half
+    return low <= truth <= high
+
+
+NOMINAL_PATHS = {
+    "mesh_damping": "mesh_damping@meshes.coefficient",
+    "dry_table": "coulomb@table.torque",
+    "dry_pinions": "coulomb@pinions.torque",
+}
