@@ -19,7 +19,7 @@ Flags = NDArray[np.bool_]
 
 _BAND = (0.6, 0.95)  # of half the sampling rate: where the floor of the spectrum is read
 _SHORT = 256  # samples; fewer make no spectrum
-_WINDOW = 0.25  # s
+_WINDOW, _LONG = 0.25, 0.5  # s
 _FEWEST = 4  # windows at standstill
 _ORDER = 4  # of the differences that take a slow signal out of a short record
 
@@ -57,9 +57,35 @@ def noise_floor(t: Array, values: Array, still: Flags | None = None) -> NoiseFlo
     return max(found, key=lambda floor: floor.rms)
 
 
+def like_noise(t: Array, values: Array, still: Flags | None, random: np.random.Generator) -> Array:
+    """A stretch of noise such as a channel's, shape (n,): as coloured as it is at standstill.
+
+    Pieces of the record at standstill, straight lines taken off, in random order; white noise as
+    large as the floor where the machine hardly stands.
+    """
+    size = max(24, round(_LONG / float(np.median(np.diff(t)))))
+    starts = [] if still is None else _quiet(still, size)
+    floor = noise_floor(t, values, still).rms
+    if len(starts) < _FEWEST:
+        return random.normal(0.0, floor, len(t))
+    basis = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, size), 1)
+    pieces = np.stack([values[k : k + size] for k in starts], axis=1)
+    left = pieces - basis @ np.linalg.lstsq(basis, pieces, rcond=None)[0]
+    # a drive that still settles is no noise
+    calm = left[:, np.std(left, axis=0) <= 2.0 * np.median(np.std(left, axis=0))]
+    drawn = calm[:, random.integers(0, calm.shape[1], -(-len(t) // size))].T.ravel()[: len(t)]
+    result: Array = drawn * max(1.0, floor / max(float(np.std(drawn)), 1e-300))
+    return result
+
+
+def _quiet(still: Flags, size: int) -> list[int]:
+    """Where windows of that many samples at standstill begin."""
+    return [k for k in range(0, len(still) - size, size) if still[k : k + size].all()]
+
+
 def _at_standstill(t: Array, values: Array, still: Flags) -> float:
     size = max(24, round(_WINDOW / float(np.median(np.diff(t)))))
-    starts = [k for k in range(0, len(t) - size, size) if still[k : k + size].all()]
+    starts = _quiet(still, size)
     if len(starts) < _FEWEST:
         return 0.0
     basis = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, size), 2)

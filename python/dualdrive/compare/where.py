@@ -1,33 +1,36 @@
-"""Where a machine fails: error under a condition over error everywhere."""
+"""Where a machine fails: error under a condition over error everywhere, and how sure that is."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.compare.conditions import Bands, conditions
+from dualdrive.compare.significance import adjusted
+
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-#: share of the largest speed below which the table counts as standing
-STANDSTILL = 0.02
-#: s on either side of a change of direction, a start or a stop that count as reversal, at most,
-#: and of the time between two of them
-REVERSAL, SHARE = 0.25, 0.1
-WINDOWS = 12
 _FEWEST = 0.01  # a condition met for less of the time says nothing
+#: chance of naming any condition at all where none is worse than the others
+LEVEL = 0.01
 
 
 @dataclass(frozen=True)
 class Condition:
     """Error under one condition.
 
-    excess: RMS residual under it over RMS residual everywhere
+    kind:   motion, direction, speed, torque, flanks, time; ``order`` for a line in the spectrum of
+            the residual over an angle
+    excess: RMS residual under it over RMS residual everywhere; of a line, its amplitude over what
+            its neighbours would have
     time:   its share of the record
     square: its share of the summed squares
+    p:      probability of so large an excess anywhere, were the error alike under all conditions;
+            NaN where it can't be told
     """
 
     kind: str
@@ -35,6 +38,12 @@ class Condition:
     excess: float
     time: float
     square: float
+    p: float = float("nan")
+
+    @property
+    def significant(self) -> bool:
+        """Whether the error is larger here than elsewhere, beyond chance."""
+        return self.p <= LEVEL
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,75 +53,58 @@ class Situation:
     square: mean over the kinds of channel of squared residual over squared spread
     speed:  of the table, commanded where known
     flanks: mesh -> -1 back, 0 in the gap, 1 front
+    load:   sum of the motors' torques or currents, absolute; None where none is recorded
+    counts: samples that count; all unless told
     """
 
     record: str
     t: Array
     square: Array
     speed: Array
-    flanks: Mapping[str, Array]
+    flanks: Mapping[str, Array] = field(default_factory=dict)
+    load: Array | None = None
+    counts: Flags | None = None
 
 
 def where_it_fails(situations: Sequence[Situation]) -> list[Condition]:
-    """Excess under every condition that occurs, by kind; within a kind the worst first."""
+    """Excess under every condition that occurs, by kind; within a kind the worst first.
+
+    Residuals resemble their neighbours, so the p-values come from permuted blocks, and hold for
+    the worst of all conditions together (:mod:`dualdrive.compare.significance`).
+    """
+    situations = [_counted(s) for s in situations]
     whole = np.concatenate([s.square for s in situations]) if situations else np.zeros(0)
     mean = float(np.mean(whole)) if len(whole) else 0.0
     if mean <= 0.0:
         return []
-    flags = [_conditions(s, many=len(situations) > 1) for s in situations]
-    found = []
+    bands = Bands.of([s.speed for s in situations], [s.load for s in situations])
+    flags = [conditions(s, bands, many=len(situations) > 1) for s in situations]
+    inside: dict[tuple[str, str], list[Flags]] = {}
     for key in dict.fromkeys(key for one in flags for key in one):
-        inside = np.concatenate(
-            [
-                one.get(key, np.zeros(len(s.t), bool))
-                for one, s in zip(flags, situations, strict=True)
-            ]
-        )
-        time = float(np.mean(inside))
-        if _FEWEST <= time < 1.0:
-            part = float(np.mean(whole[inside]))
-            found.append(Condition(*key, float(np.sqrt(part / mean)), time, part / mean * time))
+        own = [
+            one.get(key, np.zeros(len(s.t), bool)) for one, s in zip(flags, situations, strict=True)
+        ]
+        if _FEWEST <= np.mean(np.concatenate(own)) < 1.0:
+            inside[key] = own
+    chance = adjusted([s.square for s in situations], inside)
+    found = []
+    for key, own in inside.items():
+        flag = np.concatenate(own)
+        time, part = float(np.mean(flag)), float(np.mean(whole[flag]))
+        excess = float(np.sqrt(part / mean))
+        found.append(Condition(*key, excess, time, part / mean * time, chance[key]))
     order = list(dict.fromkeys(c.kind for c in found))
     return sorted(found, key=lambda c: (order.index(c.kind), -c.excess))
 
 
-def _conditions(s: Situation, *, many: bool) -> dict[tuple[str, str], Flags]:
-    limit = STANDSTILL * float(np.max(np.abs(s.speed)))
-    sign = np.where(np.abs(s.speed) <= limit, 0, np.sign(s.speed)).astype(int)
-    found: dict[tuple[str, str], Flags] = {
-        ("motion", "reversal"): (near := _near_changes(s.t, sign)),
-        ("motion", "steady"): ~near & (sign != 0),
-        ("motion", "standstill"): ~near & (sign == 0),
-        ("direction", "forward"): sign > 0,
-        ("direction", "backward"): sign < 0,
-    }
-    if s.flanks:
-        contact = np.stack([np.asarray(f, dtype=int) for f in s.flanks.values()])
-        drives = " and ".join(s.flanks)
-        found[("flanks", f"{drives} braced")] = (contact.min(0) < 0) & (contact.max(0) > 0)
-        found[("flanks", f"{drives} on one side")] = np.all(contact == contact[0], 0) & (
-            contact[0] != 0
-        )
-        found[("flanks", "a flank open")] = np.any(contact == 0, 0)
-    edges = np.linspace(s.t[0], s.t[-1], WINDOWS + 1)
-    for low, high in pairwise(edges.tolist()):
-        span = f"{low:.3g} .. {high:.3g} s"
-        inside = (s.t >= low) & ((s.t < high) | (high == edges[-1]))
-        found[("time", f"{s.record}: {span}" if many else span)] = inside
-    return found
-
-
-def _near_changes(t: Array, sign: NDArray[np.int64]) -> Flags:
-    """Samples close to where the direction changes, starts and stops included."""
-    changes = t[1:][np.diff(sign) != 0]
-    if not len(changes):
-        return np.zeros(len(t), dtype=bool)
-    after = np.clip(np.searchsorted(changes, t), 0, len(changes) - 1)
-    before = np.clip(after - 1, 0, None)
-    distance = np.minimum(np.abs(t - changes[after]), np.abs(t - changes[before]))
-    between = float(np.median(np.diff(np.concatenate([t[:1], changes, t[-1:]]))))
-    near: Flags = distance <= min(REVERSAL, SHARE * between)
-    return near
+def _counted(s: Situation) -> Situation:
+    """The samples that count, end to end."""
+    if s.counts is None or s.counts.all():
+        return s
+    rows = s.counts
+    load = None if s.load is None else s.load[rows]
+    flanks = {mesh: f[rows] for mesh, f in s.flanks.items()}
+    return Situation(s.record, s.t[rows], s.square[rows], s.speed[rows], flanks, load)
 
 
 def standing(t: Array, reference: Array, settle: float = 0.5) -> Flags:

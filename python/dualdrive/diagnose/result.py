@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.compare.equation import EquationAtFault
+
 if TYPE_CHECKING:
     from dualdrive.compare import Comparison, Condition
 
@@ -62,19 +64,6 @@ class Candidate:
     def label(self) -> str:
         """``coulomb@table``, or two of them joined by `` + ``."""
         return " + ".join(f"{effect}@{place}" for effect, place in self.effects)
-
-
-@dataclass(frozen=True)
-class EquationAtFault:
-    """Which equation of motion does not close.
-
-    name:   ``table``, ``motor_1``, ``mesh_2``, ``controller``, ``sensors``, ...
-    shares: equation -> share of the unexplained mean square
-    """
-
-    name: str
-    probability: float
-    shares: Mapping[str, float]
 
 
 @dataclass(frozen=True, eq=False)

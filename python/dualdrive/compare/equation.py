@@ -1,0 +1,153 @@
+"""Which equation of motion does not close, and how sure that is.
+
+Each hypothesis adds to one equation a random torque, as large as makes the residuals most likely;
+the nominal numbers, constants and encoder zeros are refitted under it. The probability is how often
+a hypothesis stays the most likely when blocks of the record are drawn anew, so that neighbouring
+residuals, which resemble each other, do not count as so many witnesses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive.compare.excuses import Point, cautious, first_point, left, noise_alone, refitted
+from dualdrive.compare.laws import hold
+from dualdrive.compare.likelihood import Free, blocks, likelihood, without
+from dualdrive.identify import Processing, with_torques
+from dualdrive.replay import core_of, named
+from dualdrive.traces import Trace
+
+Array = NDArray[np.float64]
+
+_DRAWS = 1000
+_DECIMATE = 5
+_STEPS = 4
+#: mean square of the whitened residual beyond which something is wrong at all
+_NOISE = 2.0
+#: share of what a free mesh torque explains that a late encoder must explain to be blamed instead
+_LATE = 0.8
+
+
+@dataclass(frozen=True)
+class EquationAtFault:
+    """Which equation of motion does not close.
+
+    name:   ``table``, ``motor_1``, ``mesh_2``, ``motors``, ``meshes``, ``sensors``, ...; ``total``
+            where too little motion is recorded to tell one equation from another
+    shares: equation -> share of the unexplained mean square that a free torque in it explains;
+            neighbours explain each other's in part, so that shares do not add up to 1
+    """
+
+    name: str
+    probability: float
+    shares: Mapping[str, float]
+
+
+def equation_at_fault(
+    machine: Any,
+    traces: Trace | Sequence[Trace] | Mapping[str, Trace],
+    *,
+    processing: Processing | None = None,
+) -> EquationAtFault | None:
+    """Say which equation of a machine fails on records, through the torque balance.
+
+    For records with and without a known controller alike: measured torques (or currents), the
+    angles of the drives and of the table. The nominal numbers need not be fitted before; they move
+    within their tolerances under every hypothesis.
+
+    Args:
+        machine: a machine, or the core's.
+        traces: one trace, several, or name -> trace.
+        processing: filters; a tenth of the sampling rate, every fifth sample, unless given.
+
+    Returns:
+        The equation, or None where every equation closes within the sensors' noise.
+
+    Raises:
+        ValueError: a record that the torque balance refuses.
+
+    """
+    core = core_of(machine).copy()
+    process = processing or Processing(decimate=_DECIMATE)
+    held = [hold(core, with_torques(core, t), n, process) for n, t in named(traces).items()]
+    point = refitted(first_point(core, held), cautious, _STEPS)
+    whole = _whitened(point, noise_alone(point))
+    if np.mean(whole) < _NOISE * len(point.equations):
+        return None
+    guesses = _hypotheses(point)
+    names = list(dict.fromkeys(name for name, _ in guesses))
+    if len(names) < 2:
+        return EquationAtFault(names[0], 1.0, {names[0]: 1.0})
+    likely = np.stack([blocks(likelihood(point, free), point) for _, free in guesses])
+    shares = {name: _share(point, whole, free) for name, free in guesses}
+    random = np.random.default_rng(1)
+    count = likely.shape[1]
+    drawn = random.multinomial(count, np.full(count, 1.0 / count), _DRAWS) @ likely.T
+    rank = np.array([names.index(name) for name, _ in guesses])
+    wins = np.bincount(rank[np.argmax(drawn, axis=1)], minlength=len(names))
+    best = int(np.argmax(wins))
+    name = names[best]
+    if name.startswith("mesh") and _is_late(point, whole, shares[name]):
+        shares["sensors"], name = shares[name], "sensors"
+    return EquationAtFault(name, float((wins[best] + 0.5) / (_DRAWS + 1)), shares)
+
+
+def _whitened(point: Point, weight: Sequence[Array], *, late: bool = False) -> Array:
+    """Squared residual of every counted sample in units of `weight`, all records end to end."""
+    rest = left(point, weight, late=late)
+    return np.concatenate(
+        [
+            np.einsum("an,nab,bn->n", e, w[r.keep], e)
+            for e, w, r in zip(rest, weight, point.rows, strict=True)
+        ]
+    )
+
+
+def _share(point: Point, whole: Array, free: Free) -> float:
+    """Share of the squared residual that goes once the directions do not count."""
+    open_to = [without(w, d) for w, d in zip(noise_alone(point), free(point), strict=True)]
+    return max(0.0, 1.0 - float(_whitened(point, open_to).sum() / whole.sum()))
+
+
+def _is_late(point: Point, whole: Array, share: float) -> bool:
+    """Whether late readings of an encoder explain most of what a free mesh torque does."""
+    rest = _whitened(point, noise_alone(point), late=True)
+    return 1.0 - float(rest.sum() / whole.sum()) >= _LATE * share
+
+
+# --- hypotheses -----------------------------------------------------------------------------------
+
+
+def _hypotheses(point: Point) -> list[tuple[str, Free]]:
+    """Every equation by itself, then those of both drives, alike and each for itself; sensors."""
+    unit = np.eye(len(point.equations))
+    single = {_spoken(e): unit[k] for k, e in enumerate(point.equations)}
+    if len(single) > 1:
+        single |= {c: d for r in point.rows for c, d in r.directions.items()}
+    found = [(name, _constant(d[:, None])) for name, d in single.items()]
+    for group, stem in (("motors", "motor_"), ("meshes", "mesh_")):
+        members = [d for name, d in single.items() if name.startswith(stem)]
+        if len(members) < 2:
+            continue
+        if group == "motors":
+            found.append((group, _constant(np.sum(members, axis=0)[:, None])))
+        else:  # an error of the table's encoder is one of both meshes
+            found.append(("sensors", lambda p: [r.table.T[:, :, None] for r in p.rows]))
+        found.append((group, _constant(np.stack(members, axis=1))))
+    return found
+
+
+def _constant(directions: Array) -> Free:
+    return lambda p: [np.broadcast_to(directions, (len(r.keep), *directions.shape)) for r in p.rows]
+
+
+def _spoken(equation: str) -> str:
+    """The core names equations after the angles they govern; people after the body."""
+    if equation in ("m", "total"):
+        return "table" if equation == "m" else "total"
+    return f"motor_{equation[-1]}"

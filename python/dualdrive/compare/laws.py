@@ -1,0 +1,266 @@
+"""Every equation of motion and mesh law on one record: what it leaves, and what may excuse it.
+
+On the recorded motion each body's equation must close. A mesh law that is wrong by a torque e
+leaves e at its pinion and −i_m e at the table; a body's own equation that is wrong leaves its
+torque there alone. So the directions in which the residuals move tell which law fails, once
+everything that may excuse them is free: nominal numbers within their tolerances, a constant torque
+per motor, and the unknown zeros of the encoders.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive import _core
+from dualdrive.compare.noise import like_noise
+from dualdrive.compare.where import standing
+from dualdrive.identify import Processing, Standstill
+from dualdrive.identify.filtering import ANGLES, Piece, pieces
+from dualdrive.identify.model import TORQUES
+from dualdrive.identify.standstill import at_rest
+from dualdrive.traces import Trace
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Samples = Mapping[str, Array]
+
+#: no equation is believed better than this share of the torque measured in it
+BELIEF = 0.01
+DRIVES = tuple(angle for angle in ANGLES if angle != "theta_m")
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """A record after one and the same zero-phase filter for angles and torques, decimated.
+
+    samples:  names as the core's torque balance reads them -> shape (n,)
+    noisy:    the same with as much noise again as the sensors make
+    keep:     samples at which no body stands still, shape (n,)
+    encoders: angles of drives whose zero against the table's is not known
+    """
+
+    record: str
+    t: Array
+    samples: Samples
+    noisy: Samples
+    keep: Flags
+    equations: tuple[str, ...]
+    encoders: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Laws:
+    """What a machine's equations leave on one record: m equations, n samples.
+
+    residual:   shape (m, n), N*m in each equation's own frame
+    slopes:     by the model's parameters, shape (m, n, parameters)
+    angles:     by the angle that each drive's encoder reads, shape (m, n, encoders)
+    table:      by the angle that the table's encoder reads, shape (m, n)
+    directions: mesh -> how a torque of it enters the equations, shape (m,)
+    noise:      covariance that the sensors alone leave, shape (n, m, m)
+    driven:     equations with a motor's torque, which may have a constant
+    """
+
+    held: Held
+    residual: Array
+    slopes: Array
+    angles: Array
+    table: Array
+    directions: Mapping[str, Array]
+    noise: Array
+    driven: tuple[int, ...]
+
+    @property
+    def keep(self) -> Flags:
+        """Samples that count, shape (n,)."""
+        return self.held.keep
+
+    @property
+    def speeds(self) -> Array:
+        """Of the angles that the drives' encoders read, shape (n, encoders)."""
+        found = [self.held.samples[ANGLES[angle][0]] for angle in self.held.encoders]
+        return np.stack(found, axis=1) if found else np.zeros((len(self.held.t), 0))
+
+
+def hold(core: Any, trace: Trace, record: str, processing: Processing) -> Held:
+    """Filter a record once, as it is and with as much noise again as its sensors make.
+
+    Raises ValueError as :func:`dualdrive.identify.torque_balance` does.
+    """
+    random = np.random.default_rng(1)
+    still = standing(trace.t, trace["theta_ref"]) if "theta_ref" in trace else None
+    shaken = trace
+    for name in trace:
+        noise = like_noise(trace.t, trace[name], still, random)
+        shaken = shaken.with_channel(name, trace[name] + noise)
+    parts = list(pieces(trace, record, processing))
+    noisy = list(pieces(shaken, record, processing))
+    equations = _equations(core, trace)
+    limits = Standstill().limits(parts)
+    apart = equations != ("total",) and "theta_m" in trace
+    return Held(
+        record,
+        np.concatenate([p.t[processing.kept(len(p), p.step)] for p in parts]),
+        _filtered(parts, processing),
+        _filtered(noisy, processing),
+        np.concatenate([_moving(p, equations, limits, processing) for p in parts]),
+        equations,
+        tuple(angle for angle in DRIVES if angle in trace) if apart else (),
+    )
+
+
+def _moving(
+    part: Piece, equations: Sequence[str], limits: Mapping[str, float], processing: Processing
+) -> Flags:
+    """Samples that every body's standstill is further from than the filter reaches."""
+    from scipy.ndimage import maximum_filter1d
+
+    rest = at_rest(equations, part.samples, limits).any(axis=0)
+    cutoff = processing.at(part.step).cutoff
+    assert cutoff is not None
+    reach = 2 * round(1.0 / (cutoff * part.step)) + 1
+    near = maximum_filter1d(rest.astype(np.uint8), reach).astype(bool)
+    return np.asarray(~near[processing.kept(len(part), part.step)])
+
+
+def _filtered(parts: Sequence[Piece], processing: Processing) -> Samples:
+    """Angles have passed the low-pass once already; now torques, and both once more."""
+
+    def one(name: str, x: Array, step: float) -> Array:
+        known = any(name in (a, *rates) for a, rates in ANGLES.items())
+        return processing.reduce(x if known else processing.low_pass(x, step), step)
+
+    return {
+        name: np.ascontiguousarray(
+            np.concatenate([one(name, p.samples[name], p.step) for p in parts])
+        )
+        for name in parts[0].samples
+    }
+
+
+def _equations(core: Any, trace: Trace) -> tuple[str, ...]:
+    """Every body's equation where all bodies' motion is recorded, else their sum alone."""
+    states = [name.removeprefix("omega_") for name, _ in core.states() if "omega_" in name]
+    rigid = {n for n in "12" if _kind(core, f"gearbox_{n}") in ("rigid", None)}
+    for body in states:
+        n = body[-1]
+        angles = {f"theta_{body}"} | ({f"theta_{n}", f"theta_c{n}"} if n in rigid else set())
+        if len(states) == 1:
+            angles = set(ANGLES)
+        if not angles & set(trace):
+            return ("total",)
+    return tuple(states)
+
+
+def _kind(core: Any, connection: str) -> str | None:
+    return str(core.kind(connection)) if connection in core.connections else None
+
+
+# --- the machine's equations ----------------------------------------------------------------------
+
+
+def balance(
+    core: Any, held: Held, samples: Samples, paths: Sequence[str] = ()
+) -> tuple[Array, Array]:
+    """Residual (m, n) and its slopes (m, n, paths)."""
+    found = _core.torque_balance(core, dict(samples), list(paths))
+    rows = [found["equations"].index(name) for name in held.equations]
+    return found["residual"][rows], found["jacobian"][rows]
+
+
+def shifted(samples: Samples, zeros: Mapping[str, float]) -> Samples:
+    """The same with constants taken off the angles."""
+    return {**samples, **{angle: samples[angle] - zero for angle, zero in zeros.items()}}
+
+
+def laws(core: Any, held: Held, paths: Sequence[str], zeros: Mapping[str, float]) -> Laws:
+    """The equations of a machine, with the encoders' zeros (channel -> rad) taken off."""
+    samples = shifted(held.samples, zeros)
+    residual, slopes = balance(core, held, samples, paths)
+    idle = {**samples, **{name: 0.0 * samples[name] for name in TORQUES if name in samples}}
+    measured = balance(core, held, idle)[0] - residual
+    known = (*held.encoders, "theta_m") if held.encoders else ()
+    errors = {a: held.noisy[a] - held.samples[a] for a in known}
+    by_angle = {a: _by_angle(core, held, samples, residual, a) for a in known}
+    angles = [by_angle[a] for a in held.encoders]
+    return Laws(
+        held,
+        residual,
+        slopes,
+        np.stack(angles, axis=2) if angles else np.zeros((*residual.shape, 0)),
+        by_angle.get("theta_m", np.zeros(residual.shape)),
+        _directions(core, held, samples),
+        _noise(core, held, zeros, residual, measured, errors),
+        tuple(k for k, row in enumerate(measured) if np.any(row != 0.0)),
+    )
+
+
+def _by_angle(core: Any, held: Held, samples: Samples, residual: Array, angle: str) -> Array:
+    """How the equations move with a constant added to an angle, shape (m, n)."""
+    step = 1e-7 * float(np.ptp(samples[angle])) + 1e-12
+    moved, _ = balance(core, held, shifted(samples, {angle: -step}))
+    return (moved - residual) / step
+
+
+def _noise(
+    core: Any,
+    held: Held,
+    zeros: Mapping[str, float],
+    residual: Array,
+    measured: Array,
+    errors: Mapping[str, Array],
+) -> Array:
+    """Covariance per sample: of torques and accelerations everywhere, of twists while in contact.
+
+    Near the end of a contact the twist's noise decides whether there is one, so its effect is taken
+    over twice its size to either side.
+    """
+    samples = shifted(held.samples, zeros)
+    angles_as_they_are = {a: samples[a] for a in errors}
+    shaken, _ = balance(core, held, {**shifted(held.noisy, zeros), **angles_as_they_are})
+    left = (shaken - residual)[:, held.keep]
+    size = np.quantile(np.abs(left), 0.9, axis=1) if left.size else np.zeros(len(left))
+    calm = np.all(np.abs(left) <= 5.0 * size[:, None], axis=0)
+    base = np.cov(left[:, calm]).reshape(len(left), len(left)) if calm.sum() > 8 else 0.0
+    base = base + np.diag(_beliefs(residual, measured) ** 2)
+    whole: Array = np.broadcast_to(base, (residual.shape[1], *base.shape)).copy()
+    for angle, error in errors.items():
+        spread = float(np.std(error))
+        reach = 2.0 * spread + 1e-15
+        sides = [
+            (balance(core, held, shifted(samples, {angle: -s}))[0] - residual) / s
+            for s in (reach, -reach)
+        ]
+        larger = np.abs(sides[0]).sum(axis=0) > np.abs(sides[1]).sum(axis=0)
+        column = spread * np.where(larger, *sides).T
+        whole += column[:, :, None] * column[:, None, :]
+    return whole
+
+
+def _beliefs(residual: Array, measured: Array) -> Array:
+    """A share of the torque in each equation; of all torques where none is measured."""
+    own = np.sqrt(np.mean(measured**2, axis=1))
+    own = np.where(own > 0.0, own, np.max(own, initial=0.0))
+    reach = np.sqrt(np.mean(residual**2, axis=1))
+    result: Array = BELIEF * np.maximum(own, 1e-3 * reach) + 1e-300
+    return result
+
+
+def _directions(core: Any, held: Held, samples: Samples) -> dict[str, Array]:
+    """How the torque of every mesh, or other connection that gives, enters the equations."""
+    given = [c for c in core.connections if core.kind(c) != "rigid"]
+    if not given or held.equations == ("total",):
+        return {}
+    found = {}
+    _, slopes = balance(core, held, samples, [f"{c}.stiffness" for c in given])
+    for k, name in enumerate(given):
+        size = np.abs(slopes[:, :, k]).sum(axis=0)
+        if np.max(size, initial=0.0) > 0.0:
+            own = slopes[:, int(np.argmax(size)), k]
+            found[name] = own / np.linalg.norm(own)
+    return found
