@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,7 @@ class Record:
     start:     rest | settled: how the machine stood before
     reference: commanded table angle at t
     left_out:  samples of the trace in stretches too short to play
+    settings:  parameter path -> value that held while it was recorded, over the machine's own
     """
 
     name: str
@@ -49,6 +50,7 @@ class Record:
     channels: tuple[Compared, ...]
     trace: Trace
     left_out: int = 0
+    settings: Mapping[str, float] = field(default_factory=dict)
 
     def channel(self, name: str) -> Compared:
         """The compared channel of that name."""
@@ -71,6 +73,16 @@ def core_of(machine: Any) -> Any:
     return getattr(machine, "core", machine)
 
 
+def with_settings(core: Any, settings: Mapping[str, float]) -> Any:
+    """The core's machine as it was set while a record was taken: a copy, or itself without any."""
+    if not settings:
+        return core
+    own = core.copy()
+    for path, value in settings.items():
+        own.set(path, value)
+    return own
+
+
 def records(
     machine: Any,
     traces: Mapping[str, Trace],
@@ -78,6 +90,7 @@ def records(
     motion: Any = None,
     interpolation: str = "auto",
     start: str = "auto",
+    settings: Mapping[str, Mapping[str, float]] | None = None,
 ) -> list[Record]:
     """Make every stretch of every trace ready.
 
@@ -91,8 +104,11 @@ def records(
         start: ``rest`` (drives switched on at the first sample), ``settled`` (the loop had long
             held the first position, or followed the line on which the command comes in), or
             ``auto``: whichever meets the first second better.
+        settings: name of a trace -> parameter path -> SI value that held while it was recorded,
+            such as ``controller.T_ten``.
 
     Raises:
+        ValueError: settings for a trace that is not there, or of an unknown path.
         ReplayError: no controller, no commanded motion, or nothing recorded to compare with.
 
     """
@@ -107,16 +123,23 @@ def records(
         raise ReplayError(
             "the machine has no controller to close the loop with; use the torque balance"
         )
+    if stray := set(settings or {}) - set(traces):
+        raise ReplayError(
+            f"settings: no trace {', '.join(sorted(stray))}; there are {', '.join(traces)}"
+        )
     found = []
     for name, trace in traces.items():
+        own = dict((settings or {}).get(name, {}))
         parts = trace.segments(_SHORTEST)
         if not parts:
             raise ReplayError(f"{name}: no stretch of {_SHORTEST} samples without a pause")
         left_out = len(trace) - sum(len(part) for part in parts)
         for k, part in enumerate(parts, 1):
             label = name if len(parts) == 1 else f"{name} ({k})"
-            record = _record(core, label, part, motion, interpolation, start)
-            found.append(replace(record, left_out=left_out if k == 1 else 0))
+            record = _record(
+                with_settings(core, own), label, part, motion, interpolation, start
+            )
+            found.append(replace(record, left_out=left_out if k == 1 else 0, settings=own))
     return found
 
 

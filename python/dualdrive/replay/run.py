@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.mapper import Mapper, Threads, mapped
-from dualdrive.replay.record import Record
+from dualdrive.replay.record import Record, with_settings
 from dualdrive.traces import CHANNELS
 
 Array = NDArray[np.float64]
@@ -88,7 +88,7 @@ def play(
     """Simulate the closed loop along one record.
 
     Args:
-        core: the core's machine.
+        core: the core's machine; the record's settings go over its own.
         record: inputs and times.
         sensitivities: parameter paths or groups, those of recorder effects too, or
             ``initial.<state>``.
@@ -101,6 +101,7 @@ def play(
         ValueError: what the core refuses. A simulation that fails is a status, not an exception.
 
     """
+    core = with_settings(core, record.settings)
     heard = recorders(core)
     raw = sorted({channel for c in record.channels for channel, _ in c.parts})
     times = _times(record, {heard[channel].delay for channel in raw if channel in heard})

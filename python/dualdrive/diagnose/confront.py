@@ -1,0 +1,87 @@
+"""A machine confronted with records: what it leaves, and how that moves with what is not known.
+
+Two ways, one face. In the closed loop (`loop.py`) a series is a channel of a record, and what is
+left is simulated minus measured. In the torque balance (`equations.py`) a series is an equation of
+motion on the recorded motion. All that follows (noise, scores, refits, verdict) knows only this.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive.identify.unknowns import Unknown
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """One channel, or one equation, of one record; arrays of shape (n,), SI.
+
+    floor: RMS that the sensors alone leave, an estimate from the record
+    rate:  how fast the measured signal changes: what a jittering clock multiplies
+    keep:  samples that count
+    """
+
+    record: str
+    name: str
+    kind: str
+    unit: str
+    t: Array
+    measured: Array
+    floor: float
+    rate: Array
+    keep: Flags
+
+    @property
+    def spread(self) -> float:
+        """RMS of the measured values about their mean."""
+        return float(np.std(self.measured[self.keep]))
+
+
+class Confrontation(Protocol):
+    """A machine and records.
+
+    core:    the core's machine, its nominal numbers as they stand
+    nominal: the machine's numbers that are refitted under every hypothesis
+    centre, sigma: of the prior of all nuisances: nominal numbers, then constants of sensors and
+        initial states of each record; shape (m,)
+    start:   where a refit begins, shape (m,)
+    """
+
+    mode: str
+    core: Any
+    nominal: Sequence[Unknown]
+    series: Sequence[Series]
+    start: Array
+    centre: Array
+    sigma: Array
+    low: Array
+    high: Array
+
+    def left(self, core: Any, u: Array) -> list[Array] | None:
+        """What `core`, its nominal numbers moved to u, leaves: per series (n,); None if it fails.
+
+        `core` may carry effects that the confrontation's own machine lacks.
+        """
+
+    def slopes(self, core: Any, u: Array) -> list[Array] | None:
+        """Derivative of the same by the nuisances: per series (n, m)."""
+
+    def machine_at(self, core: Any, u: Array) -> Any:
+        """The core's machine with the nominal numbers of u."""
+
+    def headline(self, left: Sequence[Array]) -> float:
+        """Relative error as users read it: see interface of `compare`, kinds of channel averaged."""
+
+    def angle(self, k: int, place: str) -> Array | None:
+        """Recorded angle of a place at the samples of series k, rad, or None."""
+
+    def sizes(self) -> dict[str, float]:
+        """Usual sizes on these records: ``torque`` at the table N*m, ``speed`` of it rad/s."""

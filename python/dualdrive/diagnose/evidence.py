@@ -1,0 +1,90 @@
+"""Records as whitened rows in blocks: the form in which all hypotheses are judged alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive.diagnose.confront import Confrontation
+from dualdrive.diagnose.score import Rows
+from dualdrive.diagnose.whitening import Whitener
+
+Array = NDArray[np.float64]
+
+BLOCKS = 12  # over all records; fewer where they are short
+_SHORTEST = 40  # samples of a block
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """A confrontation under one description of its noise."""
+
+    confrontation: Confrontation
+    whiteners: Sequence[Whitener]
+    block: NDArray[np.intp]
+
+    def white(self, parts: Sequence[Array]) -> Array:
+        """Rows of all series, end to end, from one array of shape (n,) or (n, k) per series."""
+        return np.concatenate([w(p) for w, p in zip(self.whiteners, parts, strict=True)])
+
+    def apart(self, rows: Array) -> list[Array]:
+        """The inverse of joining: rows per series."""
+        ends = np.cumsum([len(s.t) for s in self.confrontation.series])
+        return np.split(rows, ends[:-1])
+
+    def rows(self, u: Array, left: Sequence[Array], slopes: Sequence[Array]) -> Rows:
+        """Rows for the scorer with the nuisances at u."""
+        c = self.confrontation
+        sigma = np.where(c.sigma > 0, c.sigma, np.inf)
+        pull = np.where(np.isfinite(sigma), (c.centre - u) / sigma, 0.0)
+        return Rows(self.white(left), self.white(slopes), self.block, pull, sigma)
+
+    def chi(self, u: Array, left: Sequence[Array]) -> float:
+        """chi^2 of the rows, and of the nuisances against their priors."""
+        c = self.confrontation
+        believed = np.isfinite(c.sigma)
+        off = ((u - c.centre)[believed] / c.sigma[believed]) if believed.any() else np.zeros(0)
+        rows = self.white(left)
+        return float(rows @ rows + off @ off)
+
+    @property
+    def count(self) -> int:
+        """Rows that count."""
+        return int(sum(w.keep.sum() for w in self.whiteners))
+
+
+def evidence(confrontation: Confrontation, whiteners: Sequence[Whitener]) -> Evidence:
+    """Rows in blocks: stretches of time of each record, the same for all of its series."""
+    series = confrontation.series
+    lengths = {s.record: len(s.t) for s in series}
+    whole = sum(lengths.values())
+    first, blocks = 0, {}
+    for record, length in lengths.items():
+        count = max(1, min(round(BLOCKS * length / whole), length // _SHORTEST))
+        blocks[record] = first + np.minimum(np.arange(length) * count // length, count - 1)
+        first += count
+    return Evidence(
+        confrontation, list(whiteners), np.concatenate([blocks[s.record] for s in series])
+    )
+
+
+def effective(rows: Array, evidence: Evidence) -> float:
+    """By how much what is left, though whitened, still counts itself twice: 1 or more.
+
+    chi^2 per row (an overdispersion where the noise is larger than it seemed), times one plus
+    twice the sum of the autocorrelations that a wrong model leaves.
+    """
+    from dualdrive.identify.coloured import correlation_time
+
+    over = float(rows @ rows) / max(evidence.count, 1)
+    times, weights = [], []
+    for part, whitener in zip(evidence.apart(rows), evidence.whiteners, strict=True):
+        own = part[whitener.keep]
+        if len(own) > 8:
+            times.append(min(correlation_time(own), 0.1 * len(own)))
+            weights.append(float(own @ own) + 1e-300)
+    alike = 1.0 + 2.0 * float(np.average(times, weights=weights)) if times else 1.0
+    return max(1.0, over) * alike

@@ -1,0 +1,193 @@
+"""What could be missing: every effect at every place the machine has, and how each is tried.
+
+An effect is put in at a usual size for these records and the machine confronted again; the change
+is its signature. That needs no derivative, so limits, delays, play and sticking are tried like all
+else, and contact changes that a small effect causes are in it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from dualdrive import _core
+from dualdrive.identify.unknowns import Unknown, unknowns
+from dualdrive.replay import ratio_to_table
+
+#: effects that no record shows by themselves: a constant of a sensor is a nuisance already
+NOT_TRIED = ("sensor_offset", "expression", "spline")
+#: numbers that are counted or chosen, not fitted; a scan may set them
+COUNTED = ("order", "spacing", "teeth")
+_ASYMMETRY = 0.3  # probe of a number without a usual size of its own
+_PRESLIDING = 1e-4  # rad at the table
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Effects that may be missing, with their counted numbers; empty: nothing is missing.
+
+    fixed: parameter path -> value of what is counted, where a scan found one
+    """
+
+    effects: tuple[tuple[str, str], ...] = ()
+    fixed: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def label(self) -> str:
+        """``coulomb@table``, two joined by `` + ``, or ``nothing``."""
+        return " + ".join(f"{e}@{p}" for e, p in self.effects) or "nothing"
+
+    def __add__(self, other: Hypothesis) -> Hypothesis:
+        return Hypothesis(self.effects + other.effects, {**self.fixed, **other.fixed})
+
+    def put_in(self, core: Any, sizes: Mapping[str, float] | None = None) -> tuple[Any, list[str]]:
+        """A copy of the core's machine with the effects at zero, and the paths that are free.
+
+        sizes: usual sizes on the records at hand (`Confrontation.sizes`), which speeds and bristle
+            stiffnesses of an effect begin from
+
+        Raises:
+            ValueError: the machine has no such part, or carries the effect already.
+
+        """
+        grown, free = core.copy(), []
+        for effect, place in self.effects:
+            label = grown.add_effect(effect, place)
+            own = [p.path for p in grown.parameters() if p.path.startswith(f"{label}.")]
+            free += [path for path in own if not path.endswith(COUNTED)]
+        for path in free:
+            if sizes and not is_strength(grown, path) and (size := _scaled(grown, path, sizes)):
+                grown.set(path, size)
+        for path, value in self.fixed.items():
+            grown.set(path, value)
+        return grown, free
+
+    def unknowns(
+        self, grown: Any, free: Sequence[str], sizes: Mapping[str, float]
+    ) -> list[Unknown]:
+        """What is free of the effects in a machine they were put in, with scales on these records."""
+        usual = {path: _scaled(grown, path, sizes) or _typical(grown, path) for path in free}
+        return unknowns(grown, free, None, usual)
+
+
+def candidates(core: Any) -> list[Hypothesis]:
+    """Every effect at every usual place or group of this machine that does not carry it there."""
+    found = []
+    for kind in _core.effect_types():
+        if kind.name in NOT_TRIED:
+            continue
+        places = [p for p in kind.places.split(",") if not _twin_of_motors(core, kind, p)]
+        found += [h for p in places if (h := _possible(core, kind.name, p)) is not None]
+    return found
+
+
+def members(core: Any, group: Hypothesis) -> list[Hypothesis]:
+    """The same effect at each single part of a group; none where the place is a part itself."""
+    [(effect, place)] = group.effects
+    one = _ONE.get(place, "")
+    if not one:
+        return []
+    parts = [p for p in (*core.motors, *core.bodies, *core.connections) if p.startswith(f"{one}_")]
+    return [h for p in parts if (h := _possible(core, effect, p)) is not None]
+
+
+def _possible(core: Any, effect: str, place: str) -> Hypothesis | None:
+    hypothesis = Hypothesis(((effect, place),))
+    if _carried(core, effect, place):
+        return None
+    try:
+        hypothesis.put_in(core)
+    except ValueError:
+        return None  # no such part here
+    return hypothesis
+
+
+def _twin_of_motors(core: Any, kind: Any, place: str) -> bool:
+    """Whether friction at the pinions is friction at the motors: both turn as one body."""
+    places = kind.places.split(",")
+    if (
+        place != "pinions"
+        or "motors" not in places
+        or any("phase" in p.path for p in kind.parameters)
+    ):
+        return False
+    gears = [c for c in core.connections if c.startswith("gearbox")]
+    return bool(gears) and all(core.kind(g) == "rigid" for g in gears)
+
+
+_ONE = {
+    "motors": "motor",
+    "pinions": "pinion",
+    "meshes": "mesh",
+    "gearboxes": "gearbox",
+    "drives": "drive",
+}
+
+
+def _carried(core: Any, effect: str, place: str) -> bool:
+    """Whether the machine has this effect at this place, or at a group that includes it."""
+    for own in core.effects:
+        if own["effect"] == effect and (own["place"] == place or place in own["members"]):
+            return True
+        one = _ONE.get(place, "")
+        if own["effect"] == effect and one and own["place"].startswith(f"{one}_"):
+            return True
+    return False
+
+
+def _typical(core: Any, path: str) -> float:
+    return float(core.parameter(core.members(path)[0]).typical)
+
+
+def _scaled(core: Any, path: str, sizes: Mapping[str, float]) -> float:
+    """Size of a number that depends on the machine's torques and speeds; 0 where none is known.
+
+    Torques: a tenth of what the drives needed, carried to the place; what grows with speed, that
+    over the speed there; Stribeck speeds, a twentieth of the speed; bristles give way within 1e-4
+    rad of the table.
+    """
+    declared = core.parameter(core.members(path)[0])
+    effect = next(e for e in core.effects if path.startswith(f"{e['label']}."))
+    ratio = ratio_to_table(core, effect["members"][0]) if effect["members"] else 1.0
+    torque, speed = sizes.get("torque", 0.0), sizes.get("speed", 0.0)
+    if torque <= 0.0 or speed <= 0.0:
+        return 0.0
+    return {
+        "N*m": 0.1 * torque / ratio,
+        "N*m*s/rad": 0.1 * torque / speed / ratio**2,
+        "rad/s": 0.05 * speed * ratio,
+        "N*m/rad": 0.1 * torque / _PRESLIDING / ratio**2,
+    }.get(declared.unit, 0.0)
+
+
+def is_strength(core: Any, path: str) -> bool:
+    """Whether zero of it switches the effect off."""
+    declared = core.parameter(core.members(path)[0])
+    name = path.rpartition(".")[2]
+    return bool(declared.standard == 0.0 and name not in ("phase", "asymmetry"))
+
+
+def probes(core: Any, free: Sequence[Unknown]) -> list[dict[str, float]]:
+    """Settings to try an effect at: its strengths at their size, then each other number moved."""
+    base = {
+        p.path: (p.scale if is_strength(core, p.path) else float(core.get(p.path))) for p in free
+    }
+    moved = []
+    for p in free:
+        if is_strength(core, p.path):
+            continue
+        name = p.path.rpartition(".")[2]
+        value = base[p.path]
+        step = (
+            0.5 * math.pi
+            if p.unit == "rad" and name.endswith("phase")
+            else _ASYMMETRY
+            if value == 0.0
+            else 0.5 * value
+        )
+        other = min(max(value + step, p.low), p.high)
+        if other != value:
+            moved.append({**base, p.path: other})
+    return [base, *moved]

@@ -1,0 +1,154 @@
+"""Closed loop: every record is simulated, and each channel that both have is a series.
+
+The channels are those of the headline error: following error, currents or torques, deflections.
+Absolute angles would say the same thing once per encoder, in units of the tightest noise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from copy import copy
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive.compare.noise import noise_floor
+from dualdrive.compare.where import standing
+from dualdrive.diagnose.confront import Series
+from dualdrive.identify.closed_loop import FitError, Problem, channels_to_fit
+from dualdrive.identify.evaluation import state_unknowns
+from dualdrive.identify.unknowns import default_free, unknowns
+from dualdrive.mapper import Threads
+from dualdrive.replay import Record, headline, ratio_to_table
+from dualdrive.traces import Trace
+
+Array = NDArray[np.float64]
+
+RTOL = 1e-6  # local tolerance: far below a record's noise
+_MOST_STEPS = 6_000  # of an integrator per second: a trial that takes more chatters
+#: how far the zero of a current or torque sensor may be off, as a share of its channel's spread
+CURRENT_ZERO = 0.05
+
+
+class ClosedLoop:
+    """See :class:`~dualdrive.diagnose.confront.Confrontation`."""
+
+    mode = "closed_loop"
+
+    def __init__(self, core: Any, played: Sequence[Record], rtol: float = RTOL) -> None:
+        self.core, self.records = core, list(played)
+        self.nominal = unknowns(core, default_free(core), None, {})
+        self.problem = Problem(
+            core,
+            self.records,
+            self.nominal,
+            state_unknowns(core, self.records),
+            channels=channels_to_fit(self.records, None),
+            rtol=rtol,
+            mapper=Threads(1),
+        )
+        self.series = [self._series(*row) for row in self.problem.rows]
+        prior = self.problem.prior
+        self.centre, self.sigma = prior.mean, prior.sigma.copy()
+        first = len(self.nominal)
+        for j, (k, name) in enumerate(self.problem.offsets):
+            if self.records[k].channel(name).kind in ("current", "torque"):
+                self.sigma[first + j] = CURRENT_ZERO
+        self.low, self.high = self.problem.bounds
+        self.start = self.problem.start
+        self._most_steps = _MOST_STEPS * round(sum(r.t[-1] - r.begin for r in self.records) + 1.0)
+
+    def _series(self, k: int, name: str) -> Series:
+        record = self.records[k]
+        c = record.channel(name)
+        still = standing(record.t, record.reference)
+        rate = np.abs(np.gradient(c.measured, record.t))
+        floor = noise_floor(record.t, c.measured, still).rms
+        keep = np.ones(len(record.t), dtype=bool)
+        return Series(record.name, name, c.kind, c.unit, record.t, c.measured, floor, rate, keep)
+
+    def _problem(self, core: Any) -> Problem:
+        own = copy(self.problem)
+        own.core = core
+        return own
+
+    def left(self, core: Any, u: Array) -> list[Array] | None:
+        """Simulated plus the sensor's constant minus measured."""
+        own = self._problem(core)
+        own.max_steps = self._most_steps
+        try:
+            replays = own.replays(u)
+        except ValueError:
+            return None  # an effect outside what the core can simulate
+        if replays is None:
+            return None
+        left = own.unweighted(replays, u)
+        return [left[row] for row in own.rows]
+
+    def slopes(self, core: Any, u: Array) -> list[Array] | None:
+        """Exact sensitivities from the engine."""
+        own = self._problem(core)
+        try:
+            slopes = own.slopes(u)
+        except (FitError, ValueError):
+            return None
+        return [slopes[row] for row in own.rows]
+
+    def machine_at(self, core: Any, u: Array) -> Any:
+        """The core's machine with the nominal numbers of u."""
+        return self._problem(core).machine_at(u)
+
+    def levelled(self, core: Any, u: Array) -> Array:
+        """The point with every sensor's constant where the mean of its residual vanishes."""
+        return self._problem(core).levelled(u)
+
+    def headline(self, left: Sequence[Array]) -> float:
+        """Mean over following error, currents or torques, and deflections, RMS over spread."""
+        by_row = dict(zip(self.problem.rows, left, strict=True))
+        square: dict[str, float] = {}
+        whole: dict[str, float] = {}
+        channels = [(k, c) for k, r in enumerate(self.records) for c in r.channels if c.headline]
+        for k, c in channels:
+            parts = [f * by_row[k, n] for n, f in c.parts if (k, n) in by_row]
+            needed = [n for n, _ in c.parts if n != "theta_ref"]
+            if len(parts) != len(needed):
+                continue
+            residual = np.sum(parts, axis=0)
+            residual = residual - np.mean(residual) if c.floating else residual
+            square[c.name] = square.get(c.name, 0.0) + float(residual @ residual)
+            whole[c.name] = whole.get(c.name, 0.0) + len(residual) * c.spread**2
+        errors = {name: math.sqrt(square[name] / whole[name]) for name in square}
+        return headline(errors, [c for _, c in channels if c.name in errors])
+
+    def angle(self, k: int, place: str) -> Array | None:
+        """Recorded angle of a motor, pinion or the table, at the samples of series k."""
+        record = self.records[self.problem.rows[k][0]]
+        return angle_of(self.core, record.trace, place)
+
+    def sizes(self) -> dict[str, float]:
+        """Spread of the drives' torque carried to the table, N*m, and of its speed, rad/s."""
+        torque = 0.0
+        for record in self.records:
+            for motor in self.core.motors:
+                n = motor.rpartition("_")[2]
+                for name, factor in ((f"T_{n}", 1.0), (f"I_{n}", self.core.get(f"{motor}.K_d"))):
+                    if name in record.trace:
+                        spread = factor * float(np.std(record.trace[name]))
+                        torque = max(torque, ratio_to_table(self.core, motor) * spread)
+        speed = max(float(np.std(np.gradient(r.reference, r.t))) for r in self.records)
+        return {"torque": torque, "speed": speed}
+
+
+def angle_of(core: Any, trace: Trace, place: str) -> Array | None:
+    """Angle of a place from a trace, rad: its own, or the table's times the ratio."""
+    stem, _, n = place.rpartition("_")
+    ratio = ratio_to_table(core, place)
+    own = {"motor": f"theta_{n}", "pinion": f"theta_c{n}"}.get(stem, "theta_m")
+    if own in trace:
+        return np.asarray(trace[own])
+    motor = f"motor_{n}"
+    if f"theta_{n}" in trace and motor in core.motors:
+        return np.asarray(trace[f"theta_{n}"]) * (ratio / ratio_to_table(core, motor))
+    return np.asarray(trace["theta_m"]) * ratio if "theta_m" in trace else None

@@ -1,0 +1,247 @@
+"""Signatures of hypotheses, their scores, and refits of the best."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive import _core
+from dualdrive.diagnose.confront import Confrontation
+from dualdrive.diagnose.evidence import Evidence
+from dualdrive.diagnose.hypotheses import Hypothesis, is_strength, probes
+from dualdrive.diagnose.orders import members_of, strongest_orders
+from dualdrive.diagnose.refit import Fitter, Refit
+from dualdrive.diagnose.score import Gain, Scorer
+
+Array = NDArray[np.float64]
+
+#: RMS change, in units of noise, that a probe may make in its most touched series, and must
+_LOUD, _FAINT = 3.0, 0.02
+_WISHED = 0.5
+_MOST_PROBES = 3  # of one effect: its strength, then what shapes it
+#: laws of friction and the simpler ones they contain, best first
+CONTAINS = {"stribeck": ("coulomb",), "lugre": ("stribeck", "coulomb")}
+
+
+@dataclass(frozen=True, eq=False)
+class Signature:
+    """How a hypothesis would show: change of every series per probe, (n, k) each."""
+
+    hypothesis: Hypothesis
+    grown: Any
+    settings: Sequence[Mapping[str, float]]
+    columns: Sequence[Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """A signature and what it gains."""
+
+    signature: Signature
+    gain: Gain
+
+    @property
+    def label(self) -> str:
+        """Of the hypothesis."""
+        return self.signature.hypothesis.label
+
+
+class Prober:
+    """Finds signatures about one machine, its nuisances at u."""
+
+    def __init__(
+        self, confrontation: Confrontation, u: Array, left: Sequence[Array], noise: Sequence[float]
+    ) -> None:
+        self.confrontation, self.u, self.left, self.noise = confrontation, u, left, noise
+        self.sizes = confrontation.sizes()
+
+    def __call__(self, hypothesis: Hypothesis) -> Signature | None:
+        """None where the core can't simulate it."""
+        grown, paths = hypothesis.put_in(self.confrontation.core, self.sizes)
+        free = hypothesis.unknowns(grown, paths, self.sizes)
+        settings = probes(grown, free)[:_MOST_PROBES]
+        first = self._change(grown, settings[0])
+        if first is None:
+            return None
+        late = any("delay" in _core.effect_type(e).acts_on for e, _ in hypothesis.effects)
+        factor = 1.0 if late else self._factor(first)  # a short delay is a slow simulation
+        strengths = [p for p in free if is_strength(grown, p.path)]
+        if factor != 1.0 and strengths:
+            bounds = {p.path: (p.low, p.high) for p in strengths}
+            settings = [
+                {
+                    path: min(max(x * factor, bounds[path][0]), bounds[path][1])
+                    if path in bounds
+                    else x
+                    for path, x in one.items()
+                }
+                for one in settings
+            ]
+            first = self._change(grown, settings[0])
+        changes = [first, *(self._change(grown, one) for one in settings[1:])]
+        kept = [(s, c) for s, c in zip(settings, changes, strict=True) if c is not None]
+        if not kept or first is None:
+            return None
+        columns = [np.stack(parts, axis=1) for parts in zip(*(c for _, c in kept), strict=True)]
+        return Signature(hypothesis, grown, [s for s, _ in kept], columns)
+
+    def _change(self, grown: Any, setting: Mapping[str, float]) -> list[Array] | None:
+        core = grown.copy()
+        for path, value in setting.items():
+            core.set(path, value)
+        there = self.confrontation.left(core, self.u)
+        if there is None:
+            return None
+        return [b - a for a, b in zip(self.left, there, strict=True)]
+
+    def _factor(self, change: Sequence[Array]) -> float:
+        """By how much a probe should be stronger or fainter."""
+        loud = max(
+            float(np.sqrt(np.mean(c**2))) / n for c, n in zip(change, self.noise, strict=True)
+        )
+        if not math.isfinite(loud) or loud <= 0.0 or _FAINT <= loud <= _LOUD:
+            return 1.0
+        return float(min(max(_WISHED / loud, 1e-4), 1e4))
+
+
+def with_orders(
+    evidence: Evidence, rest: Array, hypotheses: Sequence[Hypothesis]
+) -> list[Hypothesis]:
+    """The same, those with an order at the strongest order that the rest shows at their place."""
+    known: dict[str, list[tuple[int, float]]] = {}
+    core, found = evidence.confrontation.core, []
+    for h in hypotheses:
+        grown, _ = h.put_in(core)
+        paths = [
+            p.path
+            for p in grown.parameters()
+            if p.path.endswith(".order") and p.path not in {q.path for q in core.parameters()}
+        ]
+        if not paths:
+            found.append(h)
+            continue
+        place = members_of(core, h.effects[0][1])[0]
+        if place not in known:
+            known[place] = strongest_orders(evidence, rest, place)
+        orders = [float(n) for n, _ in known[place]] or [float(grown.get(paths[0]))]
+        found += [Hypothesis(h.effects, {**h.fixed, paths[0]: n}) for n in orders]
+    return found
+
+
+def starts_of(score: Score) -> list[dict[str, float]]:
+    """Where a refit may begin: what the score expects, and the probes themselves."""
+    settings, strengths = score.signature.settings, score.gain.strengths
+    grown = score.signature.grown
+    base = dict(settings[0])
+    expected = dict(base)
+    amplitude = float(strengths[0])
+    for one, g in zip(settings[1:], strengths[1:], strict=True):
+        moved = next(path for path in one if one[path] != base[path])
+        if moved.endswith("phase"):
+            expected[moved] = base[moved] + math.atan2(float(g), amplitude)
+            amplitude = math.hypot(amplitude, float(g))
+        elif (whole := amplitude + float(g)) > 0:
+            share = min(max(float(g) / whole, -1.0), 2.0)
+            expected[moved] = base[moved] + share * (one[moved] - base[moved])
+            amplitude = whole
+    for path in base:
+        if is_strength(grown, path):
+            expected[path] = base[path] * amplitude
+    usual = {
+        path: x * max(amplitude, 0.1) if is_strength(grown, path) else x for path, x in base.items()
+    }
+    found = [expected, usual, base]
+    found += [
+        {**usual, path: factor * x}
+        for path, x in base.items()
+        if path.endswith(".speed")
+        for factor in (0.2, 3.0)
+    ]
+    return found
+
+
+def fit_all(
+    fitter: Fitter,
+    base: Refit,
+    scores: Sequence[Score],
+    threads: int,
+    tell: Callable[[str], None],
+) -> list[Refit]:
+    """Refit each, side by side; those that can't be simulated or were never begun are left out.
+
+    Laws that contain a simpler one of the same place come after it and begin from it.
+    """
+    whole = [s for s in scores if s.signature.hypothesis.effects[-1][0] in CONTAINS]
+    simple = [s for s in scores if s not in whole]
+    known: dict[tuple[str, str], Refit] = {}
+
+    def one(score: Score) -> Refit | None:
+        if fitter.stop():
+            return None
+        h = score.signature.hypothesis
+        tell(f"refitting with {h.label}")
+        effect, place = h.effects[-1]
+        first = next(
+            (known[e, place] for e in CONTAINS.get(effect, ()) if (e, place) in known), None
+        )
+        if first is None:
+            return fitter(h, base, starts_of(score))
+        return fitter(h, first, _grown_from(score, first))
+
+    found: list[Refit] = []
+    for several in (simple, whole):
+        if threads == 1 or len(several) < 2:
+            fitted = [one(s) for s in several]
+        else:
+            with ThreadPoolExecutor(threads) as pool:
+                fitted = list(pool.map(one, several))
+        found += [r for r in fitted if r is not None]
+        known.update({r.hypothesis.effects[-1]: r for r in found})
+    return found
+
+
+def _grown_from(score: Score, simple: Refit) -> list[dict[str, float]]:
+    """Starts of a whole law that do what the simpler one did: the same level, little more."""
+    label = score.signature.hypothesis.label
+    level = next(x for path, x in simple.values().items() if path.endswith(".torque"))
+    settings = score.signature.settings[0]
+    base = {**settings, f"{label}.torque": level, f"{label}.static_ratio": 1.15}
+    speeds = [settings[f"{label}.speed"] * factor for factor in (0.1, 0.3, 1.0, 3.0)]
+    return [{**base, f"{label}.speed": v} for v in speeds]
+
+
+def score_all(
+    prober: Prober,
+    judges: Sequence[tuple[Evidence, Scorer]],
+    over: Sequence[float],
+    hypotheses: Sequence[Hypothesis],
+    threads: int,
+    stop: Callable[[], bool],
+) -> list[Score]:
+    """Signatures and gains over the inflation of each judge, the best judge counting."""
+
+    def one(h: Hypothesis) -> Score | None:
+        if stop():
+            return None
+        signature = prober(h)
+        if signature is None:
+            return None
+        gains = [judge(e.white(signature.columns)) for e, judge in judges]
+        scaled = [
+            replace(g, gain=g.gain / o, held_out=g.held_out / o)
+            for g, o in zip(gains, over, strict=True)
+        ]
+        return Score(signature, max(scaled, key=lambda g: g.gain))
+
+    if threads == 1:
+        found = list(map(one, hypotheses))
+    else:
+        with ThreadPoolExecutor(threads) as pool:
+            found = list(pool.map(one, hypotheses))
+    return [s for s in found if s is not None]
