@@ -89,6 +89,7 @@ std::string hook_names(unsigned hooks) {
     add(hook::motor, "motor torque");
     add(hook::reading, "sensor reading");
     add(hook::delay, "sensor delay");
+    add(hook::inertia, "inertia");
     return text;
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "dualdrive/effects.hpp"
 #include "dualdrive/model.hpp"
 
 namespace dualdrive {
@@ -25,6 +26,11 @@ class Replay {
         for (const auto& p : parameters) members_.push_back(machine_.resolve(p));
         build_models();
         find_sources();
+        const auto& effects = machine_.effects();
+        by_load_ = std::any_of(effects.begin(), effects.end(), [](const EffectEntry& e) {
+            return e.formula.empty() && effect_type(e.name).text.by_load;
+        });
+        if (by_load_) find_driver_sides();
     }
 
     Balance run() {
@@ -51,7 +57,9 @@ class Replay {
     std::size_t rows_ = 0;
     std::vector<std::vector<std::size_t>> members_;
     std::vector<std::unique_ptr<Model<Gradient>>> models_;
-    std::vector<int> source_;  // per group: the recorded body, -1: moves with a neighbour
+    std::vector<int> source_;                            // per group: the recorded body, -1: moves with a neighbour
+    bool by_load_ = false;                               // some effect's losses go by the load of a connection
+    std::vector<std::vector<std::size_t>> driver_side_;  // per connection, where they do
 
     static Inputs extra_inputs(const Channels& channels) {
         Inputs in;
@@ -189,7 +197,56 @@ class Replay {
         const Model<Gradient>::Now now{modes.data(), {-infinity, infinity}, nullptr, torque.data()};
         model.evaluate(t, z.data(), now);
         settle(model, modes, t, z, now);
+        if (by_load_) follow_loads(model, t, z, now, rate);
         write(model, chunk, row, speed, rate, modes, out, np);
+    }
+
+    // Losses go by the torque that each connection must carry for its driver's side to move as recorded: the model's own,
+    // from the deflection, less what the residuals of that side lack. A mesh that is recorded on one side only, and so has
+    // no deflection, carries its load all the same. Each pass is better by the share that is lost.
+    void follow_loads(Model<Gradient>& model, const Gradient& t, const std::vector<Gradient>& z,
+                      Model<Gradient>::Now now, const std::vector<Gradient>& rate) const {
+        constexpr int passes = 4;
+        std::vector<Gradient> load(machine_.connections().size(), Gradient(0.0));
+        now.load = load.data();
+        const auto weight = kinematic_weights(model);
+        for (int pass = 0; pass < passes; ++pass) {
+            model.evaluate(t, z.data(), now);
+            std::vector<Gradient> lacking;
+            for (int g = 0; g < layout_.groups; ++g) lacking.push_back(residual(model, g, rate, now.modes));
+            for (std::size_t c = 0; c < load.size(); ++c) {
+                const auto& k = machine_.connections()[c];
+                if (layout_.twist[c] < 0) continue;
+                const auto driver = static_cast<std::size_t>(layout_.group_of[static_cast<std::size_t>(k.driver)]);
+                Gradient side(0.0);  // in the frame of the driver
+                for (const std::size_t g : driver_side_[c]) side += weight[g] / weight[driver] * lacking[g];
+                side /= model.ratio(k.driver);
+                const bool own_frame = k.frame == TwistFrame::driver;
+                const Gradient& torque = model.signals()[static_cast<std::size_t>(layout_.at.torque[c])];
+                load[c] = torque - (own_frame ? side : side * model.connection_ratio(static_cast<int>(c)));
+            }
+        }
+        model.evaluate(t, z.data(), now);
+    }
+
+    // The groups that lie on the driver's side of each connection.
+    void find_driver_sides() {
+        driver_side_.resize(machine_.connections().size());
+        for (std::size_t c = 0; c < driver_side_.size(); ++c) {
+            auto& side = driver_side_[c];
+            const auto group = [&](int body) {
+                return static_cast<std::size_t>(layout_.group_of[static_cast<std::size_t>(body)]);
+            };
+            const auto has = [&](std::size_t g) { return std::find(side.begin(), side.end(), g) != side.end(); };
+            side.push_back(group(machine_.connections()[c].driver));
+            for (std::size_t reached = 0; reached < side.size(); ++reached)
+                for (std::size_t other = 0; other < driver_side_.size(); ++other) {
+                    const auto& k = machine_.connections()[other];
+                    if (other == c || layout_.twist[other] < 0) continue;
+                    for (const auto& [from, to] : {std::pair(k.driver, k.driven), std::pair(k.driven, k.driver)})
+                        if (group(from) == side[reached] && !has(group(to))) side.push_back(group(to));
+                }
+        }
     }
 
     // Flanks and the signs that a formula decides are taken as they stand on the record: the deflection says which flank
@@ -234,14 +291,9 @@ class Replay {
         const auto weight = kinematic_weights(model);
         for (int g = 0; g < layout_.groups; ++g) {
             const auto k = static_cast<std::size_t>(g);
-            Gradient dry(0.0);
-            bool standstill = false;
-            if (const int e = layout_.stick_of[k]; e >= 0) {
-                dry =
-                    modes[static_cast<std::size_t>(e)] > 0 ? model.friction_limit(g, 1) : -model.friction_limit(g, -1);
-                standstill = std::abs(value_of(speed[k]) / value_of(weight[k])) < standstill_;
-            }
-            const Gradient r = model.group_inertia(g) * rate[k] - model.group_torque(g) + dry;
+            const bool standstill =
+                layout_.stick_of[k] >= 0 && std::abs(value_of(speed[k]) / value_of(weight[k])) < standstill_;
+            const Gradient r = residual(model, g, rate, modes.data());
             total += weight[k] * r;
             any_standstill = any_standstill || standstill;
             put(k + 1, r, standstill);
@@ -252,6 +304,15 @@ class Replay {
                 if (layout_.at.effect[e] >= 0)
                     out.effects[e * rows_ + row] =
                         value_of(model.signals()[static_cast<std::size_t>(layout_.at.effect[e])]);
+    }
+
+    // What the motion of a group as recorded needs beyond the torques on it.
+    Gradient residual(const Model<Gradient>& model, int g, const std::vector<Gradient>& rate, const Mode* modes) const {
+        const auto k = static_cast<std::size_t>(g);
+        Gradient dry(0.0);
+        if (const int e = layout_.stick_of[k]; e >= 0)
+            dry = modes[e] > 0 ? model.friction_limit(g, 1) : -model.friction_limit(g, -1);
+        return model.group_inertia(g) * rate[k] - model.group_torque(g) + dry;
     }
 
     std::vector<Gradient> kinematic_weights(const Model<Gradient>& model) const {

@@ -29,6 +29,7 @@ class Builder {
         electrical_states();
         if (m.controlled()) controller_states();
         place_effects();
+        carry_loads();
         name_signals();
         delay_lines();
         switching_elements();
@@ -197,6 +198,7 @@ class Builder {
         l.effects_on_mesh.resize(m.connections().size());
         l.effects_in_motor.resize(m.motors().size());
         l.sensor_effects.resize(m.motors().size() + 1);
+        l.loads.resize(bodies);
         for (std::size_t e = 0; e < m.effects().size(); ++e) {
             const auto& entry = m.effects()[e];
             const bool formula = entry.name == "expression";
@@ -207,6 +209,7 @@ class Builder {
                 if (hooks & hook::body) l.effects_on_body[static_cast<std::size_t>(body)].push_back(index);
                 if (!formula) remember(entry, index, body);
                 if (hooks & hook::friction) l.friction_on_body[static_cast<std::size_t>(body)].push_back(index);
+                if (hooks & hook::inertia) l.effects_on_inertia.push_back({e, static_cast<std::size_t>(body)});
                 if (hooks & hook::motor) l.effects_in_motor[static_cast<std::size_t>(m.motor(place))].push_back(index);
                 if (hooks & hook::mesh)
                     for (std::size_t c = 0; c < m.connections().size(); ++c)
@@ -217,6 +220,23 @@ class Builder {
                         l.sensor_effects[static_cast<std::size_t>(k)].push_back(index);
                 }
             }
+        }
+    }
+
+    // A loss belongs to the wheel that drives, so that each mesh is counted once; the table drives none.
+    void carry_loads() {
+        for (std::size_t b = 0; b < m.bodies().size(); ++b) {
+            const auto of = [&](bool as_driver) {
+                for (std::size_t c = 0; c < m.connections().size(); ++c) {
+                    const auto& k = m.connections()[c];
+                    const bool in_driver_frame = k.frame == TwistFrame::driver;
+                    if (rigid(c) || (as_driver ? k.driver : k.driven) != static_cast<int>(b)) continue;
+                    l.loads[b].push_back(
+                        {static_cast<int>(c), in_driver_frame && !as_driver, !in_driver_frame && as_driver});
+                }
+            };
+            of(true);
+            if (l.loads[b].empty()) of(false);
         }
     }
 
@@ -285,7 +305,7 @@ class Builder {
         at.sensor.push_back(signal("sensed.table", "rad", "table angle as the control reads it"));
         for (const auto& e : m.effects()) {  // those that act through a torque of their own
             const unsigned hooks = e.formula.empty() ? effect_type(e.name).hooks : hook::body;
-            const bool torque = hooks & (hook::body | hook::friction | hook::motor);
+            const bool torque = hooks & (hook::body | hook::friction | hook::motor | hook::inertia);
             at.effect.push_back(torque ? signal(e.label, "N*m", "torque of " + e.label) : -1);
         }
         for (const auto& [name, waveform] : in)
@@ -322,14 +342,19 @@ class Builder {
         return static_cast<int>(l.switches.size()) - 1;
     }
 
+    bool gains_play(std::size_t c) const {
+        return std::any_of(l.effects_on_mesh[c].begin(), l.effects_on_mesh[c].end(), [&](const Layout::MeshEffect& at) {
+            return effect_type(m.effects()[static_cast<std::size_t>(at.effect)].name).text.makes_play;
+        });
+    }
+
     void switching_elements() {
         l.flank_of.assign(m.connections().size(), -1);
         for (std::size_t c = 0; c < m.connections().size(); ++c) {
             const auto& k = m.connections()[c];
-            // Zero gap is a named special case: the connection is compliant, and no flank ever opens.
-            if (k.kind != ConnectionKind::gap ||
-                read_component<Connection<double>>(m.values().data() + k.first).gap == 0.0)
-                continue;
+            // Zero gap is a named special case: the connection is compliant, and no flank opens unless an effect makes play.
+            const bool tight = read_component<Connection<double>>(m.values().data() + k.first).gap == 0.0;
+            if (k.kind != ConnectionKind::gap || (tight && !gains_play(c))) continue;
             l.flank_of[c] = element(SwitchKind::flank, static_cast<int>(c), k.name);
         }
         l.stick_of.assign(static_cast<std::size_t>(l.groups), -1);

@@ -144,9 +144,9 @@ const std::string& Machine::append_effect(EffectEntry entry) {
 }
 
 // Somewhere a mesh effect can bite: a connection with twist, the pinion that drives one, or the ring.
-bool Machine::shapes_a_mesh(const std::string& place) const {
+bool Machine::shapes_a_mesh(const std::string& place, bool with_play) const {
     return std::any_of(connections_.begin(), connections_.end(), [&](const ConnectionEntry& c) {
-        if (c.kind == ConnectionKind::rigid) return false;
+        if (c.kind == ConnectionKind::rigid || (with_play && c.kind != ConnectionKind::gap)) return false;
         const auto& driver = bodies_[static_cast<std::size_t>(c.driver)].name;
         const bool ring =
             (place == "ring" || place == "table") && bodies_[static_cast<std::size_t>(c.driven)].name == "table";
@@ -158,7 +158,7 @@ const std::string& Machine::add_effect(const std::string& effect_name, const std
     const EffectType& type = effect_type(effect_name);
     EffectEntry entry{effect_name, place, "", members_of(place), "", 0, type.parameters.size()};
     if (entry.members.empty()) entry.members = {place};
-    const bool on_body = type.hooks & (hook::body | hook::friction);
+    const bool on_body = type.hooks & (hook::body | hook::friction | hook::inertia);
     const bool on_mesh = type.hooks & hook::mesh;
     const bool in_motor = type.hooks & hook::motor;
     for (auto& m : entry.members) {
@@ -170,6 +170,8 @@ const std::string& Machine::add_effect(const std::string& effect_name, const std
         if (on_mesh && !shapes_a_mesh(m))
             refuse("effect " + effect_name + ": " + m +
                    " is no place for it; it acts at a mesh or gearbox that is not rigid, at a pinion, or at the ring");
+        if (type.text.makes_play && !shapes_a_mesh(m, true))
+            refuse("effect " + effect_name + ": " + m + " has no connection with play; set kind = gap there first");
         const bool sensor = type.hooks & (hook::reading | hook::delay);
         if (sensor && m != "table" && motor(m) < 0 && !is_channel(m))
             refuse("effect " + effect_name + ": " + m +

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from core_effects import placed
 from core_machines import set_all
 from dualdrive import _core
 
@@ -198,17 +199,13 @@ class RandomMachine:
                 self.add_expression(body, level, still)
                 return
             case _:
-                place, values = self.usual(kind)
+                found = placed(kind, self, body, level, still)
+                if found is None:
+                    return
+                place, values = found
         if kind == "sensor_delay" and any(e["effect"] == kind for e in self.machine.effects):
             return
         set_all(self.machine, self.machine.add_effect(kind, place), values)
-
-    def usual(self, kind: str) -> tuple[str, dict[str, float]]:
-        """Return where an effect usually sits and its usual numbers: enough for a new effect."""
-        effect = _core.effect_type(kind)
-        place = effect.places.split(",")[0]
-        member = {"meshes": "mesh_1", "pinions": "pinion_1", "motors": "motor_1"}.get(place, place)
-        return member, {number.path: number.typical for number in effect.parameters}
 
     def add_expression(self, body: str, level: float, still: float) -> None:
         formula = self.pick("-c * speed * abs(speed)", "-a * tanh(speed / v)",

@@ -12,7 +12,10 @@ from dualdrive import _core
 MACHINES, BLOCK = 200, 20
 LOSSES = ("copper", "viscous", "mesh")  # of the ledger: these never give
 DISSIPATIVE = ("viscous", "coulomb", "stribeck", "mesh_damping", "sensor_delay", "sensor_offset",
-               "eccentricity")  # fmt: skip
+               "eccentricity", "angle_dependent_friction", "load_dependent_mesh_loss",
+               "hydrostatic_drag", "transmission_error", "time_varying_mesh_stiffness", "wear",
+               "hertzian_stiffness", "position_dependent_inertia")  # fmt: skip
+SUFFIX = {"table": "m"} | {f"pinion_{n}": f"c{n}" for n in "123"} | {f"motor_{n}": n for n in "123"}
 
 
 def run(machine: RandomMachine, rtol: float) -> Run:
@@ -25,25 +28,67 @@ def run(machine: RandomMachine, rtol: float) -> Run:
 
 def stored(machine: _core.Machine, run: Run) -> Array:
     """Return kinetic, elastic and magnetic energy from speeds, deflections and currents alone."""
-    suffix = (
-        {"table": "m"} | {f"pinion_{n}": f"c{n}" for n in "123"} | {f"motor_{n}": n for n in "123"}
-    )
-    energy = sum(
-        0.5 * machine.get(f"{b}.J") * run[f"omega_{suffix[b]}"] ** 2 for b in machine.bodies
-    )
+    energy = sum(0.5 * inertia(machine, run, b) * speed(run, b) ** 2 for b in machine.bodies)
     for connection in machine.connections:
         kind, x = machine.kind(connection), run[f"{connection}.deflection"]
+        if kind == "rigid":
+            continue
+        gap, stiffness, growth = mesh(machine, run, connection)
         if kind == "gap":
-            gap = machine.get(f"{connection}.gap")
             x = x - np.clip(x, -gap, gap)
-        if kind != "rigid":
-            energy = energy + 0.5 * machine.get(f"{connection}.stiffness") * x**2
+        energy = energy + 0.5 * stiffness * x**2
+        for share, overlap in growth:
+            u, small = (x / overlap) ** 2 + 1e-4, 1e-4**1.25  # the rounding of the root is 0.01
+            energy = energy + 0.4 * stiffness * share * overlap**2 * (u**1.25 - small)
         if kind == "compliant":
             energy = energy + machine.get(f"{connection}.preload") * x
     for motor in machine.motors:
         if machine.kind(motor) == "armature":
-            energy = energy + 0.5 * machine.get(f"{motor}.L") * run[f"I_{suffix[motor]}"] ** 2
+            energy = energy + 0.5 * machine.get(f"{motor}.L") * run[f"I_{SUFFIX[motor]}"] ** 2
     return np.asarray(energy)
+
+
+def speed(run: Run, body: str) -> Array:
+    return run[f"omega_{SUFFIX[body]}"]
+
+
+def angle(run: Run, body: str) -> Array:
+    return run[f"theta_{SUFFIX[body]}"]
+
+
+def numbers(machine: _core.Machine, kind: str, place: str) -> list[dict[str, float]]:
+    """Return the parameters of every effect of a kind at a place."""
+    return [
+        {p.path.rpartition(".")[2]: p.value for p in machine.parameters()
+         if p.path.rpartition(".")[0] == effect["label"]}
+        for effect in machine.effects if effect["effect"] == kind and effect["place"] == place
+    ]  # fmt: skip
+
+
+def inertia(machine: _core.Machine, run: Run, body: str) -> float | Array:
+    J: float | Array = machine.get(f"{body}.J")
+    for p in numbers(machine, "position_dependent_inertia", body):
+        J = J * (1 + p["amplitude"] * np.cos(p["order"] * angle(run, body) + p["phase"]))
+    return J
+
+
+def mesh(
+    machine: _core.Machine, run: Run, connection: str
+) -> tuple[float | Array, float | Array, list[tuple[float, float]]]:
+    """Return half gap, stiffness and (growth, reference overlap) as effects leave them."""
+    gap: float | Array = machine.get(f"{connection}.gap")
+    stiffness: float | Array = machine.get(f"{connection}.stiffness")
+    pinion = connection.replace("mesh", "pinion").replace("gearbox", "motor")
+    for p in numbers(machine, "wear", pinion) if connection.startswith("mesh") else []:
+        off = np.cos(angle(run, pinion) - p["centre"]) - 1
+        gap = gap + p["depth"] * np.exp(off / p["width"] ** 2)
+    for p in numbers(machine, "time_varying_mesh_stiffness", connection):
+        swing = np.cos(p["teeth"] * angle(run, pinion) + p["phase"])
+        stiffness = stiffness * (1 + p["amplitude"] * swing)
+    growth = [
+        (p["growth"], p["overlap"]) for p in numbers(machine, "hertzian_stiffness", connection)
+    ]
+    return gap, stiffness, growth
 
 
 @pytest.mark.parametrize("first", range(0, MACHINES, BLOCK))

@@ -1,8 +1,9 @@
 // What a physical effect may do to the machine: the ports it sees and the hooks it may offer.
 //
 // An effect reads named quantities of its port, never state indices, and adds: a torque on a body, a dry-friction
-// limit, a change of a mesh (deflection, gap, stiffness, damping), a torque inside the motor, or a changed reading of
-// a sensor. It never overwrites. The hooks are found by concepts; `effects/<name>.hpp` holds one effect each.
+// limit, a change of a mesh (deflection, gap, stiffness, damping, stored energy), inertia that varies with the angle, a
+// torque inside the motor, or a changed reading of a sensor. It never overwrites. The hooks are found by concepts;
+// `effects/<name>.hpp` holds one effect each.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +21,7 @@ namespace dualdrive {
 template <class S>
 struct BodyPort {
     S t, angle, speed;
-    S mesh_torque;                   // magnitude source of load-dependent losses: torque through the body's meshes
+    S mesh_torque;  // ≥ 0, through the meshes the body drives, or, if it drives none, through those that drive it
     const S* signals = nullptr;      // all named signals known before body torques; for user expressions
     const S* memory = nullptr;       // the effect's own states at this place
     const Mode* branches = nullptr;  // frozen signs of the effect's own switches
@@ -38,6 +39,12 @@ struct MeshPort {
 template <class A>
 struct MeshLaw {
     A offset, gap, stiffness, damping;
+};
+
+// What a loaded contact stores besides ½ K ξ², and its derivative by the overlap ξ: torque = dV/dξ, so that energy closes.
+template <class A>
+struct ContactSpring {
+    A energy, torque;
 };
 
 template <class S>
@@ -59,6 +66,12 @@ class Effect {
     virtual S torque_on_body(const BodyPort<S>&) const { return S(0.0); }
     virtual S friction_limit(const BodyPort<S>&, int /*direction*/) const { return S(0.0); }
     virtual void shape_mesh(MeshLaw<A>&, const MeshPort<A>&) const {}
+    // `overlap` is ξ = d + offset − sΔ of a flank that carries; `law` is what all effects made of the mesh.
+    virtual void load_contact(ContactSpring<A>&, const A& /*overlap*/, const MeshLaw<A>& /*law*/) const {}
+    // The body's inertia at an angle of it; what follows from dJ/dθ is the machine's business.
+    virtual void shape_inertia(Dual<S, 1>& /*inertia*/, const Dual<S, 1>& /*angle*/) const {}
+    // Times at which the law takes another form, s: no step of the solver reaches across one.
+    virtual void instants(std::vector<double>&) const {}
     virtual S torque_of_motor(const MotorPort<S>&) const { return S(0.0); }
     virtual S reading(const S& value, const SensorPort<S>&) const { return value; }
     virtual S delay() const { return S(0.0); }
@@ -67,7 +80,7 @@ class Effect {
 };
 
 namespace hook {
-inline constexpr unsigned body = 1, friction = 2, mesh = 4, motor = 8, reading = 16, delay = 32;
+inline constexpr unsigned body = 1, friction = 2, mesh = 4, motor = 8, reading = 16, delay = 32, inertia = 64;
 }
 
 // What a reader and the tools are told of an effect.
@@ -79,6 +92,8 @@ struct EffectText {
     const char* confused_with;  // effects that data may not tell apart from this one
     const char* places;         // where it usually sits, best first, comma-separated
     bool affine = false;        // affine in the state once its modes are frozen
+    bool makes_play = false;    // of a mesh: a gap of zero opens
+    bool by_load = false;       // reads BodyPort::mesh_torque
 };
 
 // One row of the registry: an effect type without its scalar.
@@ -98,6 +113,14 @@ template <class E>
 concept ShapesMesh =
     requires(const E e, MeshLaw<Dual<double, 2>> law, const MeshPort<Dual<double, 2>> p) { e.shape_mesh(law, p); };
 template <class E>
+concept LoadsContact = requires(const E e, ContactSpring<Dual<double, 2>> spring, const MeshLaw<Dual<double, 2>> law) {
+    e.load_contact(spring, law.offset, law);
+};
+template <class E>
+concept ShapesInertia = requires(const E e, Dual<double, 1> inertia) { e.shape_inertia(inertia, inertia); };
+template <class E>
+concept ChangesForm = requires(const E e, std::vector<double> times) { e.instants(times); };
+template <class E>
 concept ActsInMotor = requires(const E e, const MotorPort<double> p) { e.torque_of_motor(p); };
 template <class E>
 concept ChangesReading = requires(const E e, const SensorPort<double> p) { e.reading(1.0, p); };
@@ -115,7 +138,8 @@ template <template <class> class E>
 unsigned hooks_of() {
     using T = E<double>;
     return (detail::ActsOnBody<T> ? hook::body : 0u) | (detail::RubsOnBody<T> ? hook::friction : 0u) |
-           (detail::ShapesMesh<T> ? hook::mesh : 0u) | (detail::ActsInMotor<T> ? hook::motor : 0u) |
+           (detail::ShapesMesh<T> || detail::LoadsContact<T> ? hook::mesh : 0u) |
+           (detail::ShapesInertia<T> ? hook::inertia : 0u) | (detail::ActsInMotor<T> ? hook::motor : 0u) |
            (detail::ChangesReading<T> ? hook::reading : 0u) | (detail::DelaysReading<T> ? hook::delay : 0u);
 }
 
@@ -142,6 +166,15 @@ class EffectOf final : public Effect<S> {
     }
     void shape_mesh(MeshLaw<A>& law, const MeshPort<A>& at) const override {
         if constexpr (detail::ShapesMesh<E<double>>) effect_.shape_mesh(law, at);
+    }
+    void load_contact(ContactSpring<A>& spring, const A& overlap, const MeshLaw<A>& law) const override {
+        if constexpr (detail::LoadsContact<E<double>>) effect_.load_contact(spring, overlap, law);
+    }
+    void shape_inertia(Dual<S, 1>& inertia, const Dual<S, 1>& angle) const override {
+        if constexpr (detail::ShapesInertia<E<double>>) effect_.shape_inertia(inertia, angle);
+    }
+    void instants(std::vector<double>& times) const override {
+        if constexpr (detail::ChangesForm<E<double>>) effect_.instants(times);
     }
     S torque_of_motor(const MotorPort<S>& at) const override {
         if constexpr (detail::ActsInMotor<E<double>>) return effect_.torque_of_motor(at);

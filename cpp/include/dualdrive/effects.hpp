@@ -6,32 +6,55 @@
 #include <vector>
 
 #include "dualdrive/effect.hpp"
+#include "dualdrive/effects/angle_dependent_friction.hpp"
 #include "dualdrive/effects/cogging.hpp"
 #include "dualdrive/effects/coulomb.hpp"
+#include "dualdrive/effects/cutting_torque.hpp"
 #include "dualdrive/effects/eccentricity.hpp"
+#include "dualdrive/effects/hertzian_stiffness.hpp"
+#include "dualdrive/effects/hydrostatic_drag.hpp"
+#include "dualdrive/effects/load_dependent_mesh_loss.hpp"
 #include "dualdrive/effects/lugre.hpp"
 #include "dualdrive/effects/mesh_damping.hpp"
+#include "dualdrive/effects/position_dependent_inertia.hpp"
 #include "dualdrive/effects/sensor_delay.hpp"
 #include "dualdrive/effects/sensor_offset.hpp"
 #include "dualdrive/effects/stribeck.hpp"
+#include "dualdrive/effects/time_varying_mesh_stiffness.hpp"
 #include "dualdrive/effects/torque_ripple.hpp"
+#include "dualdrive/effects/transmission_error.hpp"
+#include "dualdrive/effects/unbalance.hpp"
 #include "dualdrive/effects/viscous.hpp"
+#include "dualdrive/effects/wear.hpp"
 
 namespace dualdrive {
 
 template <template <class> class... E>
 struct EffectList {};
 
-using Registry = EffectList<Viscous,       //
-                            Coulomb,       //
-                            Stribeck,      //
-                            LuGre,         //
-                            MeshDamping,   //
-                            Eccentricity,  //
-                            Cogging,       //
-                            TorqueRipple,  //
-                            SensorDelay,   //
-                            SensorOffset>;
+// clang-format off: one effect a line
+using Registry = EffectList<
+    Viscous,
+    Coulomb,
+    Stribeck,
+    LuGre,
+    AngleDependentFriction,
+    LoadDependentMeshLoss,
+    MeshDamping,
+    Eccentricity,
+    TransmissionError,
+    TimeVaryingMeshStiffness,
+    HertzianStiffness,
+    Wear,
+    Cogging,
+    TorqueRipple,
+    Unbalance,
+    CuttingTorque,
+    HydrostaticDrag,
+    PositionDependentInertia,
+    SensorDelay,
+    SensorOffset>;
+// clang-format on
 
 // Every registered effect, in the order of the registry.
 const std::vector<EffectType>& effect_types();

@@ -80,6 +80,16 @@ struct Layout {
         int number;    // of the mesh, where the ring sees several; 1 at a pinion of its own
     };
     std::vector<std::vector<MeshEffect>> effects_on_mesh;
+    // A connection whose torque a body's load-dependent losses go by, and how it comes into the body's frame.
+    struct Load {
+        int connection;
+        bool times_ratio, over_ratio;
+    };
+    std::vector<std::vector<Load>> loads;  // per body
+    struct InertiaEffect {
+        std::size_t effect, body;
+    };
+    std::vector<InertiaEffect> effects_on_inertia;
     struct Memory {
         int effect, body, state;  // first of the effect's own states at this body
     };

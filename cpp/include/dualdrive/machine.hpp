@@ -106,7 +106,7 @@ class Machine {
     std::vector<std::string> members_of(std::string_view group) const;
     const std::string& append_effect(EffectEntry entry);
     std::string unread(std::size_t slot) const;
-    bool shapes_a_mesh(const std::string& place) const;
+    bool shapes_a_mesh(const std::string& place, bool with_play = false) const;
 
     std::vector<BodyEntry> bodies_;
     std::vector<ConnectionEntry> connections_;

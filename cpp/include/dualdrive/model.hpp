@@ -38,12 +38,16 @@ class Model {
     // Other inputs of the same names, which must outlive the next evaluation.
     void set_inputs(const Inputs& inputs);
 
+    // Appends the times at which the laws of effects take another form.
+    void instants(std::vector<double>& times) const;
+
     // What stays frozen while the solver runs.
     struct Now {
         const Mode* modes;
         Cell cell;                        // interval between known breaks in which t lies
         const Past<S>* past;              // null: delayed signals equal the present ones (start of a run)
         const S* motor_torque = nullptr;  // recorded motor torques in place of K_d I (torque balance)
+        const S* load = nullptr;  // torques of the connections that load-dependent losses go by (torque balance)
     };
 
     // Everything at time t and state z; the accessors below refer to the last call.
@@ -55,7 +59,8 @@ class Model {
     // Where every evaluation lists what power() and the stored energy are summed up from; null: nowhere.
     void list_products(std::vector<Product<S>>* into) { products_ = into; }
     const Block<S>& block(int b) const { return block_[static_cast<std::size_t>(b)]; }
-    // Net torque on a group without dry friction, and its inertia, in the frame of the group's reference body.
+    // Net torque on a group without dry friction, and its inertia at the present angles, in the frame of the group's
+    // reference body.
     const S& group_torque(int g) const { return torque_[static_cast<std::size_t>(g)]; }
     const S& group_inertia(int g) const { return inertia_[static_cast<std::size_t>(g)]; }
     const S& friction_limit(int g, int direction) const {
@@ -97,10 +102,12 @@ class Model {
     S tension_set_point() const;
     S measured_speed(std::size_t k, const S* z) const;
     void body_torques(const S& t);
+    void vary_inertia();
     void friction(const S& t);
     void rates(const S* z);
     void energy(const S* z);
     BodyPort<S> port(std::size_t body, const S& t) const;
+    S load_through(const Layout::Load& load) const;
     Mode mode(int element) const { return now_.modes[static_cast<std::size_t>(element)]; }
     void add_torque(int body, const S& torque);
     void deliver(Power path, const S& a, const S& b);
@@ -118,14 +125,15 @@ class Model {
     std::vector<Motor<S>> motor_;
     Controller<S> controller_{};
     std::vector<std::unique_ptr<Effect<S>>> effect_;
-    std::vector<S> ratio_, inertia_, i_, i_m_;
+    std::vector<S> ratio_, inertia_, constant_inertia_, i_, i_m_;
+    std::vector<Dual<S, 1>> varied_;  // inertia of each body where effects vary it
 
     Now now_{};
     S time_{};
     const S* state_ = nullptr;
     std::vector<S> signal_, rate_;
     std::vector<S> body_torque_, torque_, limit_forward_, limit_backward_, acceleration_;
-    std::vector<S> elongation_, stiffness_, gap_, contact_torque_;
+    std::vector<S> elongation_, stiffness_, gap_, contact_torque_, contact_energy_;
     std::vector<S> sensed_, motor_torque_, voltage_, torque_ref_, correction_;
     std::vector<Block<S>> block_;
     S derivative_rate_{}, tension_rate_{}, tension_sum_{}, tension_left_{};

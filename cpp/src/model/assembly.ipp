@@ -9,7 +9,8 @@ Model<S>::Model(const Machine& machine, const Inputs& inputs, const Layout& layo
     const auto resize = [](std::size_t n, auto&... v) { (v.assign(n, S(0.0)), ...); };
     resize(machine.bodies().size(), body_torque_, ratio_);
     resize(static_cast<std::size_t>(layout.groups), torque_, limit_forward_, limit_backward_, acceleration_, inertia_);
-    resize(machine.connections().size(), elongation_, stiffness_, gap_, contact_torque_);
+    resize(machine.connections().size(), elongation_, stiffness_, gap_, contact_torque_, contact_energy_);
+    varied_.resize(machine.bodies().size());
     resize(machine.motors().size(), motor_torque_, voltage_, torque_ref_, correction_, i_, i_m_);
     resize(machine.motors().size() + 1, sensed_);
     resize(layout.switches.size(), branch_argument_);
@@ -75,11 +76,17 @@ void Model<S>::set_parameters(const S* values) {
                 "body " + machine_.bodies()[b].name +
                 ": J and that of all bodies joined rigidly to it is 0; a moving part needs inertia");
     }
+    constant_inertia_ = inertia_;
     for (std::size_t k = 0; k < motor_.size(); ++k) {
         const auto& m = machine_.motors()[k];
         i_[k] = m.gearbox < 0 ? S(1.0) : connection_[static_cast<std::size_t>(m.gearbox)].ratio;
         i_m_[k] = m.mesh < 0 ? S(1.0) : connection_[static_cast<std::size_t>(m.mesh)].ratio;
     }
+}
+
+template <class S>
+void Model<S>::instants(std::vector<double>& times) const {
+    for (const auto& effect : effect_) effect->instants(times);
 }
 
 template <class S>

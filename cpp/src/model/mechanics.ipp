@@ -62,8 +62,8 @@ void Model<S>::connection_torques() {
         x.value = twist;
         x.slope = {weight, -weight * ratio};
         S damping(0.0);
+        MeshLaw<A> law{A(0.0), gap, K, A(0.0)};
         if (!layout_.effects_on_mesh[c].empty()) {
-            MeshLaw<A> law{A(0.0), gap, K, A(0.0)};
             const A driver = A::variable(angle_a, 0), driven = A::variable(angle_b, 1);
             MeshPort<A> port{x, driver, driven, driver, 1};
             for (const auto& at_mesh : layout_.effects_on_mesh[c]) {
@@ -81,8 +81,12 @@ void Model<S>::connection_torques() {
         const double side = element >= 0 ? flank::side(m) : 0.0;  // without play there is no flank to choose
         const A xi = x - side * gap;
         const S xi_rate = xi.slope[0] * speed_a + xi.slope[1] * speed_b;
+        ContactSpring<A> spring{};  // what effects store besides ½ K ξ²
+        for (const auto& at_mesh : layout_.effects_on_mesh[c])
+            effect_[static_cast<std::size_t>(at_mesh.effect)]->load_contact(spring, xi, law);
         const S elastic = K.value * xi.value + (k.kind == ConnectionKind::compliant ? connection_[c].preload : S(0.0));
-        const S contact = elastic + damping * xi_rate;
+        const S damped = elastic + damping * xi_rate;
+        const S contact = damped + spring.torque.value;
         const bool carries = element < 0 || flank::carries(m);
         const bool open = element >= 0 && m == flank::gap;
 
@@ -90,18 +94,21 @@ void Model<S>::connection_torques() {
         if (carries) {
             torque = contact;
             const S half_square = 0.5 * xi.value * xi.value;
-            add_torque(k.driver, -(contact * xi.slope[0] + K.slope[0] * half_square));
-            add_torque(k.driven, -(contact * xi.slope[1] + K.slope[1] * half_square));
+            add_torque(k.driver, -(damped * xi.slope[0] + K.slope[0] * half_square + spring.energy.slope[0]));
+            add_torque(k.driven, -(damped * xi.slope[1] + K.slope[1] * half_square + spring.energy.slope[1]));
             deliver(Power::mesh, -damping * xi_rate, xi_rate);
         } else if (!open) {
             // Parting: the spring relaxes against its own damper, which takes the energy it still held.
             const S K_rate = K.slope[0] * speed_a + K.slope[1] * speed_b;
             deliver(Power::mesh, elastic, xi_rate);
             deliver(Power::mesh, 0.5 * K_rate * xi.value, xi.value);
+            deliver(Power::mesh, spring.energy.slope[0], speed_a);
+            deliver(Power::mesh, spring.energy.slope[1], speed_b);
         }
         gap_[c] = gap.value;
         stiffness_[c] = K.value;
         elongation_[c] = open ? S(0.0) : xi.value;
+        contact_energy_[c] = open ? S(0.0) : spring.energy.value;
         contact_torque_[c] = contact;
         signal_[static_cast<std::size_t>(at.deflection[c])] = x.value;
         signal_[static_cast<std::size_t>(at.torque[c])] = torque;
@@ -137,13 +144,42 @@ BodyPort<S> Model<S>::port(std::size_t b, const S& t) const {
                   S(0.0),
                   signal_.data(),
                   nullptr};
-    for (std::size_t c = 0; c < connection_.size(); ++c) {
-        const auto& k = machine_.connections()[c];
-        if (layout_.flank_of[c] < 0 || (k.driver != static_cast<int>(b) && k.driven != static_cast<int>(b))) continue;
-        const S& torque = signal_[static_cast<std::size_t>(at.torque[c])];
-        p.mesh_torque += double(flank::side(mode(layout_.flank_of[c]))) * torque;
-    }
+    for (const Layout::Load& load : layout_.loads[b]) p.mesh_torque += load_through(load);
     return p;
+}
+
+// The torque of a mesh, ≥ 0, in the frame of the body whose load it is. A flank that carries knows its sign.
+template <class S>
+S Model<S>::load_through(const Layout::Load& load) const {
+    using std::abs;
+    const auto c = static_cast<std::size_t>(load.connection);
+    const S& torque = now_.load ? now_.load[c] : signal_[static_cast<std::size_t>(layout_.at.torque[c])];
+    const int element = now_.load ? -1 : layout_.flank_of[c];
+    const S size = element < 0 ? S(abs(torque)) : S(double(flank::side(mode(element))) * torque);
+    return load.times_ratio ? size * connection_[c].ratio : load.over_ratio ? size / connection_[c].ratio : size;
+}
+
+// Bodies whose inertia varies with the angle: J(θ) into their group, and −½ J'(θ) ω², which does no work that the kinetic
+// energy ½ J(θ) ω² does not hold.
+template <class S>
+void Model<S>::vary_inertia() {
+    const auto& at = layout_.at;
+    using A = Dual<S, 1>;
+    if (layout_.effects_on_inertia.empty()) return;
+    inertia_ = constant_inertia_;
+    std::vector<A>& varied = varied_;
+    for (std::size_t b = 0; b < body_.size(); ++b) varied[b] = A(body_[b].J);
+    for (const auto& [e, b] : layout_.effects_on_inertia) {
+        const S &angle = signal_[static_cast<std::size_t>(at.angle[b])],
+                &speed = signal_[static_cast<std::size_t>(at.speed[b])];
+        const A before = varied[b];
+        effect_[e]->shape_inertia(varied[b], A::variable(angle, 0));
+        const S added = varied[b].value - before.value;
+        const S torque = -0.5 * (varied[b].slope[0] - before.slope[0]) * speed * speed;
+        inertia_[static_cast<std::size_t>(layout_.group_of[b])] += ratio_[b] * ratio_[b] * added;
+        signal_[static_cast<std::size_t>(at.effect[e])] += torque;
+        add_torque(static_cast<int>(b), torque);
+    }
 }
 
 // An effect's own states at a body; null when it keeps none.
@@ -159,6 +195,7 @@ void Model<S>::body_torques(const S& t) {
     const auto& at = layout_.at;
     for (const int s : at.effect)
         if (s >= 0) signal_[static_cast<std::size_t>(s)] = S(0.0);
+    vary_inertia();
     for (std::size_t k = 0; k < motor_.size(); ++k) {
         const auto b = static_cast<std::size_t>(machine_.motors()[k].body);
         const S& speed = signal_[static_cast<std::size_t>(at.speed[b])];
@@ -311,6 +348,7 @@ void Model<S>::energy(const S* z) {
     for (std::size_t c = 0; c < connection_.size(); ++c)
         if (layout_.twist[c] >= 0) {
             store(0.5 * stiffness_[c] * elongation_[c], elongation_[c]);
+            if (!layout_.effects_on_mesh[c].empty()) store(contact_energy_[c], S(1.0));
             if (machine_.connections()[c].kind == ConnectionKind::compliant)
                 store(connection_[c].preload, elongation_[c]);
         }

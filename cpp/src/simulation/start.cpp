@@ -23,8 +23,8 @@ void Simulation::start() {
         z_scratch_[static_cast<std::size_t>(layout_.state(name))] = value;
     double rate = 0.0, reach = 0.0;
     for (const auto& [name, w] : inputs_) {
-        for (const double b : w.breaks())
-            if (b > options_.start + instant(b) && b < options_.end) breaks_.push_back(b);
+        const std::vector<double> breaks = w.breaks();
+        breaks_.insert(breaks_.end(), breaks.begin(), breaks.end());
         if (name != "theta_ref") continue;
         for (int k = 0; k <= 200; ++k) {
             const double t = options_.start + (options_.end - options_.start) * k / 200.0;
@@ -32,6 +32,8 @@ void Simulation::start() {
             reach = std::max(reach, std::abs(w.value(t)));
         }
     }
+    model_.instants(breaks_);
+    std::erase_if(breaks_, [&](double b) { return !(b > options_.start + instant(b) && b < options_.end); });
     std::sort(breaks_.begin(), breaks_.end());
     breaks_.erase(std::unique(breaks_.begin(), breaks_.end()), breaks_.end());
 

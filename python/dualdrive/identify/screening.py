@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 #: laws that take the place of a simpler one already scored: no signature of their own at zero
 _WHOLE_LAWS = ("stribeck", "lugre")
 _TWIN = 1.0 - 1e-6  # squared cosine above which two signatures are one
+_EARNED = 0.1  # of the residual: what a second unknown must explain beyond the first
 _DELAY_PROBE = 2e-3  # s: a delay is part of the structure, so it is probed at a size, not at zero
 
 
@@ -127,7 +128,13 @@ def screen(
         expected = {p.path: s * p.unknown.scale for p, s in zip(own, strengths, strict=True)}
         found = Candidate(effect, place, explained, expected, own[0].unknown.unit)
         scored.append((found, columns))
-    return _name_twins(sorted(scored, key=lambda item: -item[0].explained))
+    return _name_twins(sorted(scored, key=_worth, reverse=True))
+
+
+def _worth(item: tuple[Candidate, Array]) -> float:
+    """Over a small arc friction that varies with the angle explains what plain friction does."""
+    candidate, columns = item
+    return candidate.explained - _EARNED * (columns.shape[1] - 1)
 
 
 @dataclass(frozen=True, eq=False)

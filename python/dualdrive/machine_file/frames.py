@@ -23,12 +23,16 @@ _LINEAR: Final = {
     "rad": "m",
     "rad/s": "m/s",
     "rad/s^2": "m/s^2",
+    "N*m*s^2/rad^2": "N*s^2/m^2",
     "N*m/A": "N/A",
     "V*s/rad": "V*s/m",
 }
 _TABLE_SIGNALS: Final = re.compile(
     r"(theta|omega|alpha)_(ref|m)|T_load|e|sensed\.table|.+@(table|ring)(#\d+)?(\..+)?|table\..+"
     r"|in\.(theta_ref|T_load)"
+)
+_AT_THE_PINION: Final = re.compile(
+    r"(eccentricity|transmission_error)@.+\.amplitude|wear@.+\.depth"
 )
 
 
@@ -42,7 +46,7 @@ def unit_on_axis(name: str, unit: str, *, axis: str, rigid: bool = False) -> str
 
     rigid: the motor is joined to the table directly, so that its side is linear too.
     """
-    if axis != "linear" or name.endswith(".phase"):
+    if axis != "linear" or name.endswith(".phase") or _AT_THE_PINION.fullmatch(name):
         return unit
     if rigid:
         return linear_unit(unit)
