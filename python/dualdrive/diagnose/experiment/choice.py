@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Any
 
@@ -41,7 +41,23 @@ _STEPS = 8
 
 
 @dataclass(frozen=True)
-class _Trial:
+class Rival:
+    """An explanation: the machine fitted with it; known: path -> standard deviation, SI."""
+
+    label: str
+    core: Any
+    known: Mapping[str, float] = field(default_factory=dict)
+
+    def set(self, item: Item) -> Rival:
+        """With the item's settings. ValueError where the machine has no such parameter."""
+        core = self.core.copy()
+        for path, value in item.settings.items():
+            core.set(path, value)
+        return replace(self, core=core)
+
+
+@dataclass(frozen=True)
+class Trial:
     """A planned experiment that both rivals survive, and how far apart it puts them."""
 
     item: Item
@@ -57,6 +73,7 @@ def next_experiment(
     channels: Sequence[str],
     seconds: float = 40.0,
     spacing: float = 5e-3,
+    known: Mapping[str, Mapping[str, float]] | None = None,
     limits: Limits | None = None,
     budget: float = 30.0,
     files: tuple[str, str, str] = ("machine.toml", "old.csv", "next.csv"),
@@ -77,6 +94,8 @@ def next_experiment(
         seconds: longest an experiment may last.
         spacing: time between samples whose noise is independent, s: the sampling time times one
             plus twice the noise's correlation time in samples.
+        known: label -> parameter path -> standard deviation that the fit left, SI; without it an
+            effect's strength is taken as known to 20 %.
         limits: what the axis may be asked for; 80 % of torque and speed, one turn unless given.
         budget: s of computing; what is not done then is left out.
         files: names for the commands: machine, record so far, record to come.
@@ -89,26 +108,31 @@ def next_experiment(
         ValueError: noise that lacks every channel, or a machine without any speed limit.
 
     """
-    leading = [(label, core_of(machine)) for label, machine in rivals[:_LEADING]]
-    if len(leading) < 2 or not same([core for _, core in leading]):
+    leading = [
+        Rival(label, core_of(machine), dict((known or {}).get(label, {})))
+        for label, machine in rivals[:_LEADING]
+    ]
+    if len(leading) < 2 or not same([rival.core for rival in leading]):
         return None
-    known = {name: noise[name] for name in channels if noise.get(name, 0.0) > 0.0} or {
-        name: rms for name, rms in noise.items() if rms > 0.0
+    rms = {name: noise[name] for name in channels if noise.get(name, 0.0) > 0.0} or {
+        name: value for name, value in noise.items() if value > 0.0
     }
-    if not known:
+    if not rms:
         raise ValueError(f"noise: nothing above 0 for {', '.join(channels)}; give its RMS")
     linear = any(getattr(machine, "axis", "") == "linear" for _, machine in rivals)
     own = limits or Limits()
-    planned = menu(axis_of(leading[0][1], own, linear=linear), seconds)
-    plan = _Plan(Noise(known, spacing), own, linear, budget, progress or (lambda _: None))
-    for pair in combinations(leading, 2):
+    planned = menu(axis_of(leading[0].core, own, linear=linear), seconds)
+    pairs, end = list(combinations(leading, 2)), time.monotonic() + budget
+    for left, pair in zip(range(len(pairs), 0, -1), pairs, strict=True):
+        share = (end - time.monotonic()) / left
+        plan = Plan(Noise(rms, spacing), own, linear, share, progress or (lambda _: None))
         trials = plan.trials(pair, planned)
         if trials and trials[0].distance >= _HOPELESS:
             return _told(pair, trials, files)
     return None
 
 
-class _Plan:
+class Plan:
     """One search: its noise, limits and deadline."""
 
     def __init__(
@@ -127,35 +151,35 @@ class _Plan:
         """Whether this share of the time is over."""
         return time.monotonic() > self.begin + share * self.budget
 
-    def trials(self, pair: Sequence[tuple[str, Any]], planned: Sequence[Item]) -> list[_Trial]:
+    def trials(self, pair: Sequence[Rival], planned: Sequence[Item]) -> list[Trial]:
         """What was tried, the best first; motions as the drives are set before other settings."""
-        labels, cores = " and ".join(label for label, _ in pair), [core for _, core in pair]
-        found: list[_Trial] = []
+        labels = " and ".join(rival.label for rival in pair)
+        found: list[Trial] = []
         for changed in (False, True):
             for item in planned:
                 if bool(item.settings) == changed and not (found and self.late(_SEARCH)):
                     self.progress(f"telling {labels} apart by {item.name}")
-                    trial = self._sized(cores, item)
+                    trial = self.sized(pair, item)
                     found += [] if trial is None else [trial]
-            self._settle(cores, found)
+            self._settle(pair, found)
             if found and found[0].distance >= CERTAIN:
                 break
         return found
 
-    def _settle(self, cores: Sequence[Any], found: list[_Trial]) -> None:
+    def _settle(self, pair: Sequence[Rival], found: list[Trial]) -> None:
         """Sort; refit in full what leads by the first step of a refit, until one refitted leads."""
         found.sort(key=_rank)
         while found and not found[0].final and not self.late():
             first = found[0]
-            own = [_set(core, first.item) for core in cores]
+            own = [rival.set(first.item) for rival in pair]
             distance = self._distance(own, first.motion, steps=_STEPS)
-            found[0] = _Trial(first.item, first.motion, distance, final=True)
+            found[0] = Trial(first.item, first.motion, distance, final=True)
             found.sort(key=_rank)
 
-    def _sized(self, cores: Sequence[Any], item: Item) -> _Trial | None:
+    def sized(self, pair: Sequence[Rival], item: Item) -> Trial | None:
         """The item as large as torque allows; None where the machines can't do it."""
         try:
-            own = [_set(core, item) for core in cores]
+            own = [rival.set(item) for rival in pair]
         except ValueError:
             return None  # no such setting on this machine
         for size in _SIZES:
@@ -163,10 +187,10 @@ class _Plan:
                 motion = parse_motion(item.motion(size), axis=self.axis)
             except (MotionError, ZeroDivisionError):
                 return None
-            load = max(self._load(core, motion) for core in own)
+            load = max(self._load(rival.core, motion) for rival in own)
             if load <= self.limits.torque:
                 distance = self._distance(own, motion, steps=0)
-                return _Trial(item, motion, distance) if math.isfinite(distance) else None
+                return Trial(item, motion, distance) if math.isfinite(distance) else None
         return None
 
     def _load(self, core: Any, motion: Motion) -> float:
@@ -177,31 +201,33 @@ class _Plan:
         trace = expected(core, motion, list(self.noise.rms))
         return math.inf if trace is None else peaks(core, dict(trace.channels))
 
-    def _distance(self, cores: Sequence[Any], motion: Motion, *, steps: int) -> float:
+    def _distance(self, pair: Sequence[Rival], motion: Motion, *, steps: int) -> float:
         """The smaller one of the ways round that count."""
-        ways = list(_ways(cores))
+        ways = list(_ways(pair))
         with ThreadPoolExecutor(len(ways)) as pool:
             return min(pool.map(lambda way: self._one_way(way[0], way[1], motion, steps), ways))
 
-    def _one_way(self, truth: Any, rival: Any, motion: Motion, steps: int) -> float:
-        if _uncontrolled(truth):
-            law = laws.asked(truth, motion)
-            return 0.0 if law is None else laws.apart(rival, *law, motion, self.noise)
-        record = expected(truth, motion, list(self.noise.rms))
+    def _one_way(self, truth: Rival, rival: Rival, motion: Motion, steps: int) -> float:
+        noise, until = self.noise, self.begin + self.budget
+        if _uncontrolled(truth.core):
+            law = laws.asked(truth.core, motion)
+            return 0.0 if law is None else laws.apart(rival.core, law, motion, noise, rival.known)
+        record = expected(truth.core, motion, list(noise.rms))
         if record is None:
             return 0.0
-        until = self.begin + self.budget
-        reached, foretold = misfit(rival, record, motion, self.noise, steps=steps, until=until)
+        reached, foretold = misfit(
+            rival.core, record, motion, noise, steps=steps, until=until, known=rival.known
+        )
         if not steps:
             return foretold
-        return reached / (1.0 + unrepeatable(truth, record, motion, self.noise, until=until))
+        return reached / (1.0 + unrepeatable(truth.core, record, motion, noise, until=until))
 
 
 def _told(
-    pair: Sequence[tuple[str, Any]], trials: Sequence[_Trial], files: tuple[str, str, str]
+    pair: Sequence[Rival], trials: Sequence[Trial], files: tuple[str, str, str]
 ) -> Experiment:
     best = trials[0]
-    labels = (pair[0][0], pair[1][0])
+    labels = (pair[0].label, pair[1].label)
     return Experiment(
         best.item.name,
         best.motion.text,
@@ -210,11 +236,11 @@ def _told(
         best.distance,
         _reason(best, labels),
         {trial.item.name: trial.distance for trial in trials[1:]},
-        _commands(best, files, closed_loop=not _uncontrolled(pair[0][1])),
+        _commands(best, files, closed_loop=not _uncontrolled(pair[0].core)),
     )
 
 
-def _reason(best: _Trial, labels: tuple[str, str]) -> str:
+def _reason(best: Trial, labels: tuple[str, str]) -> str:
     why = best.item.why
     if best.distance < TELLS_APART:
         why += (
@@ -225,7 +251,7 @@ def _reason(best: _Trial, labels: tuple[str, str]) -> str:
     return why
 
 
-def _commands(best: _Trial, files: tuple[str, str, str], *, closed_loop: bool) -> tuple[str, ...]:
+def _commands(best: Trial, files: tuple[str, str, str], *, closed_loop: bool) -> tuple[str, ...]:
     machine, old, new = files
     settings = best.item.settings.items()
     sets = "".join(f" --set {path}={value:g}" for path, value in settings)
@@ -237,27 +263,19 @@ def _commands(best: _Trial, files: tuple[str, str, str], *, closed_loop: bool) -
     return (f"dualdrive simulate {machine} {motion} --plot expected.png", diagnose)
 
 
-def _rank(trial: _Trial) -> float:
+def _rank(trial: Trial) -> float:
     """Farthest apart first; beyond any doubt all are alike, and the order of the menu stands."""
     return -min(trial.distance, CERTAIN)
-
-
-def _set(core: Any, item: Item) -> Any:
-    """A copy with the item's settings. ValueError where the machine has no such parameter."""
-    own = core.copy()
-    for path, value in item.settings.items():
-        own.set(path, value)
-    return own
 
 
 def _uncontrolled(core: Any) -> bool:
     return bool(core.controller_options["kind"] == "none")
 
 
-def _ways(cores: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
+def _ways(pair: Sequence[Rival]) -> Iterator[tuple[Rival, Rival]]:
     """(truth, rival): a rival with more numbers than the truth is not asked."""
-    first, second = cores
-    more = effect_numbers(second) - effect_numbers(first)
+    first, second = pair
+    more = effect_numbers(second.core) - effect_numbers(first.core)
     if more <= 0:
         yield first, second
     if more >= 0:

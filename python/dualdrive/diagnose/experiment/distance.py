@@ -70,12 +70,25 @@ def expected(core: Any, motion: Motion, channels: Sequence[str]) -> Trace | None
     return Trace(t, {name: replay.simulated[name] for name in blank}, name=_NAME)
 
 
-def beliefs(core: Any) -> list[Unknown]:
-    """Every number that may move, within the data sheet's tolerance or that of the first fit."""
+def beliefs(core: Any, known: Mapping[str, float] | None = None) -> list[Unknown]:
+    """Every number that may move, within the data sheet's tolerance or that of the first fit.
+
+    known: path -> standard deviation that the first fit left, SI, where it is known; the strength
+        of an effect is held within a fifth of itself otherwise, a phase not at all
+    """
     return [
-        replace(p, sigma=min(p.sigma, _FITTED)) if "@" in p.path and p.nominal != 0.0 else p
+        replace(p, sigma=_width(p, known or {}))
         for p in unknowns(core, default_free(core), None, {})
     ]
+
+
+def _width(p: Unknown, known: Mapping[str, float]) -> float:
+    """One sigma in the unknown's own coordinate, never wider than what was believed before."""
+    if p.path in known:
+        return min(p.sigma, max(known[p.path] / abs(p.slope(p.coordinate(p.nominal))), 1e-6))
+    if "@" not in p.path or p.nominal == 0.0:
+        return p.sigma
+    return math.inf if p.path.endswith("phase") else min(p.sigma, _FITTED)
 
 
 def effect_numbers(core: Any) -> int:
@@ -96,10 +109,12 @@ def misfit(
     *,
     steps: int = 8,
     until: float = math.inf,
+    known: Mapping[str, float] | None = None,
 ) -> tuple[float, float]:
     """What a machine leaves of a record after its own numbers have moved to meet it.
 
     until: no step begins after this time of the monotonic clock
+    known: see `beliefs`
 
     Returns:
         The squared distance reached in `steps` Gauss-Newton steps, and what the first one foretold;
@@ -107,7 +122,7 @@ def misfit(
 
     """
     played = ready(core, record, motion)
-    free = beliefs(core)
+    free = beliefs(core, known)
     named = [name for name in played.names if name in noise.rms]
     problem = Problem(core, [played], free, [], channels=named, rtol=RTOL)
     step = float(played.t[-1] - played.t[0]) / (len(played.t) - 1)

@@ -8,6 +8,7 @@ machine B as near to A as its beliefs allow.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -60,9 +61,19 @@ def share_of_limits(core: Any, torque: Array) -> float:
     return float(np.max(np.abs(torque))) / most if math.isfinite(most) and most > 0 else 0.0
 
 
-def apart(core: Any, torque: Array, counted: Array, motion: Motion, noise: Noise) -> float:
-    """Squared distance of the torque that a machine asks for, its numbers free, from `torque`."""
-    free = beliefs(core)
+def apart(
+    core: Any,
+    law: tuple[Array, Array],
+    motion: Motion,
+    noise: Noise,
+    known: Mapping[str, float] | None = None,
+) -> float:
+    """Squared distance of the torque that a machine asks for, its numbers free, from a law's.
+
+    law:   torque and samples that count, as of `asked`
+    known: see `beliefs`
+    """
+    (torque, counted), free = law, beliefs(core, known)
     channels = kinematics(core, motion)
     try:
         found = _core.torque_balance(core, channels, [p.path for p in free])
