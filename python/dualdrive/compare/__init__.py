@@ -2,22 +2,33 @@
 
 from __future__ import annotations
 
+from dualdrive.compare.checks import RecordWarning, check_records
+from dualdrive.compare.clocks import Clock, clock_of
 from dualdrive.compare.compare import compare, of_evaluation
 from dualdrive.compare.comparison import ChannelError, Comparison, Quantity
 from dualdrive.compare.equation import EquationAtFault, equation_at_fault
 from dualdrive.compare.noise import NoiseFloor, noise_floor
+from dualdrive.compare.orders import Order
+from dualdrive.compare.skews import Skew, skews
 from dualdrive.compare.where import Condition, where_it_fails
 
 __all__ = [
     "ChannelError",
+    "Clock",
     "Comparison",
     "Condition",
     "EquationAtFault",
     "NoiseFloor",
+    "Order",
     "Quantity",
+    "RecordWarning",
+    "Skew",
+    "check_records",
+    "clock_of",
     "compare",
     "equation_at_fault",
     "noise_floor",
     "of_evaluation",
+    "skews",
     "where_it_fails",
 ]

@@ -1,0 +1,232 @@
+"""What is wrong with a record itself, before any physics is blamed for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive.compare.clocks import clock_of
+from dualdrive.compare.noise import noise_floor
+from dualdrive.compare.signs import torques_fit, train_fits
+from dualdrive.compare.skews import skews
+from dualdrive.identify import with_torques
+from dualdrive.replay import core_of, named
+from dualdrive.traces import CHANNELS, Trace
+
+Array = NDArray[np.float64]
+
+_RUN, _CLIPPED = 5, 0.005  # samples in a run at an extreme; share of the record in such runs
+_LEVELS = 20  # a channel of fewer levels sits at an extreme by rounding
+_MOVES = 0.05  # of the highest speed
+_FEWEST = 200  # samples
+_FEWEST_MOVING = 50
+
+
+@dataclass(frozen=True)
+class RecordWarning:
+    """Something amiss with a record.
+
+    code:  still, short, one_way, constant, clipped, ratio, swapped, sign, scale, command, skew,
+           jitter
+    fatal: nothing that is concluded from the record would hold
+    """
+
+    code: str
+    trace: str
+    message: str
+    fatal: bool
+
+
+#: code, message, fatal
+Finding = tuple[str, str, bool]
+
+
+def check_records(
+    machine: Any,
+    traces: Trace | Sequence[Trace] | Mapping[str, Trace],
+    mode: str = "auto",
+) -> list[RecordWarning]:
+    """Look for what would mislead a comparison: foreign, swapped, flipped, clipped, late channels.
+
+    Args:
+        machine: a machine, or the core's.
+        traces: one trace, several, or name -> trace.
+        mode: ``closed_loop`` looks at the command, too.
+
+    Returns:
+        Warnings whose message names the trace, the channel, what was seen and what to do; none for
+        a record in order.
+
+    """
+    core = core_of(machine)
+    found: list[RecordWarning] = []
+    for name, trace in named(traces).items():
+        own = list(_all(core, name, trace, mode))
+        found += [RecordWarning(code, name, f"{name}: {said}", fatal) for code, said, fatal in own]
+    return found
+
+
+def _all(core: Any, name: str, trace: Trace, mode: str) -> Iterator[Finding]:
+    yield from _constant(trace)
+    if still := list(_still(trace)):
+        yield from still
+        return
+    yield from _short(trace)
+    yield from _clipped(trace)
+    if mode == "closed_loop":
+        yield from _command(trace)
+    driven = with_torques(core, trace)
+    broken = list(train_fits(core, driven))
+    yield from broken
+    if not any(fatal for _, _, fatal in broken):
+        yield from torques_fit(core, driven)
+        for skew in skews(core, {name: trace}):
+            if skew.significant:
+                yield "skew", skew.message.partition(": ")[2], False
+    yield from _jitter(trace)
+
+
+# --- what one channel shows by itself -------------------------------------------------------------
+
+
+def _known(trace: Trace, *stems: str) -> list[str]:
+    return [c for c in trace if c in CHANNELS and c.startswith(stems)]
+
+
+def _constant(trace: Trace) -> Iterator[Finding]:
+    for channel in _known(trace, "theta_m", "theta_1", "theta_2", "theta_c", "omega_", "I_", "T_"):
+        if np.ptp(trace[channel]) == 0.0 and channel not in ("T_load", "omega_ref"):
+            value = f"{trace[channel][0]:.4g}"
+            yield (
+                "constant",
+                f"{channel} reads {value} throughout; leave it out of the mapping or mend its "
+                "sensor",
+                False,
+            )
+
+
+def _still(trace: Trace) -> Iterator[Finding]:
+    angles = [c for c in _known(trace, "theta_") if c != "theta_ref"]
+    speeds = [c for c in _known(trace, "omega_") if c != "omega_ref"]
+    seen = angles or speeds
+    if seen and all(np.ptp(trace[c]) <= 12.0 * _noise(trace, c) for c in seen):
+        yield (
+            "still",
+            f"nothing moves: {', '.join(seen)} stay within their noise; record a motion",
+            True,
+        )
+
+
+def _noise(trace: Trace, channel: str) -> float:
+    return noise_floor(trace.t, trace[channel]).rms
+
+
+def _short(trace: Trace) -> Iterator[Finding]:
+    speed = speed_of(trace)
+    if speed is None:
+        return
+    moving = np.abs(speed) > _MOVES * np.max(np.abs(speed))
+    if len(trace) < _FEWEST or moving.sum() < _FEWEST_MOVING:
+        yield (
+            "short",
+            f"{len(trace)} samples, {int(moving.sum())} of them in motion: too few to tell one "
+            "cause from another; record longer",
+            True,
+        )
+    signs = np.sign(speed[moving])
+    if len(signs) and np.all(signs == signs[0]):
+        yield (
+            "one_way",
+            "it moves one way only, so that friction, a constant torque and gravity look alike; "
+            "record a way back",
+            False,
+        )
+
+
+def speed_of(trace: Trace) -> Array | None:
+    """A speed that all bodies share but for ratios: of the table where it is recorded."""
+    for angle in ("theta_m", "theta_c1", "theta_1", "theta_2", "theta_ref"):
+        if angle in trace:
+            wide = max(1, round(len(trace) / 2000))
+            smooth = np.convolve(trace[angle], np.ones(2 * wide + 1) / (2 * wide + 1), "valid")
+            speed = np.gradient(smooth, trace.t[wide : len(trace) - wide])
+            return np.pad(speed, wide, mode="edge")
+    for name in ("omega_m", "omega_1"):
+        if name in trace:
+            return trace[name]
+    return None
+
+
+def _clipped(trace: Trace) -> Iterator[Finding]:
+    for channel in _known(trace, "I_", "T_", "U_"):
+        values = trace[channel]
+        if channel == "T_load" or len(np.unique(values)) < _LEVELS:
+            continue
+        for extreme in (float(np.max(values)), float(np.min(values))):
+            at = values == extreme
+            share = float(np.mean(_in_runs(at)))
+            if share >= _CLIPPED:
+                yield (
+                    "clipped",
+                    f"{channel} stands at {extreme:.5g} for {share:.1%} of the record, as a sensor "
+                    "at the end of its range or a drive at its limit does; leave those stretches "
+                    "out, or give the machine that limit",
+                    False,
+                )
+    for channel in _known(trace, "theta_"):
+        values = trace[channel]
+        others = [c for c in _known(trace, "theta_") if c not in (channel, "theta_ref")]
+        if channel == "theta_ref" or not others or len(np.unique(values)) < _LEVELS:
+            continue
+        ends = (values == np.max(values)) | (values == np.min(values))
+        moving = np.any([_turns(trace[c]) for c in others], axis=0)
+        share = float(np.mean(_in_runs(ends) & moving))
+        if share >= _CLIPPED:
+            yield (
+                "clipped",
+                f"{channel} stands at the end of its range for {share:.1%} of the record while "
+                f"{', '.join(others)} move; leave those stretches out",
+                True,
+            )
+
+
+def _turns(angle: Array) -> NDArray[np.bool_]:
+    """Samples about which an angle moves clearly."""
+    rate = np.abs(angle[2 * _RUN :] - angle[: -2 * _RUN])
+    return np.pad(rate > 0.2 * np.max(rate), _RUN)
+
+
+def _in_runs(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Flags that stand in runs of five and more."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+    kept = np.zeros(len(flags), dtype=bool)
+    for start, end in edges.reshape(-1, 2):
+        if end - start >= _RUN:
+            kept[start:end] = True
+    return kept
+
+
+def _command(trace: Trace) -> Iterator[Finding]:
+    if "theta_ref" not in trace or "theta_m" not in trace or np.ptp(trace["theta_ref"]) == 0.0:
+        return
+    reference, measured = trace["theta_ref"], trace["theta_m"]
+    slope = float(np.polyfit(reference - reference.mean(), measured - measured.mean(), 1)[0])
+    if abs(slope - 1.0) > 0.2:
+        yield (
+            "command",
+            f"theta_m moves {slope:.3g} times as far as theta_ref; a unit or a sign is wrong in "
+            "one of them, see the mapping",
+            True,
+        )
+
+
+def _jitter(trace: Trace) -> Iterator[Finding]:
+    clock = clock_of(trace)
+    for channel in _known(trace, "theta_m", "theta_1", "theta_c1") if clock.wrong else ():
+        if clock.noise(trace.t, trace[channel]) > _noise(trace, channel):
+            yield "jitter", clock.message.partition(": ")[2], False
+            return

@@ -1,0 +1,198 @@
+"""Whether the channels of a record belong to this machine and to each other, signs included."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive.identify import Processing
+from dualdrive.identify.filtering import pieces
+from dualdrive.identify.model import CoreModel
+from dualdrive.replay import ratio_to_table
+from dualdrive.traces import Trace
+
+Array = NDArray[np.float64]
+#: code, message, fatal
+Finding = tuple[str, str, bool]
+
+_OFF = 0.02  # of a ratio, beyond what play allows
+_HARDLY = 0.3  # of a ratio: play that leaves it open
+_CLEAR = 0.6  # correlation that makes a sign certain
+_ORDERS = 4.0  # times too large or too small a torque
+#: factors by which a unit, or a frame, is commonly mistaken
+_UNITS = {
+    180.0 / np.pi: "it looks like degrees",
+    np.pi / 180.0: "the other looks like degrees",
+    1.0 / (2.0 * np.pi): "it looks like turns",
+    2.0 * np.pi: "the other looks like turns",
+    1e3: "it looks like thousandths",
+    1e-3: "the other looks like thousandths",
+}
+
+
+def train_fits(core: Any, trace: Trace) -> Iterator[Finding]:
+    """Ratios, signs and places of the encoders, by how far they travel together."""
+    if "theta_m" not in trace:
+        return
+    table = trace["theta_m"]
+    for motor in core.motors:
+        n = motor.rpartition("_")[2]
+        for angle, part in ((f"theta_{n}", motor), (f"theta_c{n}", f"pinion_{n}")):
+            if angle in trace and np.ptp(trace[angle]) > 0.0 and np.ptp(table) > 0.0:
+                ratio = ratio_to_table(core, part)
+                yield from _ratio(core, trace, angle, n, ratio)
+    if {"theta_1", "theta_2"} <= set(trace) or {"theta_c1", "theta_c2"} <= set(trace):
+        yield from _swapped_drives(core, trace)
+
+
+def _ratio(core: Any, trace: Trace, angle: str, n: str, ratio: float) -> Iterator[Finding]:
+    table, own = trace["theta_m"], trace[angle]
+    down = core.get(f"mesh_{n}.ratio") if f"mesh_{n}" in core.connections else 1.0
+    gaps = [c for c in (f"mesh_{n}", f"gearbox_{n}") if c in core.connections]
+    play = sum(core.get(f"{c}.gap") for c in gaps if core.kind(c) == "gap")
+    allowed = _OFF + 4.0 * play / (abs(down) * float(np.ptp(table)))
+    if allowed > _HARDLY:
+        return  # within its play a drive need not move with the table
+    slope = _together(own, table, trace)
+    if slope is None:
+        yield (
+            "ratio",
+            f"{angle} and theta_m do not move together; one of them is another axis, or its "
+            "counter is broken",
+            True,
+        )
+        return
+    off = slope / ratio
+    if abs(off - 1.0) <= allowed:
+        return
+    if abs(off + 1.0) <= allowed:
+        yield (
+            "sign",
+            f"{angle} turns against theta_m; turn one round with sign = -1 in the mapping",
+            True,
+        )
+    elif abs(slope * ratio - 1.0) <= allowed and abs(ratio) > 1.5:
+        yield "swapped", f"{angle} and theta_m look exchanged; see the mapping", True
+    else:
+        yield "ratio", _wrong_ratio(angle, slope, ratio), True
+
+
+def _wrong_ratio(angle: str, slope: float, ratio: float) -> str:
+    hint = "the trace is of another machine, or a ratio of the machine file is wrong"
+    for factor, words in _UNITS.items():
+        if abs(abs(slope / ratio) / factor - 1.0) < _OFF:
+            hint = words
+    if abs(abs(slope) - 1.0) < _OFF:
+        hint = f"it is referred to the table already; give scale = {ratio:g} in the mapping"
+    return f"{angle} moves {slope:.5g} times as far as theta_m, not {ratio:.5g} times; {hint}"
+
+
+def _together(own: Array, table: Array, trace: Trace) -> float | None:
+    """Travel of one angle over that of the other, stretches of time compared; None if unrelated."""
+    count = max(20, min(200, len(own) // 20))
+    edges = np.linspace(0, len(own) - 1, count + 1).astype(int)
+    breaks = np.asarray(getattr(trace, "breaks", ()), dtype=int)
+    whole = np.array([not np.any((breaks > a) & (breaks <= b)) for a, b in pairwise(edges)])
+    a, b = np.diff(own[edges])[whole], np.diff(table[edges])[whole]
+    power = float(np.sqrt(np.sum(a**2) * np.sum(b**2)))
+    if power == 0.0 or abs(float(np.sum(a * b))) < 0.8 * power:
+        return None
+    return float(np.sum(a * b) / np.sum(b**2))
+
+
+def _swapped_drives(core: Any, trace: Trace) -> Iterator[Finding]:
+    """Tension twists the drives against each other the way the torques differ, or they are mixed.
+
+    The sign of the tension, where a controller sets one, tells angles from torques.
+    """
+    kind = "theta_" if {"theta_1", "theta_2"} <= set(trace) else "theta_c"
+    if not {"T_1", "T_2"} <= set(trace):
+        return
+    apart = trace[f"{kind}1"] - trace[f"{kind}2"]
+    differ = trace["T_1"] - trace["T_2"]
+    # what grows with the travel is no twist
+    basis = np.stack([np.ones(len(apart)), trace["theta_m"]], axis=1)
+    apart, differ = (x - basis @ np.linalg.lstsq(basis, x, rcond=None)[0] for x in (apart, differ))
+    size = float(np.std(apart) * np.std(differ))
+    tension = _tension(core)
+    mean = float(np.median(trace["T_1"] - trace["T_2"]))
+    reversed_ = bool(tension) and mean * tension < 0.0 and abs(mean) > 0.3 * abs(tension)
+    # where no tension is known, load and play may part the drives either way
+    against = bool(tension) and size > 0.0 and float(np.mean(apart * differ)) < -_CLEAR * size
+    if reversed_ and against:
+        what = "the torques (or currents) of motors 1 and 2 look exchanged, or both their signs"
+    elif reversed_:
+        what = "motors 1 and 2 look exchanged, or the tension has the other sign"
+    elif against:
+        what = f"{kind}1 and {kind}2 look exchanged: they part against the torques' difference"
+    else:
+        return
+    yield "swapped", f"{what}; T_1 - T_2 is {mean:.3g} N*m; see the mapping", True
+
+
+def _tension(core: Any) -> float:
+    if core.controller_options["kind"] == "none" or len(core.motors) != 2:
+        return 0.0
+    return float(core.get("controller.T_ten"))
+
+
+def torques_fit(core: Any, trace: Trace) -> Iterator[Finding]:
+    """Sign and size of each measured torque against what the machine needs for the motion."""
+    torques = [f"T_{motor.rpartition('_')[2]}" for motor in core.motors]
+    if not set(torques) <= set(trace):
+        return
+    try:
+        parts = list(pieces(trace, trace.name, Processing()))
+        needed, own = _needed(core, parts, torques)
+    except ValueError:
+        return
+    if float(np.std(needed)) == 0.0:
+        return
+    total = np.sum(own, axis=0)
+    whole = _correlation(total, needed)
+    flipped = [name for name, x in zip(torques, own, strict=True) if _against(x, needed)]
+    for name in flipped if len(flipped) < len(torques) or whole < -_CLEAR else ():
+        source = f"{name} (or I{name[1:]})"
+        yield (
+            "sign",
+            f"{source} pushes against the motion that it should make; turn it round with "
+            "sign = -1 in the mapping, or turn the angles round",
+            True,
+        )
+    if flipped or whole < 0.8:
+        return
+    size = float(np.std(total) / np.std(needed))
+    if not 1.0 / _ORDERS < size < _ORDERS:
+        yield (
+            "scale",
+            f"{' + '.join(torques)} is {size:.2g} times what this machine needs for that motion; "
+            "the trace is of another machine, or a unit or the frame of the torques is wrong",
+            True,
+        )
+
+
+def _needed(core: Any, parts: Any, torques: list[str]) -> tuple[Array, list[Array]]:
+    """Torque the machine asks for at the table, and what each motor's gives there, filtered."""
+    process, model = Processing(), CoreModel(core)
+    needed, own = [], [[] for _ in torques]  # type: ignore[var-annotated]
+    for p in parts:
+        idle = {**p.samples, **{name: 0.0 * p.samples[name] for name in torques}}
+        needed.append(process.reduce(model.balance(idle, []).residual[0], p.step))
+        for k, name in enumerate(torques):
+            alone = {**idle, name: p.samples[name]}
+            given = model.balance(idle, []).residual[0] - model.balance(alone, []).residual[0]
+            own[k].append(process.reduce(given, p.step))
+    return np.concatenate(needed), [np.concatenate(x) for x in own]
+
+
+def _correlation(a: Array, b: Array) -> float:
+    size = float(np.std(a) * np.std(b))
+    return float(np.mean((a - a.mean()) * (b - b.mean())) / size) if size > 0.0 else 0.0
+
+
+def _against(own: Array, needed: Array) -> bool:
+    return _correlation(own, needed) < -_CLEAR
