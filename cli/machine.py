@@ -71,7 +71,8 @@ def _page(m: Machine) -> Group:
     head.add_row("controller", ", ".join(choices))
     head.add_row("effects", ", ".join(m.effects) or "none")
     for entry in m.history:
-        head.add_row("history", "  ".join(entry.values()).replace("[", "\\["))
+        told = (value for key, value in entry.items() if key != "undo")
+        head.add_row("history", "  ".join(told).replace("[", "\\["))
     numbers = Table("parameter", "value", "SI", "bounds", "meaning", box=None)
     for p in describe.tied(m):
         si = f"{p.value:.10g} {p.unit}".rstrip()
@@ -97,3 +98,37 @@ def new(
     m.note(f"made from {preset}" + "".join(f", {text}" for text in settings), command_line())
     m.save(output, overwrite=overwrite)
     click.echo(f"{output}: {m.title}")
+
+
+@command.command(epilog="Example: dualdrive machine history rig.toml")
+@click.argument("machine")
+@json_option
+@verb
+def history(machine: str, json_to: str | None) -> None:
+    """Show what was changed in a machine file, when and by which command, oldest first."""
+    m = load(machine)
+    write_json(json_to, list(m.history))
+    if json_to == "-":
+        return
+    if not m.history:
+        click.echo(f"{m.name}: no history")
+        return
+    table = Table("step", "date", "change", "command", "", box=None)
+    for number, entry in enumerate(m.history, 1):
+        way_back = "" if "undo" in entry else "can't be undone"
+        cells = (entry.get(key, "") for key in ("date", "change", "command"))
+        table.add_row(str(number), *(cell.replace("[", "\\[") for cell in cells), way_back)
+    console().print(table)
+
+
+@command.command(epilog="Example: dualdrive machine undo rig.toml -o rig-before.toml")
+@click.argument("machine", type=Path)
+@click.option("-o", "--output", type=Path, help="Write here; else the file itself is replaced.")
+@overwrite_option
+@verb
+def undo(machine: Path, output: Path | None, overwrite: bool) -> None:
+    """Take back the last change of a machine file: numbers, effects and choices as they were."""
+    m = Machine.load(machine)
+    change = m.undo()
+    m.save(output or machine, overwrite=overwrite or output is None)
+    click.echo(f"{output or machine}: without {change!r}")

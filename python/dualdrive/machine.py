@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from dualdrive import _core
 from dualdrive.files import refuse_existing, write_atomically
@@ -26,6 +26,9 @@ from dualdrive.machine_file import (
     spoken_choice,
     unit_on_axis,
 )
+
+if TYPE_CHECKING:
+    from dualdrive.machine_file.undo import State
 
 __all__ = ["DEFAULT", "Machine", "MachineError", "Parameter", "presets"]
 
@@ -56,7 +59,8 @@ class Machine:
     core:     the assembly as the C++ core has it; numbers may be set there directly
     name:     short name, title: one line of text
     axis:     ``rotary``, or ``linear`` where the table side counts in m, N and kg
-    history:  what was changed, oldest first: dicts with date, command, change
+    history:  what was changed, oldest first: dicts with date, command, change, undo (the way back:
+              :mod:`dualdrive.machine_file.undo`)
     """
 
     def __init__(
@@ -73,6 +77,7 @@ class Machine:
         self.history = history
         self._structure = structure
         self._layers = layers
+        self._noted = self._state()
 
     # --- files ------------------------------------------------------------------------------------
 
@@ -237,22 +242,57 @@ class Machine:
         except ValueError as error:
             raise MachineError(f"{self.name}: {error}") from None
 
+    # --- history ----------------------------------------------------------------------------------
+
     def note(self, change: str, command: str = "") -> None:
-        """Add a line to the history: what changed, and the command that did it."""
-        entry = {"date": date.today().isoformat(), "command": command, "change": change}
+        """Add a line to the history: what changed since the line before, and by which command."""
+        from dualdrive.machine_file.undo import way_back
+
+        now = self._state()
+        entry = {
+            "date": date.today().isoformat(),
+            "command": command,
+            "change": change,
+            "undo": way_back(self._noted, now),
+        }
         self.history += ({key: value for key, value in entry.items() if value},)
+        self._noted = now
+
+    def undo(self) -> str:
+        """Take back the last step of the history, exactly; returns what it was.
+
+        Raises MachineError where there is none, where the history lacks the way back, or where the
+        machine was changed since; nothing is changed then.
+        """
+        from dualdrive.machine_file.undo import undone
+
+        if not self.history:
+            raise MachineError(f"{self.name}: the history is empty; there is nothing to undo")
+        was = undone(self._state(), self.history[-1])
+        *earlier, last = self.history
+        self.core, self._structure, self._layers = was.core, was.structure, list(was.layers)
+        self.title, self.history = was.title, tuple(earlier)
+        self._noted = self._state()
+        return last.get("change", "")
+
+    def _state(self) -> State:
+        from dualdrive.machine_file.undo import State
+
+        return State(self.core.copy(), self._structure, tuple(self._layers), self.title)
 
     # --- copies -----------------------------------------------------------------------------------
 
     def copy(self) -> Self:
         """An independent copy."""
-        return type(self)(
+        copy = type(self)(
             self.core.copy(),
             self._structure,
             self._layers,
             title=self.title,
             history=self.history,
         )
+        copy._noted = self._noted
+        return copy
 
     def __repr__(self) -> str:
         return f"<Machine {self.name}: {self.title}>"

@@ -39,11 +39,12 @@ def test_every_command_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.chdir(tmp_path)
     lines = [line for block in blocks("") for line in block.splitlines()]
     commands = [shlex.split(line)[1:] for line in lines if line.startswith("dualdrive ")]
-    assert len(commands) == 6
+    assert len(commands) == 8
     for words in commands:
         done = CliRunner().invoke(main, words)
         assert done.exit_code == 0, (words, done.output)
     assert Machine.load("rig3.toml").effects[-2:] == ["cogging@motors", "expression@table"]
+    assert Machine.load("rig2-again.toml").effects == Machine.load("rig2.toml").effects
 
 
 def test_the_python_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ from .layers import Layer, MachineError, expect
 
 __all__ = ["history_of"]
 
-_KEYS: Final = ("date", "command", "change")
+_KEYS: Final = ("date", "command", "change", "undo")
 
 
 def history_of(layer: Layer) -> tuple[dict[str, str], ...]:
