@@ -46,7 +46,8 @@ def _one(effect: dict[str, Any]) -> Table:
         table.add_row(key.replace("_", " "), _plain(text))
     for p in effect["parameters"]:
         table.add_row("parameter", _plain(f"{p['name']} [{p['unit'] or '1'}]: {p['doc']}"))
-        table.add_row("", f"{_bounds(p)}, default {p['default']:g}, usual size {p['typical']:g}")
+        default = "no limit" if p["default"] is None else f"{p['default']:g}"
+        table.add_row("", f"{_bounds(p)}, default {default}, usual size {p['typical']:g}")
     table.add_row("valid", _plain(effect["validity"]))
     table.add_row("confused with", ", ".join(effect["confused_with"]) or "-")
     table.add_row("source", _plain(effect["source"]))

@@ -70,12 +70,13 @@ struct Parameter {
     double low, high;
     bool low_excluded;
     double standard, typical, value;
+    bool counted;
 };
 
 Parameter describe(const Machine& m, std::size_t k) {
     const ParameterSlot& s = m.slots()[k];
-    return {s.path,     s.unit,    s.doc,        s.bounds.low, s.bounds.high, s.bounds.low_excluded,
-            s.standard, s.typical, m.values()[k]};
+    return {s.path,     s.unit,    s.doc,         s.bounds.low, s.bounds.high, s.bounds.low_excluded,
+            s.standard, s.typical, m.values()[k], s.counted};
 }
 
 std::string hook_names(unsigned hooks) {
@@ -90,7 +91,41 @@ std::string hook_names(unsigned hooks) {
     add(hook::reading, "sensor reading");
     add(hook::delay, "sensor delay");
     add(hook::inertia, "inertia");
+    add(hook::voltage, "motor voltage");
+    add(hook::estimate, "torque estimate");
     return text;
+}
+
+// What an effect acts on: the hooks of its law, or the part of the machine that it is.
+std::string acts_on(const EffectType& type) {
+    switch (type.part) {
+        case Part::motor:
+            return "drive limit";
+        case Part::joint:
+            return "drive train";
+        case Part::controller:
+            return "command delay";
+        case Part::none:
+            break;
+    }
+    return hook_names(type.hooks);
+}
+
+// The registry's row of an effect; null for a user's own law.
+const EffectType* registered(const EffectEntry& effect) {
+    for (const auto& type : effect_types())
+        if (effect.name == type.text.name) return &type;
+    return nullptr;
+}
+
+// Names of an effect's parameters, whether its own or lent by the part it is.
+std::vector<std::string> parameter_names(const Machine& machine, const EffectEntry& effect) {
+    std::vector<std::string> names;
+    for (std::size_t k = effect.first; k < effect.first + effect.count; ++k)
+        names.push_back(machine.slots()[k].path.substr(effect.label.size() + 1));
+    if (const EffectType* type = registered(effect); type && type->structural())
+        for (const Declaration& lent : type->parameters) names.emplace_back(lent.name);
+    return names;
 }
 
 }  // namespace
@@ -106,7 +141,8 @@ void bind_machine(nb::module_& m) {
         .def_ro("low_excluded", &Parameter::low_excluded, "True where the lower bound itself is not allowed.")
         .def_ro("standard", &Parameter::standard, "The default.")
         .def_ro("typical", &Parameter::typical, "A usual size: prior width, step scale.")
-        .def_ro("value", &Parameter::value);
+        .def_ro("value", &Parameter::value)
+        .def_ro("counted", &Parameter::counted, "Counted, chosen or read off: not fitted unless it is named.");
 
     nb::class_<EffectType>(m, "EffectType", "A physical effect of the registry: what can be added to a machine.")
         .def_prop_ro("name", [](const EffectType& e) { return std::string(e.text.name); })
@@ -116,12 +152,15 @@ void bind_machine(nb::module_& m) {
         .def_prop_ro("confused_with", [](const EffectType& e) { return std::string(e.text.confused_with); })
         .def_prop_ro("places", [](const EffectType& e) { return std::string(e.text.places); })
         .def_prop_ro("affine", [](const EffectType& e) { return e.text.affine; })
-        .def_prop_ro("acts_on", [](const EffectType& e) { return hook_names(e.hooks); })
+        .def_prop_ro("acts_on", &acts_on)
+        .def_prop_ro("structural", &EffectType::structural,
+                     "Whether it is a part of the machine, its parameters one value with that part's.")
+        .def_prop_ro("in_balance", &EffectType::in_balance, "Whether a torque balance on recorded motion contains it.")
         .def_prop_ro("parameters", [](const EffectType& e) {
             std::vector<Parameter> list;
             for (const auto& d : e.parameters)
                 list.push_back({d.name, d.unit, d.doc, d.bounds.low, d.bounds.high, d.bounds.low_excluded, d.standard,
-                                d.typical, d.standard});
+                                d.typical, d.standard, d.counted});
             return list;
         });
     m.def(
@@ -249,6 +288,10 @@ void bind_machine(nb::module_& m) {
                              d["place"] = e.place;
                              d["formula"] = e.formula;
                              d["members"] = e.members;
+                             d["parameters"] = parameter_names(self, e);
+                             const EffectType* type = registered(e);
+                             d["structural"] = type && type->structural();
+                             d["in_balance"] = !type || type->in_balance();
                              l.append(d);
                          }
                          return l;

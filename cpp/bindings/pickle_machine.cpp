@@ -53,7 +53,7 @@ std::vector<Call> calls_of(const Machine& machine) {
     const auto name = [&](int body) { return machine.bodies()[static_cast<std::size_t>(body)].name; };
     for (const auto& b : machine.bodies()) calls.push_back({b.first, nb::make_tuple("body", b.name, b.locked)});
     for (const auto& c : machine.connections())
-        calls.push_back({c.first, nb::make_tuple("connection", c.name, name(c.driver), name(c.driven), number(c.kind),
+        calls.push_back({c.first, nb::make_tuple("connection", c.name, name(c.driver), name(c.driven), number(c.built),
                                                  number(c.frame))});
     for (const auto& m : machine.motors())
         calls.push_back({m.first, nb::make_tuple("motor", m.name, name(m.body), number(m.kind))});

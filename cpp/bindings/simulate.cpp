@@ -1,7 +1,9 @@
 #include "dualdrive/simulate.hpp"
 
 #include <nanobind/stl/map.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include <chrono>
@@ -10,6 +12,7 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 #include "dualdrive/balance.hpp"
+#include "dualdrive/recorder.hpp"
 #include "options.hpp"
 
 namespace dualdrive::python {
@@ -189,6 +192,31 @@ void bind_simulate(nb::module_& m) {
           "Trajectory.pull_back. initial: state -> value, others 0. The GIL is released.\n"
           "Raises ValueError for input that makes no sense, KeyboardInterrupt on Ctrl-C; a failed integration is a "
           "status.");
+
+    m.def("recorded_channels", &recorded_channels, nb::arg("machine"),
+          "Channels that effects of this machine sit at, outside the loop: sensor_delay@theta_1 and its like.");
+    m.def(
+        "recorder_delay",
+        [](const Machine& machine, const std::string& channel, const std::vector<std::string>& parameters) {
+            RecorderDelay late = recorder_delay(machine, channel, parameters);
+            const std::size_t np = late.slopes.size();
+            return std::make_pair(late.time, array(std::move(late.slopes), {np}));
+        },
+        nb::arg("machine"), nb::arg("channel"), nb::arg("parameters") = nb::list(),
+        "How late the recorder of a channel is, s, and its derivatives by these parameter paths, shape (parameters,).");
+    m.def(
+        "record",
+        [](const Machine& machine, const std::string& channel, const Doubles& t, const Doubles& signal,
+           const std::vector<std::string>& parameters) {
+            Recording found = record(machine, channel, vector_of(t), vector_of(signal), parameters);
+            const std::size_t rows = found.values.size(), np = parameters.size();
+            return std::make_tuple(array(std::move(found.values), {rows}), array(std::move(found.by_signal), {rows}),
+                                   array(std::move(found.slopes), {rows, np}));
+        },
+        nb::arg("machine"), nb::arg("channel"), nb::arg("t"), nb::arg("signal"), nb::arg("parameters") = nb::list(),
+        "What the recorder of a channel writes down of its signal, late as it is.\n\n"
+        "Returns (values, d value / d signal, d value / d parameter), shapes (n,), (n,), (n, parameters). Raises "
+        "ValueError.");
 
     m.def(
         "torque_balance",

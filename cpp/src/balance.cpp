@@ -23,7 +23,10 @@ class Replay {
           layout_(machine_, extra_inputs(channels)),
           inputs_(extra_inputs(channels)) {
         check();
-        for (const auto& p : parameters) members_.push_back(machine_.resolve(p));
+        for (const auto& p : parameters) {
+            members_.push_back(machine_.resolve(p));
+            check_seen(p);
+        }
         build_models();
         find_sources();
         const auto& effects = machine_.effects();
@@ -99,6 +102,15 @@ class Replay {
             if (!channel("T_" + channel_suffix(m.name)))
                 throw std::invalid_argument("torque balance: channel T_" + channel_suffix(m.name) + " (torque of " +
                                             m.name + ") is missing");
+    }
+
+    // A sensor's or a limit's number would come out with a slope of zero.
+    void check_seen(const std::string& path) const {
+        for (const auto& e : machine_.effects())
+            for (const auto& type : effect_types())
+                if (e.name == type.text.name && path.starts_with(e.label + ".") && !type.in_balance())
+                    throw std::invalid_argument("torque balance: " + path + ": no balance of torques contains " +
+                                                e.label + "; fit it in the closed loop");
     }
 
     void build_models() {

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "dualdrive/nearest.hpp"
+#include "dualdrive/structural.hpp"
 
 namespace dualdrive {
 namespace {
@@ -12,7 +13,13 @@ namespace {
 template <template <class> class E>
 EffectType describe() {
     EffectType type{E<double>::text, hooks_of<E>(), {}, memory_of<E>()};
-    for (const auto& field : E<double>::parameters()) type.parameters.push_back(field.declaration);
+    if constexpr (detail::Structural<E<double>>) {
+        type.part = E<double>::part;
+        if constexpr (requires { E<double>::joint; }) type.joint = E<double>::joint;
+        for (const Declaration& lent : E<double>::parameters()) type.parameters.push_back(lent);
+    } else {
+        for (const auto& field : E<double>::parameters()) type.parameters.push_back(field.declaration);
+    }
     return type;
 }
 
@@ -26,7 +33,10 @@ using Maker = std::unique_ptr<Effect<S>> (*)(const S* values);
 
 template <template <class> class E, class S>
 std::unique_ptr<Effect<S>> make(const S* values) {
-    return std::make_unique<EffectOf<E, S>>(values);
+    if constexpr (detail::Structural<E<double>>)
+        return std::make_unique<Effect<S>>();  // the part itself acts
+    else
+        return std::make_unique<EffectOf<E, S>>(values);
 }
 
 template <class S, template <class> class... E>

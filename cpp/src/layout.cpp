@@ -198,6 +198,7 @@ class Builder {
         l.effects_on_mesh.resize(m.connections().size());
         l.effects_in_motor.resize(m.motors().size());
         l.sensor_effects.resize(m.motors().size() + 1);
+        l.torque_estimates.resize(m.motors().size());
         l.loads.resize(bodies);
         for (std::size_t e = 0; e < m.effects().size(); ++e) {
             const auto& entry = m.effects()[e];
@@ -210,7 +211,10 @@ class Builder {
                 if (!formula) remember(entry, index, body);
                 if (hooks & hook::friction) l.friction_on_body[static_cast<std::size_t>(body)].push_back(index);
                 if (hooks & hook::inertia) l.effects_on_inertia.push_back({e, static_cast<std::size_t>(body)});
-                if (hooks & hook::motor) l.effects_in_motor[static_cast<std::size_t>(m.motor(place))].push_back(index);
+                if (hooks & (hook::motor | hook::voltage))
+                    l.effects_in_motor[static_cast<std::size_t>(m.motor(place))].push_back(index);
+                if (hooks & hook::estimate)
+                    l.torque_estimates[static_cast<std::size_t>(m.motor(place))].push_back(index);
                 if (hooks & hook::mesh)
                     for (std::size_t c = 0; c < m.connections().size(); ++c)
                         if (shapes(place, c)) l.effects_on_mesh[c].push_back(mesh_effect(place, c, index));
@@ -299,6 +303,8 @@ class Builder {
             at.T_ref.push_back(signal("T_" + s + "*", "N*m", k.name + " torque set-point"));
         }
         at.Omega_1 = signal("Omega_1", "rad/s", "speed command of the position loop, pinion frame");
+        if (m.controlled() && controller().delta_c > 0)
+            at.Omega_0 = signal("Omega_0", "rad/s", "speed command before the command lag, pinion frame");
         at.tension = signal("tension", "N*m", "filtered tension set-point");
         for (const auto& k : m.motors())
             at.sensor.push_back(signal("sensed." + k.name, "rad/s", k.name + " speed as the drive reads it"));
@@ -318,10 +324,12 @@ class Builder {
     void delay_lines() {
         l.sensor_delay.assign(m.motors().size() + 1, -1);
         if (!m.controlled()) return;
-        if (m.motors().size() > 1 && controller().delta_t > 0) {
-            l.slave_delay = static_cast<int>(l.delays.size());
-            l.delays.push_back({"controller.delta_t", l.at.Omega_1, -1});
-        }
+        const auto lag = [&](const char* path, int source) {
+            l.delays.push_back({path, source, m.resolve(path).front()});
+            return static_cast<int>(l.delays.size()) - 1;
+        };
+        if (controller().delta_c > 0) l.command_delay = lag("controller.delta_c", l.at.Omega_0);
+        if (m.motors().size() > 1 && controller().delta_t > 0) l.slave_delay = lag("controller.delta_t", l.at.Omega_1);
         for (std::size_t s = 0; s < l.sensor_effects.size(); ++s)
             for (const int e : l.sensor_effects[s]) {
                 const auto& entry = m.effects()[static_cast<std::size_t>(e)];
@@ -333,7 +341,7 @@ class Builder {
                 const bool table = s == m.motors().size();
                 const int body = table ? l.table : m.motors()[s].body;
                 const auto b = static_cast<std::size_t>(body);
-                l.delays.push_back({entry.label + ".delay", table ? l.at.angle[b] : l.at.speed[b], e});
+                l.delays.push_back({entry.label + ".delay", table ? l.at.angle[b] : l.at.speed[b], entry.first});
             }
     }
 

@@ -37,6 +37,14 @@ bool is_channel(std::string_view name) {
     return false;
 }
 
+// The registry's row of an effect; of a user's law one without hooks.
+const EffectType& type_of(const EffectEntry& effect) {
+    static const EffectType none{};
+    for (const auto& type : effect_types())
+        if (effect.name == type.text.name) return type;
+    return none;
+}
+
 struct Group {
     const char* name;
     const char* member_prefix;
@@ -58,7 +66,7 @@ std::size_t Machine::declare(const std::string& prefix, const Declaration* list,
         const Declaration& d = list[k];
         const std::string_view declared = d.name;
         const bool clock = declared.ends_with("_sample") || declared.ends_with("_latency");
-        slots_.push_back({prefix + "." + d.name, d.unit, d.doc, d.bounds, d.standard, d.typical, clock});
+        slots_.push_back({prefix + "." + d.name, d.unit, d.doc, d.bounds, d.standard, d.typical, clock, d.counted});
         values_.push_back(d.standard);
     }
     return first;
@@ -83,7 +91,7 @@ void Machine::connect(const std::string& connection_name, const std::string& dri
         if (body(end) < 0) refuse("connection " + connection_name + ": no body named " + end);
     if (driver == driven) refuse("connection " + connection_name + ": joins " + driver + " to itself");
     connections_.push_back(
-        {connection_name, kind, frame, body(driver), body(driven), declare<Connection<double>>(connection_name)});
+        {connection_name, kind, frame, body(driver), body(driven), declare<Connection<double>>(connection_name), kind});
 }
 
 void Machine::add_motor(const std::string& motor_name, const std::string& body_name, MotorKind kind) {
@@ -160,13 +168,16 @@ const std::string& Machine::add_effect(const std::string& effect_name, const std
     if (entry.members.empty()) entry.members = {place};
     const bool on_body = type.hooks & (hook::body | hook::friction | hook::inertia);
     const bool on_mesh = type.hooks & hook::mesh;
-    const bool in_motor = type.hooks & hook::motor;
+    const bool in_motor = type.hooks & (hook::motor | hook::voltage | hook::estimate);
     for (auto& m : entry.members) {
         if (on_body && m == "ring") m = "table";
         if (on_body && body(m) < 0)
             refuse("effect " + effect_name + ": no body named " + m +
                    " to act on; bodies are motor_n, pinion_n, table");
         if (in_motor && motor(m) < 0) refuse("effect " + effect_name + ": no motor named " + m);
+        if (type.hooks & hook::voltage && motors_[static_cast<std::size_t>(motor(m))].kind == MotorKind::direct)
+            refuse("effect " + effect_name + ": " + m +
+                   " is a direct torque source without a circuit; choose kind = armature first");
         if (on_mesh && !shapes_a_mesh(m))
             refuse("effect " + effect_name + ": " + m +
                    " is no place for it; it acts at a mesh or gearbox that is not rigid, at a pinion, or at the ring");
@@ -177,9 +188,15 @@ const std::string& Machine::add_effect(const std::string& effect_name, const std
             refuse("effect " + effect_name + ": " + m +
                    " is no sensor; it sits at table or motor_n (inside the loop), or at a recorded channel such as "
                    "theta_m");
+        if (type.text.of_angle && is_channel(m) && !m.starts_with("theta_"))
+            refuse("effect " + effect_name + ": " + m +
+                   " is no angle; it sits at a channel such as theta_m or theta_1");
+        if (type.structural()) check_part(type, m);
     }
+    if (type.structural()) entry.count = 0;  // its numbers are the part's
     const std::string& label = append_effect(std::move(entry));
-    effects_.back().first = declare(label, type.parameters.data(), type.parameters.size());
+    effects_.back().first = declare(label, type.parameters.data(), effects_.back().count);
+    if (type.part == Part::joint) settle_joints();
     return label;
 }
 
@@ -208,6 +225,7 @@ void Machine::remove_effect(const std::string& label) {
         for (const auto& e : effects_) known.push_back(e.label);
         refuse("effect " + label + ": not in this machine" + near_names(label, known));
     }
+    const EffectEntry removed = *it;
     const std::size_t first = it->first, count = it->count;
     const auto from = static_cast<std::ptrdiff_t>(first), to = static_cast<std::ptrdiff_t>(first + count);
     slots_.erase(slots_.begin() + from, slots_.begin() + to);
@@ -221,13 +239,15 @@ void Machine::remove_effect(const std::string& label) {
     for (auto& c : connections_) shift(c.first);
     for (auto& m : motors_) shift(m.first);
     shift(controller_first_);
+    if (type_of(removed).structural()) switch_off(removed);
 }
 
 std::vector<std::size_t> Machine::resolve(std::string_view path) const {
     std::vector<std::size_t> found;
     for (std::size_t k = 0; k < slots_.size(); ++k)
         if (slots_[k].path == path) return {k};
-    if (const auto dot = path.rfind('.'); dot != std::string_view::npos)
+    found = lent(path);
+    if (const auto dot = path.rfind('.'); dot != std::string_view::npos && found.empty())
         for (const auto& member : members_of(path.substr(0, dot)))
             for (std::size_t k = 0; k < slots_.size(); ++k)
                 if (slots_[k].path == member + std::string(path.substr(dot))) found.push_back(k);
@@ -238,6 +258,9 @@ std::vector<std::size_t> Machine::resolve(std::string_view path) const {
         for (const auto& s : slots_)
             if (s.path.starts_with(std::string(g.member_prefix) + "1."))
                 known.push_back(std::string(g.name) + s.path.substr(s.path.find('.')));
+    for (const auto& e : effects_)
+        if (type_of(e).structural())
+            for (const Declaration& own : type_of(e).parameters) known.push_back(e.label + "." + own.name);
     refuse("parameter " + std::string(path) + ": unknown" + near_names(path, known));
 }
 
@@ -303,6 +326,10 @@ int Machine::motor(std::string_view wanted) const {
 
 void Machine::validate() const {
     if (bodies_.empty()) refuse("machine: no bodies");
+    for (const auto& e : effects_)
+        for (const auto& m : e.members)
+            if (type_of(e).text.of_rating && !std::isfinite(get(m + ".T_rated")))
+                refuse("effect " + e.label + ": it is measured against the rated torque; set " + m + ".T_rated");
     if (!controlled()) return;
     if (motors_.empty()) refuse("controller: the machine has no motor to command");
     if (body("table") < 0)
@@ -334,9 +361,24 @@ void Machine::validate() const {
     };
     if (c.K_d > 0) filter(c.tau_d, c.position_sample, "tau_d", "position_sample");
     if (motors_.size() > 1) filter(c.tau_t, c.tension_sample, "tau_t", "tension_sample");
+    for (const auto& e : effects_) {
+        const EffectText& text = type_of(e).text;
+        if (!text.rounds) continue;
+        for (const auto& m : e.members) {
+            if (m == "table" && c.position_sample == 0)
+                refuse("effect " + e.label +
+                       ": a continuous position loop would switch at every count; set controller.position_sample, or "
+                       "place it at the recorded channel theta_m");
+            if (motor(m) >= 0 && controller_.speed_samples == 0)
+                refuse("effect " + e.label + ": the drive of " + m +
+                       " reads a speed without counts; set controller.speed_samples and speed_sample, or place it at a "
+                       "recorded channel");
+        }
+    }
     if (controller_.speed_samples > 0)
         for (const auto& e : effects_) {
-            if (!e.formula.empty() || !(effect_type(e.name).hooks & (hook::reading | hook::delay))) continue;
+            const EffectType& type = type_of(e);
+            if (!(type.hooks & (hook::reading | hook::delay)) || type.text.of_angle || type.text.rounds) continue;
             for (const auto& m : e.members)
                 if (motor(m) >= 0)
                     refuse("effect " + e.label + ": with controller.speed_samples = " +

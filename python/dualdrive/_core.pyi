@@ -209,6 +209,10 @@ class Parameter:
     @property
     def value(self) -> float: ...
 
+    @property
+    def counted(self) -> bool:
+        """Counted, chosen or read off: not fitted unless it is named."""
+
 class EffectType:
     """A physical effect of the registry: what can be added to a machine."""
 
@@ -235,6 +239,16 @@ class EffectType:
 
     @property
     def acts_on(self) -> str: ...
+
+    @property
+    def structural(self) -> bool:
+        """
+        Whether it is a part of the machine, its parameters one value with that part's.
+        """
+
+    @property
+    def in_balance(self) -> bool:
+        """Whether a torque balance on recorded motion contains it."""
 
     @property
     def parameters(self) -> list[Parameter]: ...
@@ -451,6 +465,23 @@ def simulate(machine: Machine, inputs: Mapping[str, Waveform], *, end: float, st
     inputs: name -> Waveform (theta_ref, T_load, U_n or T_n of an uncontrolled machine, columns a formula reads). Times in s.
     sensitivities: parameter paths or groups, or initial.<state>. gradient: the same, for Trajectory.pull_back. initial: state -> value, others 0. The GIL is released.
     Raises ValueError for input that makes no sense, KeyboardInterrupt on Ctrl-C; a failed integration is a status.
+    """
+
+def recorded_channels(machine: Machine) -> list[str]:
+    """
+    Channels that effects of this machine sit at, outside the loop: sensor_delay@theta_1 and its like.
+    """
+
+def recorder_delay(machine: Machine, channel: str, parameters: Sequence[str] = []) -> tuple[float, NDArray[numpy.float64]]:
+    """
+    How late the recorder of a channel is, s, and its derivatives by these parameter paths, shape (parameters,).
+    """
+
+def record(machine: Machine, channel: str, t: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], signal: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], parameters: Sequence[str] = []) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64], NDArray[numpy.float64]]:
+    """
+    What the recorder of a channel writes down of its signal, late as it is.
+
+    Returns (values, d value / d signal, d value / d parameter), shapes (n,), (n,), (n, parameters). Raises ValueError.
     """
 
 def torque_balance(machine: Machine, channels: Mapping[str, Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]], parameters: Sequence[str] = [], standstill: float = 0.0) -> dict[str, Any]:

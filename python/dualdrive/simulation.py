@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dualdrive import _core
 from dualdrive.machine import Machine, MachineError
 from dualdrive.motion import Motion, default_motion
+from dualdrive.recorder import AsRecorded, delays, own_paths, reading_times
 from dualdrive.run import Run
 
 __all__ = ["Signal", "driven", "simulate"]
+
+Array = NDArray[np.float64]
 
 #: what an input may be: a signal, a motion, a constant, or (times, values)
 Signal = _core.Waveform | Motion | float | tuple[ArrayLike, ArrayLike]
@@ -57,6 +61,8 @@ def simulate(
                     auto, which takes exact wherever it can (docs/theory/engines.md)
     rtol, method:   of explicit and cvode; a method (adams, bdf) asks for cvode
 
+    A channel that an effect sits at (``quantisation@theta_m``) comes out as the recorder writes it.
+
     Returns a Run; a failed integration is a Run whose status says so, with all that was computed.
     Raises MachineError (a ValueError) for input that makes no sense, KeyboardInterrupt on Ctrl-C.
     """
@@ -64,6 +70,18 @@ def simulate(
     points = [] if times is None else np.asarray(times, float).tolist()
     if end is None:
         end = points[-1] if points else _end_of(motion)
+    late = delays(machine.core)
+    if signals:
+        late = {name: delay for name, delay in late.items() if name in signals}
+    own = own_paths(machine.core, sensitivities)
+    if late and gradient:
+        raise MachineError(
+            f"{machine.name}: gradient: {', '.join(late)} is written by a recorder, which has no "
+            "way back; ask for sensitivities, or take its effects out of the machine"
+        )
+    outputs = _outputs(points, start, end, output_step) if late or own else np.empty(0)
+    if any(late.values()):
+        points = reading_times(outputs, late, start).tolist()
     options: dict[str, Any] = {}
     if rtol is not None:
         options["rtol"] = rtol
@@ -81,7 +99,7 @@ def simulate(
             method=method,
             longest_step=longest_step,
             signals=list(signals or []),
-            sensitivities=list(sensitivities),
+            sensitivities=[path for path in sensitivities if path not in own],
             gradient=list(gradient),
             initial=dict(initial or {}),
             energy=energy,
@@ -89,7 +107,20 @@ def simulate(
         )
     except ValueError as error:
         raise MachineError(f"{machine.name}: {error}") from None
-    return Run.of(trajectory, machine.copy(), motion)
+    seen = (
+        AsRecorded(machine.core, trajectory, outputs, late, sensitivities)
+        if late or own
+        else trajectory
+    )
+    return Run.of(seen, machine.copy(), motion)
+
+
+def _outputs(points: Sequence[float], start: float, end: float, step: float) -> Array:
+    """The output times that were asked for, as the core lays them out."""
+    if points:
+        return np.array(points, float)
+    rows = math.floor((end - start) / step * (1 + 1e-12)) + 1 if step > 0 else 0
+    return start + step * np.arange(rows, dtype=float)
 
 
 def driven(

@@ -37,6 +37,21 @@ def placed(kind: str, m: RandomMachine, body: str, level: float, still: float) -
         case "cutting_torque":
             window = {"start": 0.1, "duration": 0.1, "rise": 0.01, "frequency": m.near(30)}
             return "table", {"mean": m.scale.load / 4, "amplitude": m.scale.load / 8, **window}
+        case "torque_constant_saturation" | "thermal_drift" | "dead_time" | "tension_mismatch":
+            return _at_a_motor(kind, m)
+        case "current_limit" | "voltage_limit":
+            limit = {"current_limit": "T_max", "voltage_limit": "U_max"}[kind]
+            if _there(kind, m) or (m.direct and kind == "voltage_limit"):
+                return None
+            return "motors", {limit: m.scale.motor[limit] / 2}
+        case "transport_delay":
+            return None if _there(kind, m) else ("controller", {"delta_c": m.near(1e-3)})
+        case "gearbox_backlash" | "shaft_compliance":
+            return _in_the_train(kind, m)
+        case "encoder_eccentricity":
+            return "table", {"amplitude": 1e-5, "phase": 1.0}
+        case "quantisation":
+            return "theta_m", {"step": 1e-6}
         case _:
             return usual(kind)
 
@@ -61,3 +76,31 @@ def _at_a_mesh(kind: str, m: RandomMachine) -> Placed | None:
         "wear": {"depth": m.near(gap / 2), "centre": 0.0, "width": 0.05},
     }
     return f"pinion_{n}" if kind == "wear" else f"mesh_{n}", numbers[kind]
+
+
+def _there(kind: str, m: RandomMachine) -> bool:
+    return any(effect["effect"] == kind for effect in m.machine.effects)
+
+
+def _at_a_motor(kind: str, m: RandomMachine) -> Placed | None:
+    n = m.random.integers(1, m.drives + 1)
+    if m.direct and kind in ("thermal_drift", "dead_time"):
+        return None
+    numbers: dict[str, dict[str, float]] = {
+        "torque_constant_saturation": {"loss": 0.1},
+        "thermal_drift": {"rise": m.near(30)},
+        "dead_time": {"voltage": m.scale.motor["U_max"] / 100, "current": 0.5},
+        "tension_mismatch": {"error": 0.05},
+    }
+    return f"motor_{n}", numbers[kind]
+
+
+def _in_the_train(kind: str, m: RandomMachine) -> Placed | None:
+    n = m.random.integers(1, m.drives + 1)
+    gearbox = f"gearbox_{n}"
+    preloaded = m.machine.kind(gearbox) == "compliant"  # as every such joint of these machines is
+    if _there(kind, m) or (preloaded and kind == "gearbox_backlash"):
+        return None
+    stiffness = {"stiffness": m.near(5 * m.scale.mesh["stiffness"])}
+    gap = {"gap": m.near(m.scale.mesh["gap"] / 5)} if kind == "gearbox_backlash" else {}
+    return gearbox, stiffness | gap

@@ -19,7 +19,7 @@ struct Controller {
     S k_p, T_N;                   // speed loops
     S g_E, T_E, Omega_E, w;       // torque equaliser
     S T_ten, tau_t, T_off;        // tension
-    S delta_t;                    // slave lag
+    S delta_c, delta_t;           // command lag, slave lag
     S omega_ci;                   // current loops
     S position_sample, position_latency, tension_sample, tension_latency;
     S speed_sample, speed_latency, current_sample, current_latency;
@@ -44,6 +44,9 @@ struct Controller {
             {&C::tau_t, {"tau_t", "s", non_negative, 0.0, 0.1, "tension filter; 0 = none"}},
             {&C::T_off,
              {"T_off", "N*m", positive, infinity, 100.0, "torque sum at which a falling tension reaches zero"}},
+            {&C::delta_c,
+             {"delta_c", "s", non_negative, 0.0, 0.005,
+              "command lag: every drive gets the speed set-point of the position loop this much later"}},
             {&C::delta_t,
              {"delta_t", "s", non_negative, 0.0, 0.01,
               "slave lag: the slave gets the master's speed set-point this much later"}},

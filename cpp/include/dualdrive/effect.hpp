@@ -2,7 +2,7 @@
 //
 // An effect reads named quantities of its port, never state indices, and adds: a torque on a body, a dry-friction
 // limit, a change of a mesh (deflection, gap, stiffness, damping, stored energy), inertia that varies with the angle, a
-// torque inside the motor, or a changed reading of a sensor. It never overwrites. The hooks are found by concepts;
+// torque or voltage inside the motor, or a changed reading of a sensor. It never overwrites. The hooks are found by concepts;
 // `effects/<name>.hpp` holds one effect each.
 #pragma once
 
@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "dualdrive/connection.hpp"
 #include "dualdrive/parameter.hpp"
 #include "dualdrive/scalar.hpp"
 #include "dualdrive/switching.hpp"
@@ -49,12 +50,17 @@ struct ContactSpring {
 
 template <class S>
 struct MotorPort {
-    S t, angle, speed, current, torque;  // angle and speed of the motor; torque = K_d I
+    S t, angle, speed, current, torque;             // angle and speed of the motor; torque = K_d I
+    S resistance{}, back_emf{}, rated_torque{1.0};  // R, C_e, T_rated of its data sheet
 };
 
+// What an effect on a sensor sees: the sensor reads an angle, or the speed that goes with it, or something else.
+enum class Measures : std::uint8_t { other, angle, speed };
 template <class S>
 struct SensorPort {
     S t;
+    Measures measures = Measures::other;
+    S angle{}, speed{};  // of the body that the sensor sits at, in the loop
 };
 
 // One attached effect behind a small virtual face, for one scalar.
@@ -73,6 +79,10 @@ class Effect {
     // Times at which the law takes another form, s: no step of the solver reaches across one.
     virtual void instants(std::vector<double>&) const {}
     virtual S torque_of_motor(const MotorPort<S>&) const { return S(0.0); }
+    // Voltage added in the motor's circuit: L İ + R I + C_e ω = U + that.
+    virtual S voltage_of_motor(const MotorPort<S>&) const { return S(0.0); }
+    // What the drive takes for its motor's torque where it compares it with the other's.
+    virtual S torque_estimate(const S& torque) const { return torque; }
     virtual S reading(const S& value, const SensorPort<S>&) const { return value; }
     virtual S delay() const { return S(0.0); }
     virtual void flow(const BodyPort<S>&, S* /*rate*/) const {}
@@ -81,7 +91,8 @@ class Effect {
 
 namespace hook {
 inline constexpr unsigned body = 1, friction = 2, mesh = 4, motor = 8, reading = 16, delay = 32, inertia = 64;
-}
+inline constexpr unsigned voltage = 256, estimate = 512;
+}  // namespace hook
 
 // What a reader and the tools are told of an effect.
 struct EffectText {
@@ -94,14 +105,28 @@ struct EffectText {
     bool affine = false;        // affine in the state once its modes are frozen
     bool makes_play = false;    // of a mesh: a gap of zero opens
     bool by_load = false;       // reads BodyPort::mesh_torque
+    bool of_angle = false;      // reads angles, and speeds made from them; no other recorded channel
+    bool rounds = false;        // jumps with the signal: in the loop only where that is sampled
+    bool of_rating = false;     // measured against the motor's T_rated
 };
+
+// A part of the machine that an effect may be.
+enum class Part : std::uint8_t { none, motor, joint, controller };
 
 // One row of the registry: an effect type without its scalar.
 struct EffectType {
     EffectText text;
     unsigned hooks;
     std::vector<Declaration> parameters;
-    int memory = 0;  // states of its own, at each place
+    int memory = 0;                                // states of its own, at each place
+    Part part = Part::none;                        // what it is, where it has no law of its own: see structural.hpp
+    ConnectionKind joint = ConnectionKind::rigid;  // what that must at least be, if a joint
+    bool structural() const { return part != Part::none; }
+    // Whether a torque balance on recorded motion contains it.
+    bool in_balance() const {
+        return part == Part::joint ||
+               (hooks & (hook::body | hook::friction | hook::mesh | hook::motor | hook::inertia));
+    }
 };
 
 namespace detail {
@@ -123,6 +148,10 @@ concept ChangesForm = requires(const E e, std::vector<double> times) { e.instant
 template <class E>
 concept ActsInMotor = requires(const E e, const MotorPort<double> p) { e.torque_of_motor(p); };
 template <class E>
+concept ActsInCircuit = requires(const E e, const MotorPort<double> p) { e.voltage_of_motor(p); };
+template <class E>
+concept Misjudges = requires(const E e) { e.torque_estimate(1.0); };
+template <class E>
 concept ChangesReading = requires(const E e, const SensorPort<double> p) { e.reading(1.0, p); };
 // Own states: a count and their rates, e.g. the bristle of a friction law. They live in the run's state vector.
 template <class E>
@@ -140,7 +169,8 @@ unsigned hooks_of() {
     return (detail::ActsOnBody<T> ? hook::body : 0u) | (detail::RubsOnBody<T> ? hook::friction : 0u) |
            (detail::ShapesMesh<T> || detail::LoadsContact<T> ? hook::mesh : 0u) |
            (detail::ShapesInertia<T> ? hook::inertia : 0u) | (detail::ActsInMotor<T> ? hook::motor : 0u) |
-           (detail::ChangesReading<T> ? hook::reading : 0u) | (detail::DelaysReading<T> ? hook::delay : 0u);
+           (detail::ChangesReading<T> ? hook::reading : 0u) | (detail::DelaysReading<T> ? hook::delay : 0u) |
+           (detail::ActsInCircuit<T> ? hook::voltage : 0u) | (detail::Misjudges<T> ? hook::estimate : 0u);
 }
 
 template <template <class> class E>
@@ -179,6 +209,14 @@ class EffectOf final : public Effect<S> {
     S torque_of_motor(const MotorPort<S>& at) const override {
         if constexpr (detail::ActsInMotor<E<double>>) return effect_.torque_of_motor(at);
         return Effect<S>::torque_of_motor(at);
+    }
+    S voltage_of_motor(const MotorPort<S>& at) const override {
+        if constexpr (detail::ActsInCircuit<E<double>>) return effect_.voltage_of_motor(at);
+        return Effect<S>::voltage_of_motor(at);
+    }
+    S torque_estimate(const S& torque) const override {
+        if constexpr (detail::Misjudges<E<double>>) return effect_.torque_estimate(torque);
+        return Effect<S>::torque_estimate(torque);
     }
     S reading(const S& value, const SensorPort<S>& at) const override {
         if constexpr (detail::ChangesReading<E<double>>) return effect_.reading(value, at);

@@ -9,22 +9,33 @@
 #include "dualdrive/effects/angle_dependent_friction.hpp"
 #include "dualdrive/effects/cogging.hpp"
 #include "dualdrive/effects/coulomb.hpp"
+#include "dualdrive/effects/current_limit.hpp"
 #include "dualdrive/effects/cutting_torque.hpp"
+#include "dualdrive/effects/dead_time.hpp"
 #include "dualdrive/effects/eccentricity.hpp"
+#include "dualdrive/effects/encoder_eccentricity.hpp"
+#include "dualdrive/effects/gearbox_backlash.hpp"
 #include "dualdrive/effects/hertzian_stiffness.hpp"
 #include "dualdrive/effects/hydrostatic_drag.hpp"
 #include "dualdrive/effects/load_dependent_mesh_loss.hpp"
 #include "dualdrive/effects/lugre.hpp"
 #include "dualdrive/effects/mesh_damping.hpp"
 #include "dualdrive/effects/position_dependent_inertia.hpp"
+#include "dualdrive/effects/quantisation.hpp"
 #include "dualdrive/effects/sensor_delay.hpp"
 #include "dualdrive/effects/sensor_offset.hpp"
+#include "dualdrive/effects/shaft_compliance.hpp"
 #include "dualdrive/effects/stribeck.hpp"
+#include "dualdrive/effects/tension_mismatch.hpp"
+#include "dualdrive/effects/thermal_drift.hpp"
 #include "dualdrive/effects/time_varying_mesh_stiffness.hpp"
+#include "dualdrive/effects/torque_constant_saturation.hpp"
 #include "dualdrive/effects/torque_ripple.hpp"
 #include "dualdrive/effects/transmission_error.hpp"
+#include "dualdrive/effects/transport_delay.hpp"
 #include "dualdrive/effects/unbalance.hpp"
 #include "dualdrive/effects/viscous.hpp"
+#include "dualdrive/effects/voltage_limit.hpp"
 #include "dualdrive/effects/wear.hpp"
 
 namespace dualdrive {
@@ -53,7 +64,18 @@ using Registry = EffectList<
     HydrostaticDrag,
     PositionDependentInertia,
     SensorDelay,
-    SensorOffset>;
+    SensorOffset,
+    Quantisation,
+    EncoderEccentricity,
+    TorqueConstantSaturation,
+    ThermalDrift,
+    DeadTime,
+    TensionMismatch,
+    CurrentLimit,
+    VoltageLimit,
+    TransportDelay,
+    GearboxBacklash,
+    ShaftCompliance>;
 // clang-format on
 
 // Every registered effect, in the order of the registry.

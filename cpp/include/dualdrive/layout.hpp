@@ -32,11 +32,11 @@ struct Clock {
     double period, latency;
 };
 
-// A signal that is used late: the slave's speed command, or a sensor with a delay inside the loop.
+// A signal that is used late: a drive's speed command, or a sensor with a delay inside the loop.
 struct DelayLine {
     std::string name;
-    int source;       // signal
-    int effect = -1;  // sensor_delay effect that sets it, -1: controller.delta_t
+    int source;        // signal
+    std::size_t slot;  // the machine's parameter that says how late
 };
 
 struct Layout {
@@ -74,6 +74,7 @@ struct Layout {
     std::vector<std::vector<int>>
         branch_of;  // per effect and body: first branch element of its formula there (-1: none)
     std::vector<std::vector<int>> effects_on_body, friction_on_body, effects_in_motor, sensor_effects;
+    std::vector<std::vector<int>> torque_estimates;  // per motor: effects on what its drive takes for the torque
     struct MeshEffect {
         int effect;
         bool at_ring;  // its angle is the ring's, else the pinion's
@@ -95,12 +96,12 @@ struct Layout {
     };
     std::vector<Memory> memories;
     std::vector<DelayLine> delays;
-    int slave_delay = -1;
+    int command_delay = -1, slave_delay = -1;
     std::vector<int> sensor_delay;  // per sensor (motors, then table): delay line
 
     std::vector<SignalInfo> signals;
     struct Indices {
-        int theta_ref, omega_ref, T_load, e, tension, Omega_1;
+        int theta_ref, omega_ref, T_load, e, tension, Omega_1, Omega_0 = -1;
         std::vector<int> angle, speed, acceleration;        // per body
         std::vector<int> twist, deflection, torque, flank;  // per connection
         std::vector<int> I, U, T, Omega, T_ref;             // per motor

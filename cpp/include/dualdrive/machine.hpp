@@ -15,13 +15,16 @@
 
 namespace dualdrive {
 
+struct EffectType;
+
 // One number of the machine: where it is found and what was declared about it.
 struct ParameterSlot {
     std::string path;  // mesh_1.gap, table.J, controller.K_v, coulomb@table.torque
     std::string unit, doc;
     Bounds bounds;
     double standard, typical;
-    bool clock = false;  // a sample time or latency: no derivative with respect to it
+    bool clock = false;    // a sample time or latency: no derivative with respect to it
+    bool counted = false;  // not fitted unless named
 };
 
 struct BodyEntry {
@@ -36,6 +39,7 @@ struct ConnectionEntry {
     TwistFrame frame;
     int driver, driven;
     std::size_t first;
+    ConnectionKind built;  // as it was connected; `kind` is that, or what an effect makes of it
 };
 
 // A drive: motor, the reducer behind it (-1: none), and the mesh that joins it to the table (-1: none).
@@ -75,7 +79,8 @@ class Machine {
                                       const std::vector<FormulaParameter>& parameters);
     void remove_effect(const std::string& label);
 
-    // Parameters by path or tie group (`meshes.gap` is mesh_1.gap, mesh_2.gap, ...).
+    // Parameters by path or tie group: `meshes.gap` is mesh_1.gap, mesh_2.gap, ...; `current_limit@motors.T_max`, of an
+    // effect that is a part of the machine, is motor_1.T_max, motor_2.T_max, ...
     std::vector<std::size_t> resolve(std::string_view path) const;  // std::invalid_argument with near names
     // Why no law reads the number at a path, the gap of a rigid mesh say; empty where one does. A group is read where any
     // of its members is.
@@ -107,6 +112,14 @@ class Machine {
     const std::string& append_effect(EffectEntry entry);
     std::string unread(std::size_t slot) const;
     bool shapes_a_mesh(const std::string& place, bool with_play = false) const;
+
+    // Effects that are parts of the machine (structural.hpp).
+    void check_part(const EffectType& type, const std::string& member) const;
+    void check_joint(const EffectType& type, const std::string& member) const;
+    void settle_joints();
+    void switch_off(const EffectEntry& removed);
+    std::vector<std::size_t> lent(std::string_view path) const;
+    double nearly_rigid(const ConnectionEntry& joint) const;
 
     std::vector<BodyEntry> bodies_;
     std::vector<ConnectionEntry> connections_;

@@ -98,6 +98,8 @@ class Model {
     void sense(const S& t);
     void control(const S& t, const S* z);
     void limit(std::size_t b, const S* z);
+    S torque_estimate(std::size_t k) const;
+    S encoder_angle(std::size_t k) const;
     S delayed(int line, const S& t) const;
     S tension_set_point() const;
     S measured_speed(std::size_t k, const S* z) const;
@@ -134,7 +136,8 @@ class Model {
     std::vector<S> signal_, rate_;
     std::vector<S> body_torque_, torque_, limit_forward_, limit_backward_, acceleration_;
     std::vector<S> elongation_, stiffness_, gap_, contact_torque_, contact_energy_;
-    std::vector<S> sensed_, motor_torque_, voltage_, torque_ref_, correction_;
+    std::vector<S> sensed_, motor_torque_, voltage_, added_voltage_, torque_ref_, correction_;
+    std::vector<S> delay_;  // per delay line
     std::vector<Block<S>> block_;
     S derivative_rate_{}, tension_rate_{}, tension_sum_{}, tension_left_{};
     std::vector<S> branch_argument_;

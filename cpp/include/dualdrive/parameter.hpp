@@ -33,6 +33,7 @@ struct Declaration {
     double standard;  // the default
     double typical;   // a usual size: prior width of an effect, scale of a step
     const char* doc;
+    bool counted = false;  // counted, chosen or read off, not fitted unless it is named
 };
 
 template <class Component, class S>

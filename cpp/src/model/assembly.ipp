@@ -11,7 +11,7 @@ Model<S>::Model(const Machine& machine, const Inputs& inputs, const Layout& layo
     resize(static_cast<std::size_t>(layout.groups), torque_, limit_forward_, limit_backward_, acceleration_, inertia_);
     resize(machine.connections().size(), elongation_, stiffness_, gap_, contact_torque_, contact_energy_);
     varied_.resize(machine.bodies().size());
-    resize(machine.motors().size(), motor_torque_, voltage_, torque_ref_, correction_, i_, i_m_);
+    resize(machine.motors().size(), motor_torque_, voltage_, added_voltage_, torque_ref_, correction_, i_, i_m_);
     resize(machine.motors().size() + 1, sensed_);
     resize(layout.switches.size(), branch_argument_);
     resize(layout.signals.size(), signal_);
@@ -58,6 +58,8 @@ void Model<S>::set_parameters(const S* values) {
         else
             effect_.push_back(std::make_unique<FormulaEffect<S>>(e, machine_, layout_, values + e.first));
     }
+    delay_.clear();
+    for (const DelayLine& line : layout_.delays) delay_.push_back(values[line.slot]);
     // ω_body = ratio · ω_group: J_n = i² J_d + J_c and b_n = i² b_d + b_c of Eq. 11 follow from this sum.
     std::fill(ratio_.begin(), ratio_.end(), S(1.0));
     for (const auto& s : layout_.steps) {

@@ -5,7 +5,7 @@ namespace dualdrive {
 template <class S>
 S Model<S>::delayed(int line, const S& t) const {
     const DelayLine& d = layout_.delays[static_cast<std::size_t>(line)];
-    const S delay = d.effect >= 0 ? effect_[static_cast<std::size_t>(d.effect)]->delay() : controller_.delta_t;
+    const S& delay = delay_[static_cast<std::size_t>(line)];
     if (!now_.past) return signal_[static_cast<std::size_t>(d.source)];
     const double shift = value_of(delay);
     return now_.past->at(line, t - delay, {now_.cell.low - shift, now_.cell.high - shift});
@@ -18,13 +18,18 @@ void Model<S>::sense(const S& t) {
     for (std::size_t s = 0; s < sensed_.size(); ++s) {
         const bool table = s == motor_.size();
         const int body = table ? layout_.table : machine_.motors()[s].body;
+        const bool differenced = !table && machine_.controller().speed_samples > 0;  // then encoder_angle() is read
         S reading(0.0);
         if (body >= 0) {
             const auto b = static_cast<std::size_t>(body);
-            reading = signal_[static_cast<std::size_t>(table ? at.angle[b] : at.speed[b])];
+            const S &angle = signal_[static_cast<std::size_t>(at.angle[b])],
+                    &speed = signal_[static_cast<std::size_t>(at.speed[b])];
+            reading = table ? angle : speed;
             if (const int line = layout_.sensor_delay[s]; line >= 0) reading = delayed(line, t);
-            for (const int e : layout_.sensor_effects[s])
-                reading = effect_[static_cast<std::size_t>(e)]->reading(reading, {t});
+            if (!differenced)
+                for (const int e : layout_.sensor_effects[s])
+                    reading = effect_[static_cast<std::size_t>(e)]->reading(
+                        reading, {t, table ? Measures::angle : Measures::speed, angle, speed});
         }
         sensed_[s] = reading;
         signal_[static_cast<std::size_t>(at.sensor[s])] = reading;
@@ -61,6 +66,15 @@ S Model<S>::tension_set_point() const {
     return mode(layout_.tension_zero_branch) > 0 ? controller_.T_ten * tension_left_ : S(0.0);
 }
 
+// A motor's torque as the equaliser is told it.
+template <class S>
+S Model<S>::torque_estimate(std::size_t k) const {
+    S torque = motor_torque_[k];
+    for (const int e : layout_.torque_estimates[k])
+        torque = effect_[static_cast<std::size_t>(e)]->torque_estimate(torque);
+    return torque;
+}
+
 template <class S>
 void Model<S>::control(const S& t, const S* z) {
     const auto& at = layout_.at;
@@ -81,7 +95,11 @@ void Model<S>::control(const S& t, const S* z) {
     const auto position = static_cast<std::size_t>(layout_.position_block);
     block_[position] = position_loop(controller_, i_m_[0], S(motor_[0].omega_max / i_[0]), e, omega_ref, filtered);
     limit(position, z);
-    const S Omega_1 = block_[position].out;
+    S Omega_1 = block_[position].out;
+    if (layout_.command_delay >= 0) {
+        put(at.Omega_0, Omega_1);
+        Omega_1 = delayed(layout_.command_delay, t);
+    }
     put(at.Omega_1, Omega_1);
     // The slave's set-point: Ω_2(t) = Ω_1(t − δt).
     const S Omega_slave = layout_.slave_delay >= 0 ? delayed(layout_.slave_delay, t) : Omega_1;
@@ -94,14 +112,14 @@ void Model<S>::control(const S& t, const S* z) {
     const auto equalise = [&](std::size_t k) {
         const auto b = static_cast<std::size_t>(layout_.tension_block[k]);
         const S tension = layout_.tension_filter >= 0 ? z[layout_.tension_filter] : tension_set_point();
-        block_[b] = torque_equaliser(controller_, i_[0], motor_torque_[0], motor_torque_[k + 1], tension);
+        block_[b] = torque_equaliser(controller_, i_[0], torque_estimate(0), torque_estimate(k + 1), tension);
         limit(b, z);
         put(at.tension, tension);
     };
     if (slaves > 0) {
         if (layout_.tension_sum_branch >= 0) {
             tension_sum_ = S(0.0);
-            for (const S& T : motor_torque_) tension_sum_ += T;
+            for (std::size_t k = 0; k < motor_.size(); ++k) tension_sum_ += torque_estimate(k);
             tension_left_ = 1.0 - double(mode(layout_.tension_sum_branch)) * tension_sum_ / controller_.T_off;
             branch_argument_[static_cast<std::size_t>(layout_.tension_sum_branch)] = tension_sum_;
             branch_argument_[static_cast<std::size_t>(layout_.tension_zero_branch)] = tension_left_;
@@ -156,9 +174,17 @@ template <class S>
 S Model<S>::measured_speed(std::size_t k, const S* z) const {
     const int n = machine_.controller().speed_samples;
     if (n == 0) return sensed_[k];
+    return (encoder_angle(k) - z[layout_.encoder_history[k] + n - 1]) / (double(n) * controller_.speed_sample);
+}
+
+// The motor's angle as its encoder has it.
+template <class S>
+S Model<S>::encoder_angle(std::size_t k) const {
     const auto body = static_cast<std::size_t>(machine_.motors()[k].body);
-    const S& angle = signal_[static_cast<std::size_t>(layout_.at.angle[body])];
-    return (angle - z[layout_.encoder_history[k] + n - 1]) / (double(n) * controller_.speed_sample);
+    S angle = signal_[static_cast<std::size_t>(layout_.at.angle[body])];
+    for (const int e : layout_.sensor_effects[k])
+        angle = effect_[static_cast<std::size_t>(e)]->reading(angle, {time_, Measures::angle});
+    return angle;
 }
 
 // A tick: outputs are put out (now, or after the latency), integrators step by forward Euler unless saturated outward.
@@ -184,9 +210,7 @@ void Model<S>::tick(const Clock& clock, S* next) const {
         for (std::size_t k = 0; k < motor_.size(); ++k) {
             const int n = machine_.controller().speed_samples, first = layout_.encoder_history[k];
             for (int h = n - 1; h > 0; --h) next[first + h] = next[first + h - 1];
-            if (n > 0)
-                next[first] = signal_[static_cast<std::size_t>(
-                    layout_.at.angle[static_cast<std::size_t>(machine_.motors()[k].body)])];
+            if (n > 0) next[first] = encoder_angle(k);
         }
 }
 

@@ -201,12 +201,21 @@ void Model<S>::body_torques(const S& t) {
         const S& speed = signal_[static_cast<std::size_t>(at.speed[b])];
         const S& I = signal_[static_cast<std::size_t>(at.I[k])];
         S torque = motor_torque_[k];
+        added_voltage_[k] = S(0.0);
         for (const int e : layout_.effects_in_motor[k]) {
             const auto effect = static_cast<std::size_t>(e);
-            const S added = effect_[effect]->torque_of_motor(
-                {t, signal_[static_cast<std::size_t>(at.angle[b])], speed, I, motor_torque_[k]});
-            signal_[static_cast<std::size_t>(at.effect[effect])] += added;
+            const MotorPort<S> p{t,
+                                 signal_[static_cast<std::size_t>(at.angle[b])],
+                                 speed,
+                                 I,
+                                 motor_torque_[k],
+                                 motor_[k].R,
+                                 motor_[k].C_e,
+                                 motor_[k].T_rated};
+            const S added = effect_[effect]->torque_of_motor(p);
+            if (at.effect[effect] >= 0) signal_[static_cast<std::size_t>(at.effect[effect])] += added;
             torque += added;
+            added_voltage_[k] += effect_[effect]->voltage_of_motor(p);
         }
         signal_[static_cast<std::size_t>(at.T[k])] = motor_torque_[k];
         signal_[static_cast<std::size_t>(at.U[k])] = voltage_[k];
@@ -214,6 +223,7 @@ void Model<S>::body_torques(const S& t) {
         if (layout_.current[k] >= 0) {
             deliver(Power::delivered, voltage_[k], I);
             deliver(Power::copper, -motor_[k].R * I, I);
+            if (!layout_.effects_in_motor[k].empty()) deliver(Power::effects, added_voltage_[k], I);
             deliver(Power::conversion, torque - motor_[k].C_e * I, speed);  // zero when K_d = C_e
         } else {
             deliver(Power::delivered, torque, speed);
@@ -313,7 +323,7 @@ void Model<S>::rates(const S* z) {
             const S& speed =
                 signal_[static_cast<std::size_t>(at.speed[static_cast<std::size_t>(machine_.motors()[k].body)])];
             rate_[static_cast<std::size_t>(s)] =
-                (voltage_[k] - motor_[k].R * z[s] - motor_[k].C_e * speed) / motor_[k].L;
+                (voltage_[k] + added_voltage_[k] - motor_[k].R * z[s] - motor_[k].C_e * speed) / motor_[k].L;
         }
     for (std::size_t b = 0; b < block_.size(); ++b) {
         const auto& place = layout_.blocks[b];

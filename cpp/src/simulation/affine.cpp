@@ -4,6 +4,7 @@
 
 #include "dualdrive/effects.hpp"
 #include "dualdrive/expression.hpp"
+#include "dualdrive/recorder.hpp"
 
 namespace dualdrive {
 
@@ -26,7 +27,7 @@ bool is_affine(const Machine& machine, const EffectEntry& effect) {
 
 std::optional<std::string> effect_that_is_not_affine(const Machine& machine) {
     for (const EffectEntry& effect : machine.effects())
-        if (!is_affine(machine, effect)) return effect.label;
+        if (!on_record(machine, effect) && !is_affine(machine, effect)) return effect.label;
     return std::nullopt;
 }
 

@@ -188,8 +188,7 @@ void Simulation::apply(JumpKind kind, const Clock* clock) {
 // A discontinuity of a delayed signal comes back one delay later; its time moves as the event's and the delay do.
 void Simulation::add_delayed_breaks(double t, const std::vector<double>& time_slope) {
     for (const auto& d : layout_.delays) {
-        const std::size_t slot = d.effect >= 0 ? machine_.effects()[static_cast<std::size_t>(d.effect)].first
-                                               : machine_.resolve("controller.delta_t").front();
+        const std::size_t slot = d.slot;
         DelayedBreak b{t + machine_.values()[slot], time_slope};
         b.slope.resize(parameters_.size(), 0.0);
         for (std::size_t k = 0; k < parameters_.size(); ++k)

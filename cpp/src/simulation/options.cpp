@@ -13,8 +13,9 @@ namespace {
 
 // Numbers whose 0 takes a state, a delay or a flank out of the equations, so that no derivative is left of them there.
 bool is_switch(std::string_view path) {
-    for (const std::string_view name : {"controller.K_i", "controller.K_d", "controller.T_N", "controller.T_E",
-                                        "controller.g_E", "controller.tau_t", "controller.delta_t"})
+    for (const std::string_view name :
+         {"controller.K_i", "controller.K_d", "controller.T_N", "controller.T_E", "controller.g_E", "controller.tau_t",
+          "controller.delta_c", "controller.delta_t"})
         if (path == name) return true;
     return path.ends_with(".gap") || (path.starts_with("sensor_delay@") && path.ends_with(".time"));
 }

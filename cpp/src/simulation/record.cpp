@@ -131,10 +131,7 @@ void Simulation::remember(double from, double to) {
     }
     history_->append(from, to, samples, slopes);
     double longest = 0.0;
-    for (const auto& d : layout_.delays)
-        longest = std::max(
-            longest, d.effect >= 0 ? machine_.values()[machine_.effects()[static_cast<std::size_t>(d.effect)].first]
-                                   : machine_.get("controller.delta_t"));
+    for (const auto& d : layout_.delays) longest = std::max(longest, machine_.values()[d.slot]);
     history_->forget_before(to - 1.01 * longest - 1e-9);
 }
 

@@ -121,9 +121,7 @@ void Simulation::start() {
     constexpr double unlimited = std::numeric_limits<double>::infinity();
     double longest = options_.longest_step > 0 ? options_.longest_step : unlimited, turning = unlimited;
     for (const auto& d : layout_.delays) {  // the past must lie behind the step
-        const double delay = d.effect >= 0
-                                 ? machine_.values()[machine_.effects()[static_cast<std::size_t>(d.effect)].first]
-                                 : machine_.get("controller.delta_t");
+        const double delay = machine_.values()[d.slot];
         if (delay < 1e-7)
             throw std::invalid_argument(d.name + ": " + text(delay) +
                                         " s is too short to integrate as a delay; use 0 or at least 1e-7 s");

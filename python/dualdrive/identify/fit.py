@@ -13,9 +13,15 @@ from dualdrive.identify.closed_loop import Problem, channels_to_fit
 from dualdrive.identify.evaluation import state_unknowns
 from dualdrive.identify.filtering import Processing
 from dualdrive.identify.fit_summary import summary
+from dualdrive.identify.parts import sizes_of_part
 from dualdrive.identify.search import Progress, Search
 from dualdrive.identify.standstill import Standstill
-from dualdrive.identify.unknowns import default_free, default_tolerances, unknowns
+from dualdrive.identify.unknowns import (
+    default_free,
+    default_tolerances,
+    seen_in_balance,
+    unknowns,
+)
 from dualdrive.replay import RTOL, Record, core_of, named, ratio_to_table, records
 from dualdrive.traces import Trace
 
@@ -162,7 +168,7 @@ def _balance_free(
     """What a torque balance fits, and the tolerance of each nominal value."""
     if free is not None:
         return list(free), tolerance
-    paths = default_free(core)
+    paths = [path for path in default_free(core) if seen_in_balance(core, path)]
     if offsets != "none":
         paths = [path for path in paths if not path.endswith(".asymmetry")]
     if isinstance(tolerance, int | float):
@@ -184,12 +190,16 @@ def _sizes(core: Any, played: Sequence[Record]) -> dict[str, float]:
 
     Torques: a tenth of the drives' mean-free torque, seen at the effect's place; what grows with
     speed, that over the speed there. Constants of recorders: a tenth of their channel's spread.
+    A drive's limit: a little less than the most that was recorded of what it limits.
     """
     at_table = max((_torque_at_table(core, record) for record in played), default=0.0)
     speed = max(float(np.std(np.gradient(r.reference, r.t))) for r in played)
-    sizes = {}
+    sizes: dict[str, float] = {}
     for effect in core.effects:
         place = effect["members"][0]
+        if effect["structural"]:
+            sizes |= sizes_of_part(core, effect, played)
+            continue
         ratio = ratio_to_table(core, place)
         for p in core.parameters():
             if not p.path.startswith(f"{effect['label']}."):

@@ -22,6 +22,7 @@ from dualdrive import _core
 from dualdrive.distributed import mapper_for
 from dualdrive.identify.closed_loop import Problem, channels_to_fit
 from dualdrive.identify.evaluation import state_unknowns
+from dualdrive.identify.parts import sizes_of_part
 from dualdrive.identify.unknowns import Unknown, default_free, unknowns
 from dualdrive.mapper import Mapper, mapped
 from dualdrive.replay import RTOL, Record, core_of, named, records
@@ -37,6 +38,7 @@ _WHOLE_LAWS = ("stribeck", "lugre")
 _TWIN = 1.0 - 1e-6  # squared cosine above which two signatures are one
 _EARNED = 0.1  # of the residual: what a second unknown must explain beyond the first
 _DELAY_PROBE = 2e-3  # s: a delay is part of the structure, so it is probed at a size, not at zero
+_SOFTER = 0.1  # of its nearly rigid stiffness: where a joint that gives is probed
 
 
 @dataclass(frozen=True)
@@ -73,11 +75,25 @@ def candidates_of(core: _core.Machine) -> list[tuple[str, str]]:
                 continue
             trial = core.copy()
             try:
-                trial.add_effect(kind.name, place)
+                label = trial.add_effect(kind.name, place)
+                trial.signals()  # compiles the machine, which knows the rest of the rules
             except ValueError:
-                continue  # no such part here
+                continue  # no such part here, or none that the effect can act on
+            if kind.structural and _is_on(core, trial, label):
+                continue  # a limit or lag that the machine has, whatever it is called
             found.append((kind.name, place))
     return found
+
+
+def _is_on(core: _core.Machine, trial: _core.Machine, label: str) -> bool:
+    """Whether the part that a structural effect names works in this machine already."""
+    members = trial.members(
+        f"{label}.{_core.effect_type(label.partition('@')[0]).parameters[0].path}"
+    )
+    joint = members[0].rpartition(".")[0]
+    if joint in core.connections:
+        return core.kind(joint) != "rigid"
+    return any(core.get(path) != core.parameter(path).standard for path in members)
 
 
 def screen(
@@ -115,7 +131,8 @@ def screen(
     )
     wanted = list(candidates_of(core) if candidates is None else candidates)
     probed = core.copy()
-    probes = [probe for pair in wanted for probe in _put_in(probed, *pair)]
+    probes = [probe for pair in wanted for probe in _put_in(probed, *pair, played)]
+    wanted = [pair for pair in wanted if pair in {(p.effect, p.place) for p in probes}]
     with mapper_for(scheduler) as mapper:
         seen = _observed(core, probed, played, probes, mapper, rtol)
     rest = _Projection(seen.others, seen.sigma)
@@ -125,7 +142,7 @@ def screen(
         own = [p for p in probes if (p.effect, p.place) == (effect, place)]
         columns = np.stack([rest.remove(seen.signatures[p.key]) for p in own], axis=1)
         explained, strengths = _regress(columns, residual)
-        expected = {p.path: s * p.unknown.scale for p, s in zip(own, strengths, strict=True)}
+        expected = {p.path: p.expected(float(s)) for p, s in zip(own, strengths, strict=True)}
         found = Candidate(effect, place, explained, expected, own[0].unknown.unit)
         scored.append((found, columns))
     return _name_twins(sorted(scored, key=_worth, reverse=True))
@@ -134,7 +151,7 @@ def screen(
 def _worth(item: tuple[Candidate, Array]) -> float:
     """Over a small arc friction that varies with the angle explains what plain friction does."""
     candidate, columns = item
-    return candidate.explained - _EARNED * (columns.shape[1] - 1)
+    return float(candidate.explained - _EARNED * (columns.shape[1] - 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +176,7 @@ def _observed(
     rtol: float,
 ) -> _Observed:
     nominal = unknowns(core, default_free(core), None, {})
-    smooth = [p for p in probes if not p.delay]
+    smooth = [p for p in probes if not p.apart]
     problem = Problem(
         probed,
         played,
@@ -177,9 +194,9 @@ def _observed(
     slopes = _stack(problem, problem.slopes(at))
     split = range(len(nominal), len(nominal) + len(smooth))
     signatures = {p.key: slopes[:, len(nominal) + k] for k, p in enumerate(smooth)}
-    late = [p for p in probes if p.delay]
-    jobs = [(mapper.keep(problem), p, at, left) for p in late]
-    for p, signature in zip(late, mapped(mapper, _delayed, jobs), strict=True):
+    apart = [p for p in probes if p.apart]
+    jobs = [(mapper.keep(problem), p, at, left) for p in apart]
+    for p, signature in zip(apart, mapped(mapper, _made_apart, jobs), strict=True):
         signatures[p.key] = signature
     others, sigma = np.delete(slopes, split, axis=1), np.delete(problem.prior.sigma, split)
     return _Observed(left, signatures, others, sigma)
@@ -187,23 +204,44 @@ def _observed(
 
 @dataclass(frozen=True)
 class _Probe:
-    """One strength of a candidate: a second one where a phase is unknown, a quarter turn later."""
+    """One strength of a candidate: a second one where a phase is unknown, a quarter turn later.
+
+    size:  where it is probed in a machine of its own, for what is off at zero altogether (a delay)
+           or changes the machine (a joint that gives); 0 where the slope at zero tells
+    """
 
     effect: str
     place: str
     path: str
     unknown: Unknown
-    delay: bool
+    size: float = 0.0
 
     @property
     def key(self) -> str:
         return self.path
 
+    @property
+    def apart(self) -> bool:
+        """Whether it takes a machine of its own."""
+        return self.size > 0.0
 
-def _put_in(core: _core.Machine, effect: str, place: str) -> list[_Probe]:
+    def expected(self, strength: float) -> float:
+        """The number it would have, SI, from the strength that the residual asks for."""
+        if not self.apart:
+            return strength * self.unknown.scale
+        if self.path.endswith(".stiffness"):  # what bends is its inverse
+            return self.size / strength if strength > 0 else math.inf
+        if self.path.endswith((".T_max", ".U_max")):
+            return self.size  # a limit is met or not; nothing grows with it
+        return strength * self.size
+
+
+def _put_in(core: _core.Machine, effect: str, place: str, played: Sequence[Record]) -> list[_Probe]:
     kind = _core.effect_type(effect)
+    if kind.structural:
+        return _part_probe(core, kind, place, played)
     names = [p.path for p in kind.parameters]
-    delay = "delay" in kind.acts_on
+    size = _DELAY_PROBE if "delay" in kind.acts_on else 0.0
     probes = []
     for phase in (0.0, 0.5 * math.pi) if "phase" in names else (0.0,):
         label = core.add_effect(effect, place)
@@ -223,18 +261,42 @@ def _put_in(core: _core.Machine, effect: str, place: str) -> list[_Probe]:
             0.0,
             math.inf,
         )
-        probes.append(_Probe(effect, place, path, free, delay))
+        probes.append(_Probe(effect, place, path, free, size))
     return probes
+
+
+def _part_probe(
+    core: _core.Machine, kind: _core.EffectType, place: str, played: Sequence[Record]
+) -> list[_Probe]:
+    """How a part of the machine is probed; not at all where no record says what a limit limits."""
+    trial = core.copy()
+    label = trial.add_effect(kind.name, place)
+    (effect,) = (e for e in trial.effects if e["label"] == label)
+    name, declared = kind.parameters[0].path, kind.parameters[0]
+    path = f"{label}.{name}"
+    if name == "stiffness":
+        size = _SOFTER * trial.get(path)
+    elif math.isinf(declared.standard):
+        size = sizes_of_part(trial, effect, played).get(path, 0.0)
+    else:
+        size = declared.typical if declared.unit != "s" else _DELAY_PROBE
+        size = sizes_of_part(trial, effect, played).get(path, size)
+    if not size > 0.0:
+        return []
+    free = Unknown(path, declared.unit, 0.0, -math.inf, math.inf, size, False, 0.0, 0.0, math.inf)
+    return [_Probe(kind.name, place, path, free, size)]
 
 
 def _stack(problem: Problem, own: Mapping[tuple[int, str], Array]) -> Array:
     return np.concatenate([problem.weights[row] * own[row] for row in problem.rows])
 
 
-def _delayed(problem: Problem, probe: _Probe, at: Array, left: Array) -> Array:
-    """Signature of a delay: the difference a small one makes, per usual size."""
+def _made_apart(problem: Problem, probe: _Probe, at: Array, left: Array) -> Array:
+    """Signature of what is probed at a size: the difference it makes there."""
     core = problem.core.copy()
-    core.set(probe.path, _DELAY_PROBE)
+    if _core.effect_type(probe.effect).structural:
+        core.add_effect(probe.effect, probe.place)
+    core.set(probe.path, probe.size)
     late = Problem(
         core,
         problem.records,
@@ -247,9 +309,8 @@ def _delayed(problem: Problem, probe: _Probe, at: Array, left: Array) -> Array:
     replays = late.replays(at)
     if replays is None:
         return np.zeros(len(left))
-    moved = _stack(problem, late.unweighted(replays, at)) - left
-    scale: Array = moved * (probe.unknown.scale / _DELAY_PROBE)
-    return scale
+    moved: Array = _stack(problem, late.unweighted(replays, at)) - left
+    return moved
 
 
 class _Projection:

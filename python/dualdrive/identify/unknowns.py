@@ -24,8 +24,8 @@ TOLERANCES = {"J": 0.1, "stiffness": 0.2, "gap": 0.2, "b": 0.5, "damping": 0.5}
 _OTHERWISE = 0.1
 #: of an effect's parameter that has a value already; one at zero has no prior
 _EFFECT = 1.0
-#: numbers of an effect that are counted, not fitted, unless named
-_COUNTED = ("order", "spacing")
+#: numbers whose zero is another machine: one without a delay line, without flanks
+_STRUCTURE = ("time", "delta_c", "delta_t", "gap")
 
 
 @dataclass(frozen=True)
@@ -88,24 +88,41 @@ def default_free(core: Any) -> list[str]:
     """Nominal mechanical parameters as tie groups, and every parameter of every effect.
 
     Data sheets state inertias, stiffness and play with a tolerance; ratios are counted and settings
-    are read from the drive, so those stay.
+    are read from the drive, so those stay. What an effect lends (`gearbox_backlash@gearboxes.gap`)
+    is the effect's, without a nominal value.
     """
+    own = [f"{e['label']}.{name}" for e in core.effects for name in e["parameters"]]
+    own = [path for path in own if not core.parameter(path).counted and not core.unread(path)]
+    lent = {member for path in own for member in core.members(path)}
     found = []
     for parameter in core.parameters():
         place, _, name = parameter.path.rpartition(".")
         if "@" in place or name not in TOLERANCES or not parameter.value > 0.0:
             continue
+        if parameter.path in lent:
+            continue
         if place not in core.connections or core.kind(place) != "rigid":
             found.append(_tied(core, parameter.path))
-    for effect in core.effects:
-        own = [p.path for p in core.parameters() if p.path.startswith(f"{effect['label']}.")]
-        found += [path for path in own if not path.endswith(_COUNTED)]
+    taken: set[str] = set()
+    for path in own:  # two effects at one joint share its stiffness
+        if not taken & set(core.members(path)):
+            found.append(path)
+            taken |= set(core.members(path))
     return list(dict.fromkeys(found))
+
+
+def seen_in_balance(core: Any, path: str) -> bool:
+    """Whether a torque balance contains a number: a sensor's or a limit's it does not."""
+    label = path.rpartition(".")[0]
+    return all(effect["in_balance"] for effect in core.effects if effect["label"] == label)
 
 
 def default_tolerances(core: Any, free: Sequence[str]) -> dict[str, float]:
     """Relative one-sigma tolerance of each path that has one: an effect at zero has none."""
-    widths = {p: _width(p, p.rpartition(".")[2], None, "@" in p, core.get(p)) for p in free}
+    widths = {
+        p: _width(p, p.rpartition(".")[2], None, "@" in p, core.get(p), core.members(p)[0] != p)
+        for p in free
+    }
     return {path: width for path, width in widths.items() if math.isfinite(width)}
 
 
@@ -166,19 +183,22 @@ def _unknown(
         nominal = float(core.get(path))
     except ValueError as error:
         raise ValueError(f"free: {error}") from None
+    if math.isinf(nominal) and path in sizes:
+        nominal = sizes[path]  # a limit that is off begins where the record would meet it
     if not math.isfinite(nominal):
         raise ValueError(
             f"free: {path} is {nominal:g}, a limit that is off; set it before fitting it"
         )
     effect = "@" in path
-    width = _width(path, name, tolerance, effect, nominal)
+    lent = effect and declared.path != path  # a structural effect's: the part's own number
+    width = _width(path, name, tolerance, effect, nominal, lent)
     low = declared.low
-    if name == "time":
-        low = 1e-6  # a delay of nothing is another machine: one without a delay line
+    if effect and name in _STRUCTURE:
+        low = 1e-6
     usual = declared.typical
     if effect:
         usual = sizes.get(path, usual)
-    if nominal > 0 and declared.low >= 0 and not effect:
+    if nominal > 0 and declared.low >= 0 and (not effect or name == "stiffness"):
         numbers = (nominal, low, declared.high, nominal, True, 0.0, 0.0, width)
         return Unknown(path, declared.unit, *numbers)
     scale = abs(nominal) or usual or 1.0
@@ -196,13 +216,15 @@ def _width(
     tolerance: float | Mapping[str, float] | None,
     effect: bool,
     nominal: float,
+    lent: bool = False,
 ) -> float:
     """One-sigma width of the prior, relative."""
     given = tolerance.get(path) if isinstance(tolerance, Mapping) else tolerance
     if isinstance(tolerance, Mapping) or not effect:
         width = TOLERANCES.get(name, _OTHERWISE) if given is None else given
     if effect and (given is None or not isinstance(tolerance, Mapping)):
-        width = _EFFECT if nominal != 0.0 else math.inf
+        # a limit, or a stiffness that is nearly rigid, is where one begins, not what one believes
+        width = _EFFECT if nominal != 0.0 and not lent else math.inf
     if not width > 0:
         raise ValueError(f"tolerance of {path}: {width:g} must be positive; or leave the path out")
     return width

@@ -48,6 +48,7 @@ def add_effect(core: _core.Machine, s: Structure, entry: Mapping[str, Any], wher
         if key not in entry:
             raise MachineError(f"{where}: {key} is missing; give effect and place")
         expect(entry[key], str, where, key, "text")
+    before = {p.path: p.value for p in core.parameters()}
     try:
         if entry["effect"] == "expression":
             parameters = _formula_parameters(entry, where)
@@ -65,10 +66,18 @@ def add_effect(core: _core.Machine, s: Structure, entry: Mapping[str, Any], wher
         core.signals()  # compiles the machine, formulas included
     except ValueError as error:
         core.remove_effect(label)
+        _restore(core, before)
         raise (
             error if isinstance(error, MachineError) else MachineError(f"{where}: {error}")
         ) from None
     return label
+
+
+def _restore(core: _core.Machine, before: Mapping[str, float]) -> None:
+    """Taking a structural effect out switches its part off; here it never was in."""
+    for p in core.parameters():
+        if p.value != before[p.path]:
+            core.set(p.path, before[p.path])
 
 
 def _set_values(

@@ -17,7 +17,7 @@ from dualdrive.units import UnitError, parse
 from .choices import choice_keys, sections
 from .frames import half_gap_at_pinion, unit_on_axis
 from .layers import Layer, MachineError
-from .trains import GROUPS, Structure, group_of
+from .trains import Structure, group_of
 
 __all__ = ["apply_numbers", "check_complete", "set_value"]
 
@@ -82,9 +82,10 @@ def _number(core: _core.Machine, s: Structure, path: str, value: Any) -> float:
 
 def _ratio_beside(core: _core.Machine, gap_path: str, what: str) -> float:
     """The ratio of the gearbox or mesh on the chain that a gap sits in."""
-    part = gap_path.rpartition(".")[0]
-    if part in GROUPS:
+    members = core.members(gap_path)
+    if len(members) > 1:
         return core.get({"gearbox": "gearboxes.ratio", "mesh": "meshes.ratio"}[what])
+    part = members[0].rpartition(".")[0]
     return core.get(f"{what}_{part.rpartition('_')[2]}.ratio")
 
 
@@ -92,6 +93,8 @@ def _full_scale(core: _core.Machine, path: str, value: Any) -> float | None:
     """What 100 % stands for, as drives have it: rated torque, or the largest pinion speed."""
     if not (isinstance(value, str) and "%" in value):
         return None
+    if "@" in path:
+        path = core.members(path)[0]  # of a structural effect: the part's own number
     if path in ("controller.T_ten", "controller.T_off"):
         scale = core.get("motor_1.T_rated")
     elif path.startswith("motor") and path.endswith(".T_max"):

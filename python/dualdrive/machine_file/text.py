@@ -6,6 +6,7 @@ then every number that differs from what that text says is written into it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -141,6 +142,8 @@ def _states(entry: Mapping[str, Any], effect: Mapping[str, Any]) -> bool:
 def _entry(core: _core.Machine, effect: Mapping[str, Any]) -> dict[str, Any]:
     entry: dict[str, Any] = {"effect": effect["effect"], "place": effect["place"]}
     own = [p for p in core.parameters() if p.path.rpartition(".")[0] == effect["label"]]
+    if effect["structural"]:
+        return entry | _lent(core, effect)
     if effect["formula"]:
         entry["formula"] = effect["formula"]
         entry["parameters"] = {
@@ -148,6 +151,16 @@ def _entry(core: _core.Machine, effect: Mapping[str, Any]) -> dict[str, Any]:
         }
         return entry
     return entry | {p.path.rpartition(".")[2]: p.value for p in own}
+
+
+def _lent(core: _core.Machine, effect: Mapping[str, Any]) -> dict[str, float]:
+    """What a structural effect can say of its parts: numbers that they agree on, and not "off"."""
+    found = {}
+    for name in effect["parameters"]:
+        members = [core.parameter(m) for m in core.members(f"{effect['label']}.{name}")]
+        if len({p.value for p in members}) == 1 and math.isfinite(members[0].value):
+            found[name] = members[0].value
+    return found
 
 
 def _inline(values: Mapping[str, Any]) -> tomlkit.items.InlineTable:
@@ -180,6 +193,8 @@ def _write_value(
 ) -> None:
     """Write one value, under its group where the members agree."""
     part, _, key = path.rpartition(".")
+    if _write_lent_value(document, core, path, key):
+        return
     if "@" in part:
         _write_effect_value(document, core, part, key, values[path])
         return
@@ -192,6 +207,29 @@ def _write_value(
         _drop_member_values(document, group, key)
     else:
         _put(document, part, key, values[path])
+
+
+def _write_lent_value(
+    document: tomlkit.TOMLDocument, core: _core.Machine, path: str, key: str
+) -> bool:
+    """Write a part's value into the effects that lend it, which are read last.
+
+    False where none states it, or where the members differ, which only the parts can say.
+    """
+    written = False
+    for row, effect in enumerate(core.effects):
+        if not effect["structural"] or key not in effect["parameters"]:
+            continue
+        members = core.members(f"{effect['label']}.{key}")
+        if path not in members:
+            continue
+        values = {core.get(member) for member in members}
+        if len(values) == 1 and math.isfinite(core.get(path)):
+            _replace(document["effects"][row], key, core.get(path))
+            written = True
+        else:
+            document["effects"][row].pop(key, None)
+    return written
 
 
 def _write_effect_value(

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dualdrive.replay.channels import HEADLINE, Compared, compared_channels, ratio_to_table
 from dualdrive.replay.errors import best_offsets, errors, headline
 from dualdrive.replay.record import Record, ReplayError, core_of, named, records
-from dualdrive.replay.run import RTOL, Recorder, Replay, play, play_all, recorders
+from dualdrive.replay.run import RTOL, Replay, play, play_all
 
 __all__ = [
     "HEADLINE",
     "RTOL",
     "Compared",
     "Record",
-    "Recorder",
     "Replay",
     "ReplayError",
     "best_offsets",
@@ -24,6 +23,5 @@ __all__ = [
     "play",
     "play_all",
     "ratio_to_table",
-    "recorders",
     "records",
 ]

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.mapper import Mapper, Threads, mapped
+from dualdrive.recorder import Recorded, delays, own_paths, reading_times, written
 from dualdrive.replay.record import Record, with_settings
-from dualdrive.traces import CHANNELS
 
 Array = NDArray[np.float64]
 
@@ -51,31 +51,6 @@ class Replay:
         return result
 
 
-@dataclass(frozen=True)
-class Recorder:
-    """What a recorder does to one channel outside the loop: it reads late, or adds a constant."""
-
-    delay: float = 0.0
-    offset: float = 0.0
-
-
-def recorders(core: Any) -> dict[str, Recorder]:
-    """Effects that sit at a recorded channel, by channel."""
-    found: dict[str, Recorder] = {}
-    for effect in core.effects:
-        for channel in effect["members"]:
-            if channel not in CHANNELS:
-                continue
-            old = found.get(channel, Recorder())
-            if effect["effect"] == "sensor_delay":
-                late = old.delay + core.get(f"{effect['label']}.time")
-                found[channel] = Recorder(late, old.offset)
-            if effect["effect"] == "sensor_offset":
-                added = old.offset + core.get(f"{effect['label']}.value")
-                found[channel] = Recorder(old.delay, added)
-    return found
-
-
 def play(
     core: Any,
     record: Record,
@@ -102,10 +77,10 @@ def play(
 
     """
     core = with_settings(core, record.settings)
-    heard = recorders(core)
     raw = sorted({channel for c in record.channels for channel, _ in c.parts})
-    times = _times(record, {heard[channel].delay for channel in raw if channel in heard})
-    outside = {path: moves for path in sensitivities if (moves := _recorder_slope(core, path))}
+    late = {name: delay for name, delay in delays(core).items() if name in raw}
+    times = reading_times(record.t, late, record.begin)
+    own = own_paths(core, sensitivities)
     known = {name for name, _, _ in core.signals()}
     contacts = [name for name in _FLANKS if flanks and name in known]
     run = _core.simulate(
@@ -117,7 +92,7 @@ def play(
         rtol=rtol,
         max_steps=max_steps,
         signals=raw + contacts,
-        sensitivities=[path for path in sensitivities if path not in outside],
+        sensitivities=[path for path in sensitivities if path not in own],
         initial={**record.initial, **(initial or {})},
         energy=False,
     )
@@ -127,19 +102,21 @@ def play(
     seen: dict[str, Array] = {}
     slopes: dict[str, Array] = {}
     for channel in raw:
-        recorder = heard.get(channel, Recorder())
-        rows = np.searchsorted(times, np.maximum(record.t - recorder.delay, record.begin))
-        seen[channel] = run.values[rows, column[channel]] + recorder.offset
+        rows = np.searchsorted(times, np.maximum(record.t - late.get(channel, 0.0), record.begin))
+        values = run.values[rows, column[channel]]
+        inside = (
+            run.sensitivities[rows, column[channel]]
+            if run.parameters
+            else np.zeros((len(values), 0))
+        )
+        found = (
+            written(core, channel, record.t, values, inside, own)
+            if channel in late
+            else Recorded(values, inside, np.zeros((len(values), len(own))))
+        )
+        seen[channel] = found.values
         if sensitivities:
-            inside = iter(run.sensitivities[rows, column[channel]].T if run.parameters else ())
-            slopes[channel] = np.column_stack(
-                [
-                    _outside(record.t, seen[channel], channel, outside[path])
-                    if path in outside
-                    else next(inside)
-                    for path in sensitivities
-                ]
-            )
+            slopes[channel] = _in_order(sensitivities, own, found)
     whole = np.searchsorted(times, record.t)
     return Replay(
         record,
@@ -161,12 +138,10 @@ def _derived(record: Record, raw: Mapping[str, Array]) -> dict[str, Array]:
     return found
 
 
-def _outside(t: Array, seen: Array, channel: str, moves: tuple[str, frozenset[str]]) -> Array:
-    """Slope of a recorded channel by a recorder's delay or constant."""
-    what, channels = moves
-    if channel not in channels:
-        return np.zeros(len(t))
-    return np.ones(len(t)) if what == "offset" else -_rate(t, seen)
+def _in_order(paths: Sequence[str], own: Sequence[str], found: Recorded) -> Array:
+    """Derivatives of a channel in the order of the paths that were asked for."""
+    inside, outside = iter(found.inside.T), iter(found.own.T)
+    return np.column_stack([next(outside if path in own else inside) for path in paths])
 
 
 def play_all(
@@ -203,25 +178,3 @@ def _played(
     """A replay without its record, which is large and where the replay was asked for."""
     found = play(core, record, sensitivities, state, **options)
     return replace(found, record=cast("Record", None))
-
-
-def _times(record: Record, delays: set[float]) -> Array:
-    """Times at which any channel is read."""
-    late = [np.maximum(record.t - delay, record.begin) for delay in delays if delay > 0]
-    return np.unique(np.concatenate([record.t, *late]))
-
-
-def _recorder_slope(core: Any, path: str) -> tuple[str, frozenset[str]] | None:
-    """What a recorder's parameter moves: (delay | offset, channels); None for all others."""
-    for effect in core.effects:
-        channels = frozenset(effect["members"]) & CHANNELS.keys()
-        if channels and path.startswith(f"{effect['label']}."):
-            return ("delay" if effect["effect"] == "sensor_delay" else "offset"), channels
-    return None
-
-
-def _rate(t: Array, values: Array) -> Array:
-    from scipy.interpolate import CubicSpline
-
-    result: Array = CubicSpline(t, values)(t, 1)
-    return result

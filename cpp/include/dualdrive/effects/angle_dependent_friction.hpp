@@ -32,7 +32,7 @@ struct AngleDependentFriction {
         using E = AngleDependentFriction;
         return fields<E, S>({
             {&E::torque, {"torque", "N*m", non_negative, 0.0, 300.0, "mean and amplitude of the limit"}},
-            {&E::order, {"order", "", positive, 1.0, 1.0, "periods per revolution of the body"}},
+            {&E::order, {"order", "", positive, 1.0, 1.0, "periods per revolution of the body", true}},
             {&E::phase, {"phase", "rad", any, 0.0, 1.0, "phase at angle zero; 0: tightest there"}},
         });
     }

@@ -29,7 +29,7 @@ struct Cogging {
     static constexpr auto parameters() {
         return fields<Cogging, S>({
             {&Cogging::amplitude, {"amplitude", "N*m", non_negative, 0.0, 1.0, "half the peak-to-peak torque"}},
-            {&Cogging::order, {"order", "", positive, 24.0, 6.0, "periods per revolution of the body"}},
+            {&Cogging::order, {"order", "", positive, 24.0, 6.0, "periods per revolution of the body", true}},
             {&Cogging::phase, {"phase", "rad", any, 0.0, 1.0, "phase at angle zero"}},
         });
     }

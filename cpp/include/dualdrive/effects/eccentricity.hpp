@@ -37,7 +37,7 @@ struct Eccentricity {
              {"amplitude", "rad", non_negative, 0.0, 1e-4, "twist at the pinion: centre offset over base radius"}},
             {&Eccentricity::phase, {"phase", "rad", any, 0.0, 1.0, "phase at angle zero, seen at mesh 1"}},
             {&Eccentricity::spacing,
-             {"spacing", "rad", any, 0.0, 1.0, "ring only: angle from each mesh to the next; 0 for a pinion"}},
+             {"spacing", "rad", any, 0.0, 1.0, "ring only: angle from each mesh to the next; 0 for a pinion", true}},
         });
     }
 

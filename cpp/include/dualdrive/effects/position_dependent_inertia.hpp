@@ -31,7 +31,7 @@ struct PositionDependentInertia {
         using E = PositionDependentInertia;
         return fields<E, S>({
             {&E::amplitude, {"amplitude", "", Bounds{0.0, 0.9}, 0.0, 0.1, "swing of the inertia, fraction of J"}},
-            {&E::order, {"order", "", positive, 1.0, 1.0, "periods per revolution of the body"}},
+            {&E::order, {"order", "", positive, 1.0, 1.0, "periods per revolution of the body", true}},
             {&E::phase, {"phase", "rad", any, 0.0, 1.0, "phase at angle zero; 0: largest there"}},
         });
     }

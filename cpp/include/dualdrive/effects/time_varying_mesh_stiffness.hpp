@@ -31,7 +31,7 @@ struct TimeVaryingMeshStiffness {
         using E = TimeVaryingMeshStiffness;
         return fields<E, S>({
             {&E::amplitude, {"amplitude", "", Bounds{0.0, 0.9}, 0.0, 0.1, "swing of the stiffness, fraction of it"}},
-            {&E::teeth, {"teeth", "", positive, 20.0, 1.0, "periods per revolution: teeth of the wheel"}},
+            {&E::teeth, {"teeth", "", positive, 20.0, 1.0, "periods per revolution: teeth of the wheel", true}},
             {&E::phase, {"phase", "rad", any, 0.0, 1.0, "phase at angle zero"}},
         });
     }

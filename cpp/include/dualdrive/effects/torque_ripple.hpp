@@ -31,7 +31,7 @@ struct TorqueRipple {
     static constexpr auto parameters() {
         return fields<TorqueRipple, S>({
             {&TorqueRipple::amplitude, {"amplitude", "", fraction, 0.0, 0.02, "ripple over the torque of the current"}},
-            {&TorqueRipple::order, {"order", "", positive, 24.0, 6.0, "periods per revolution of the motor"}},
+            {&TorqueRipple::order, {"order", "", positive, 24.0, 6.0, "periods per revolution of the motor", true}},
             {&TorqueRipple::phase, {"phase", "rad", any, 0.0, 1.0, "phase at motor angle zero"}},
         });
     }

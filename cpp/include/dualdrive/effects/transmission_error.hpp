@@ -32,7 +32,7 @@ struct TransmissionError {
         using E = TransmissionError;
         return fields<E, S>({
             {&E::amplitude, {"amplitude", "rad", non_negative, 0.0, 2e-5, "twist at the pinion"}},
-            {&E::teeth, {"teeth", "", positive, 20.0, 1.0, "periods per revolution: teeth of the wheel"}},
+            {&E::teeth, {"teeth", "", positive, 20.0, 1.0, "periods per revolution: teeth of the wheel", true}},
             {&E::phase, {"phase", "rad", any, 0.0, 1.0, "phase at angle zero"}},
         });
     }

@@ -1,0 +1,37 @@
+// What a recorder makes of a channel: the effects that sit at its name, such as sensor_delay@theta_1, outside the loop.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "dualdrive/machine.hpp"
+
+namespace dualdrive {
+
+struct Recording {
+    std::vector<double> values;     // per row: what is written down
+    std::vector<double> by_signal;  // per row: its derivative by the signal
+    std::vector<double> slopes;     // rows × parameters: its derivative by the recorder's own numbers, delay held
+};
+
+struct RecorderDelay {
+    double time;                 // s, by which the channel is late; 0 is none
+    std::vector<double> slopes;  // per parameter
+};
+
+// Whether an effect sits at recorded channels alone: the machine itself has nothing of it.
+bool on_record(const Machine& machine, const EffectEntry& effect);
+
+// Channels that an effect of this machine sits at, each once.
+std::vector<std::string> recorded_channels(const Machine& machine);
+
+RecorderDelay recorder_delay(const Machine& machine, const std::string& channel,
+                             const std::vector<std::string>& parameters);
+
+// The signal of a channel, delay and all, as it is written down at times t (s); both of one length. Parameters: paths of
+// the machine; those that the recorder does not read have slope zero. Throws std::invalid_argument for an unknown path or
+// unequal lengths.
+Recording record(const Machine& machine, const std::string& channel, const std::vector<double>& t,
+                 const std::vector<double>& signal, const std::vector<std::string>& parameters);
+
+}  // namespace dualdrive
