@@ -296,5 +296,7 @@ def test_candidates_leave_out_what_the_machine_has() -> None:
     assert ("quantisation", "table") not in offered  # a continuous loop can't
     machine.set("motors.T_max", np.inf)
     assert ("current_limit", "motors") in candidates_of(machine.core)
+    machine.set("pinions.J", 0.0)
+    assert ("shaft_compliance", "gearboxes") not in candidates_of(machine.core)
     machine = loose("compliant", stiffness=444.0)
     assert ("shaft_compliance", "gearboxes") not in candidates_of(machine.core)

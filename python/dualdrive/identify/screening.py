@@ -66,6 +66,7 @@ class Candidate:
 def candidates_of(core: _core.Machine) -> list[tuple[str, str]]:
     """Every effect at every usual place this machine has and does not carry it at yet."""
     there = {(e["effect"], e["place"]) for e in core.effects}
+    whole = _stands(core)
     found = []
     for kind in _core.effect_types():
         if kind.name in _WHOLE_LAWS:
@@ -81,8 +82,19 @@ def candidates_of(core: _core.Machine) -> list[tuple[str, str]]:
                 continue  # no such part here, or none that the effect can act on
             if kind.structural and _is_on(core, trial, label):
                 continue  # a limit or lag that the machine has, whatever it is called
+            if whole and not _stands(trial):
+                continue  # a joint without inertia on one side
             found.append((kind.name, place))
     return found
+
+
+def _stands(core: _core.Machine) -> bool:
+    """Whether the machine's laws can be evaluated without any inputs."""
+    try:
+        _core.linearise(core)
+    except ValueError:
+        return False
+    return True
 
 
 def _is_on(core: _core.Machine, trial: _core.Machine, label: str) -> bool:
