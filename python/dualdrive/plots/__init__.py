@@ -10,6 +10,13 @@ given, axes to draw in. Units are those people read: arc seconds, mrad, N·m, ms
 """
 
 from dualdrive.plots.comparison import conditions, measured_vs_model, residuals
+from dualdrive.plots.diagnosis import (
+    candidates,
+    equations,
+    experiments,
+    missing_torque,
+    planned_motion,
+)
 from dualdrive.plots.friction import torque_speed
 from dualdrive.plots.ladder import Step, ladder
 from dualdrive.plots.overview import overview
@@ -21,12 +28,17 @@ from dualdrive.plots.timeline import following_error, mesh_deflection, torques
 __all__ = [
     "PlotError",
     "Step",
+    "candidates",
     "conditions",
+    "equations",
+    "experiments",
     "following_error",
     "ladder",
     "measured_vs_model",
     "mesh_deflection",
+    "missing_torque",
     "overview",
+    "planned_motion",
     "play",
     "residuals",
     "reversal_window",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from dualdrive.compare import Comparison, Quantity
+    from dualdrive.compare import Comparison, Condition, Quantity
 
 __all__ = ["conditions", "measured_vs_model", "residuals"]
 
@@ -98,7 +98,7 @@ def residuals(
     from matplotlib.figure import Figure
 
     shown = _chosen(comparison, channels, record)
-    bars = [c for c in comparison.where if c.kind != "time"]
+    bars = [c for c in comparison.where if c.kind not in ("time", "order")]
     heights = [1.9 * len(shown), 0.7 + 0.24 * len(bars)] if bars else [1.9 * len(shown)]
     figure = Figure(figsize=(11.0, 0.6 + sum(heights)), layout="constrained")
     parts = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)
@@ -127,18 +127,28 @@ def residuals(
     return figure
 
 
+class HasWhere(Protocol):
+    """A comparison or a diagnosis."""
+
+    @property
+    def where(self) -> Sequence[Condition]:
+        """Error under every condition."""
+
+
 @picture
-def conditions(comparison: Comparison, *, axes: Axes | None = None) -> Figure:
+def conditions(comparison: HasWhere, *, axes: Axes | None = None) -> Figure:
     """How much larger the error is under each condition than on average, all records together.
+
+    Coloured where it is larger beyond chance, or by a fifth where chance is not known.
 
     Raises PlotError where the comparison tells no conditions apart.
     """
-    found = [c for c in comparison.where if c.kind != "time"]
+    found = [c for c in comparison.where if c.kind not in ("time", "order")]
     if not found:
         raise PlotError("conditions: the error is the same everywhere, or there is none")
     axes = single(axes, 8.0, 0.9 + 0.3 * len(found))
     rows = np.arange(len(found))
-    colours = [MODEL if c.excess > 1.2 else NOISE for c in found]
+    colours = [MODEL if _stands_out(c) else NOISE for c in found]
     axes.barh(rows, [c.excess for c in found], color=colours, height=0.7)
     for row, c in zip(rows, found, strict=True):
         text = f"×{c.excess:.2g} in {c.time:.0%} of the time"
@@ -153,6 +163,10 @@ def conditions(comparison: Comparison, *, axes: Axes | None = None) -> Figure:
     axes.grid(visible=False, axis="y")
     axes.set_xlabel("RMS residual over that of the whole record [ratio]")
     return figure_of(axes)
+
+
+def _stands_out(c: Condition) -> bool:
+    return c.excess > 1.0 and c.significant if np.isfinite(c.p) else c.excess > 1.2
 
 
 def _chosen(

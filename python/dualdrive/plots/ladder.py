@@ -34,7 +34,7 @@ class LadderStep(Protocol):
 
     @property
     def held_out(self) -> float | None:
-        """Error on records it did not see; None where there are none."""
+        """Error on records it did not see; None or NaN where there are none."""
 
 
 class Step(NamedTuple):
@@ -52,7 +52,7 @@ def ladder(
     """Error after each step, on the fitted and on the held-out records, down to the noise floor.
 
     steps:       in the order they were taken; errors are RMS residual over RMS signal
-    noise_floor: the error that a perfect model would leave
+    noise_floor: the error that a perfect model would leave; not drawn where it is not known
 
     Raises PlotError where there is no step, or an error is not a positive number.
     """
@@ -60,7 +60,7 @@ def ladder(
         raise PlotError("ladder: no step given")
     axes = single(axes, max(5.0, 1.6 + 1.3 * len(steps)), 3.8)
     series = {"fitted records": [s.fitted for s in steps]}
-    if all(s.held_out is not None for s in steps):
+    if all(s.held_out is not None and np.isfinite(s.held_out) for s in steps):
         series["held-out records"] = [float(s.held_out or 0.0) for s in steps]
     for name, values in series.items():
         for step, value in zip(steps, values, strict=True):
@@ -74,18 +74,27 @@ def ladder(
     for (name, values), look in zip(series.items(), looks, strict=False):
         axes.plot(places, 100 * np.array(values), ms=5, label=name, **look)  # type: ignore[arg-type]
     _numbers(axes, places, list(series.values()))
+    if noise_floor is not None and not (np.isfinite(noise_floor) and noise_floor > 0):
+        noise_floor = None
     if noise_floor is not None:
         axes.axhspan(0, 100 * noise_floor, color="#EDEFF0", lw=0, zorder=0)
         axes.axhline(100 * noise_floor, color=MEASURED, lw=1.0, ls=":", label="noise floor")
     axes.set_yscale("log")
     _decades(axes, [*chain(*series.values()), noise_floor or steps[-1].fitted])
-    axes.set_xticks(places, [step.label for step in steps])
+    axes.set_xticks(places, [_wrapped(step.label) for step in steps])
     axes.set_xlim(-0.5, len(steps) - 0.5)
     axes.grid(visible=False, axis="x")
     axes.set_ylabel("RMS residual [% of the signal]")
     axes.set_title("Error ladder")
     axes.legend(loc="upper right")
     return figure_of(axes)
+
+
+def _wrapped(label: str) -> str:
+    """A label on several lines: an effect and its place are long beside each other."""
+    from textwrap import wrap
+
+    return "\n".join(wrap(label.replace("@", " @"), 18)).replace(" @", "@")
 
 
 def _numbers(axes: Axes, places: Array, series: list[list[float]]) -> None:

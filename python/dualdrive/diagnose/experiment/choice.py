@@ -27,7 +27,7 @@ from dualdrive.replay import core_of
 #: squared distance that tells two explanations apart in 95 % of cases: Phi(sqrt(d)/2) = 0.95
 TELLS_APART = 11.0
 #: beyond this more distance is worth nothing, and the simplest experiment is taken
-CERTAIN = 1000.0
+CERTAIN = 100.0
 #: below this even the best experiment of the menu says nothing of a pair
 _HOPELESS = 1.0
 #: gentler sizes at which a motion beyond the limits is tried

@@ -37,7 +37,7 @@ _SETTLED = 0.02  # a step that takes off a smaller share ends the search
 _HALVINGS = 4
 #: relative tolerance of an effect's number: the record it was fitted to still holds it there
 _FITTED = 0.2
-_SHIFT = 0.1  # sigmas by which the numbers of a twin are off
+_SHIFT = 0.3  # sigmas by which the numbers of a twin are off
 
 
 @dataclass(frozen=True)
@@ -133,20 +133,21 @@ def misfit(
 def unrepeatable(
     core: Any, record: Trace, motion: Motion, noise: Noise, *, until: float = math.inf
 ) -> float:
-    """What a machine with slightly other numbers leaves of its twin's record, refitted.
+    """What machines with slightly other numbers leave of their twin's record, refitted.
 
     Zero where the experiment can be told from its numbers; large where the motion is chaotic, as
     that of a drive loose in its play: there no fit follows, and a distance says nothing.
     """
-    return misfit(_shifted(core), record, motion, noise, until=until)[0]
+    twins = (_shifted(core, sign) for sign in (1, -1))
+    return max(misfit(twin, record, motion, noise, until=until)[0] for twin in twins)
 
 
-def _shifted(core: Any) -> Any:
-    """A copy with every nominal number off by a tenth of its tolerance, up and down in turn."""
+def _shifted(core: Any, sign: int) -> Any:
+    """A copy with every nominal number off by part of its tolerance, up and down in turn."""
     own = core.copy()
     nominal = [p for p in beliefs(core) if "@" not in p.path]
     for k, p in enumerate(nominal):
-        own.set(p.path, p.value(p.coordinate(p.nominal) + (-1) ** k * _SHIFT * p.sigma))
+        own.set(p.path, p.value(p.coordinate(p.nominal) + sign * (-1) ** k * _SHIFT * p.sigma))
     return own
 
 

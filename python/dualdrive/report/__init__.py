@@ -1,0 +1,13 @@
+"""One self-contained HTML page that shows a diagnosis: no network, no script, pictures inline.
+
+from dualdrive.report import Provenance, page
+
+html = page(diagnosis, ladder=ladder, provenance=Provenance.of(machine, ["fit.csv"]))
+"""
+
+from __future__ import annotations
+
+from dualdrive.report.page import page
+from dualdrive.report.provenance import Provenance, Source
+
+__all__ = ["Provenance", "Source", "page"]

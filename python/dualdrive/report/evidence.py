@@ -1,0 +1,138 @@
+"""What the records say: errors, overlays, where it fails, what is missing."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from dualdrive.diagnose.result import Diagnosis
+from dualdrive.report.markup import Html, join, percent, table, tag
+
+if TYPE_CHECKING:
+    from dualdrive.compare import Comparison
+    from dualdrive.report.pictures import Gallery
+
+__all__ = ["errors", "overlays", "shapes", "where"]
+
+#: error of a diagnosis -> how the report calls it, in the order of the table
+_ERRORS = {
+    "nominal": "as given",
+    "refitted": "numbers refitted",
+    "held_out_refitted": "numbers refitted, on samples held out",
+    "best": "with the best explanation",
+    "held_out_best": "with the best explanation, on samples held out",
+    "noise_floor": "noise floor: what the sensors alone leave",
+}
+_MOST = 12  # rows of a table
+
+
+def errors(d: Diagnosis) -> Html | None:
+    """The headline error of every stage beside the noise floor."""
+    floor = d.error.get("noise_floor", math.nan)
+    known = {**_ERRORS, **{name: name for name in d.error if name not in _ERRORS}}
+    rows = [
+        (text, percent(d.error[name]), _times(d.error[name], floor))
+        for name, text in known.items()
+        if name in d.error
+    ]
+    if not rows:
+        return None
+    words = (
+        "RMS of simulated minus measured over the RMS of the measured signal about its mean, "
+        "averaged over following error, currents or torques, and deflections."
+        if d.mode == "closed_loop"
+        else "RMS of what the equations of motion leave over the RMS of the measured torque about "
+        "its mean."
+    )
+    caption = "Headline error, and how many times the noise floor it is"
+    return join(
+        [tag("p", words), table(("machine", "error", "× floor"), rows, caption, numbers=(1, 2))]
+    )
+
+
+def _times(error: float, floor: float) -> str:
+    return f"{error / floor:.3g}" if floor > 0 and math.isfinite(error) else "–"
+
+
+def overlays(d: Diagnosis, hung: Gallery) -> Html | None:
+    """Measured and simulated over each other, before and after."""
+    stages = [("numbers refitted", d.before), ("with the best explanation", d.after)]
+    found = [part for text, c in stages if c is not None for part in _overlay(c, text, hung)]
+    return join(found) if found else None
+
+
+def _overlay(comparison: Comparison, text: str, hung: Gallery) -> list[Html]:
+    from dualdrive.plots import measured_vs_model
+
+    error = comparison.error
+    head = tag("h3", f"{text[0].upper()}{text[1:]}: error {percent(error['headline'])}")
+    parts = [head]
+    for record in comparison.records:
+        shown = [q for q in comparison.quantities if q.record == record and q.headline]
+        words = "; ".join(f"{q.name}: error {percent(q.shares[0])}" for q in shown)
+        alt = f"Measured and simulated channels of {record} over time, {text}. {words}."
+        caption = f"{record}, {text}: measured (solid) and model (dashed)."
+        parts.append(hung.hang(measured_vs_model(comparison, record=record), caption, alt))
+    return parts
+
+
+def where(d: Diagnosis, hung: Gallery) -> Html | None:
+    """Conditions under which the error is larger, the equation that does not close."""
+    from dualdrive.plots import PlotError, conditions, equations
+
+    parts: list[Html] = []
+    worst = sorted((c for c in d.where if c.excess > 1.0), key=lambda c: -c.excess)
+    if worst:
+        try:
+            alt = "Bars of the error under each condition over that of the whole record."
+            caption = "Error under each condition over the error everywhere; 1 is average."
+            parts.append(hung.hang(conditions(d), caption, alt))
+        except PlotError:
+            pass  # only stretches of time or lines of a spectrum: the table has them
+        rows = [
+            (
+                c.condition,
+                c.kind,
+                f"{c.excess:.2f}",
+                f"{c.time:.0%}",
+                f"{c.square:.0%}",
+                _chance(c.p),
+            )
+            for c in worst[:_MOST]
+        ]
+        head = ("condition", "kind", "× average", "of the time", "of the squares", "by chance")
+        text = "Where the error is larger than on average, the worst first"
+        parts.append(table(head, rows, text, numbers=(2, 3, 4, 5)))
+    if d.equation is not None and d.equation.shares:
+        words = (
+            f"The equation of motion that fails is that of {d.equation.name} "
+            f"(probability {d.equation.probability:.0%})."
+        )
+        alt = f"Bars of every equation's share of what is unexplained; {d.equation.name} is marked."
+        caption = "Share of the unexplained mean square by equation of motion."
+        parts += [tag("p", words), hung.hang(equations(d.equation), caption, alt)]
+    return join(parts) if parts else None
+
+
+def _chance(p: float) -> str:
+    """Probability of so large an excess anywhere by chance alone."""
+    return "–" if math.isnan(p) else "< 0.1%" if p < 1e-3 else percent(p)
+
+
+def shapes(d: Diagnosis, hung: Gallery) -> Html | None:
+    """The missing torque along each coordinate that says something of it."""
+    from dualdrive.plots import missing_torque
+
+    shown = [s for s in d.shapes if len(s.at) > 1]
+    parts = [
+        hung.hang(
+            missing_torque(s),
+            f"What {s.equation} lacks along {s.coordinate}, with its 95 % band; a function of it "
+            f"explains {s.explained:.0%} of the missing mean square.",
+            f"Missing torque of {s.equation} from {min(s.value):.3g} to {max(s.value):.3g} "
+            f"{s.unit} along {s.coordinate} from {min(s.at):.3g} to {max(s.at):.3g} "
+            f"{s.coordinate_unit}.",
+        )
+        for s in sorted(shown, key=lambda s: -s.explained)
+    ]
+    return tag("div", *parts, class_="gallery") if parts else None

@@ -1,0 +1,101 @@
+"""The page: a head, a verdict that a hurried reader sees first, and the sections below it."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+from dualdrive.diagnose.result import VERDICTS, Diagnosis
+from dualdrive.report import evidence, origin, remedies
+from dualdrive.report.markup import Html, join, tag
+from dualdrive.report.pictures import Gallery
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from dualdrive.report.provenance import Provenance
+
+__all__ = ["page"]
+
+
+def page(diagnosis: Diagnosis, *, ladder: Any = None, provenance: Provenance | None = None) -> str:
+    """The report as the text of one HTML file.
+
+    Args:
+        diagnosis: what was found.
+        ladder: steps with ``label``, ``fitted``, ``held_out``, and why it ``stopped``.
+        provenance: what it was made from.
+
+    """
+    hung = Gallery()
+    title = f"{diagnosis.machine} against {', '.join(diagnosis.records)}"
+    sections = [
+        _section(name, heading, content)
+        for name, heading, make in _plan(diagnosis, ladder, provenance, hung)
+        if (content := make())
+    ]
+    contents = [tag("li", tag("a", h, href=f"#{n}")) for n, h, _ in sections]
+    head = tag(
+        "head",
+        tag("meta", charset="utf-8"),
+        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        tag("meta", name="color-scheme", content="light dark"),
+        tag("title", f"{title} – dualdrive"),
+        tag("style", Html(files("dualdrive.report").joinpath("style.css").read_text("utf-8"))),
+    )
+    body = tag(
+        "body",
+        tag(
+            "header", tag("p", "Diagnosis", class_="kicker"), tag("h1", title), _verdict(diagnosis)
+        ),
+        tag("nav", tag("ul", *contents), aria_label="Sections"),
+        tag("main", *(section for _, _, section in sections)),
+    )
+    return f"<!DOCTYPE html>\n{tag('html', head, body, lang='en')}\n"
+
+
+def _plan(
+    d: Diagnosis, ladder: Any, provenance: Provenance | None, hung: Gallery
+) -> list[tuple[str, str, Callable[[], Html | None]]]:
+    """Every section in its order; one with nothing to say returns None and is left out."""
+    return [
+        ("error", "How large the error is", lambda: evidence.errors(d)),
+        ("ladder", "How the error fell", lambda: remedies.ladder(ladder, hung)),
+        ("records", "Measured and simulated", lambda: evidence.overlays(d, hung)),
+        ("where", "Where it fails", lambda: evidence.where(d, hung)),
+        ("missing", "What is missing", lambda: evidence.shapes(d, hung)),
+        ("candidates", "What could explain it", lambda: remedies.candidates(d, hung)),
+        ("next", "What to measure next", lambda: remedies.experiment(d, hung)),
+        ("numbers", "Numbers that moved", lambda: remedies.moved(d)),
+        ("origin", "How this was made", lambda: origin.origin(d, provenance)),
+    ]
+
+
+def _section(name: str, heading: str, content: Html) -> tuple[str, str, Html]:
+    own = tag("section", tag("h2", heading, id=name), content, aria_labelledby=name)
+    return name, heading, own
+
+
+def _verdict(d: Diagnosis) -> Html:
+    cut = [f"Left undone: {line}" for line in d.cut]
+    return tag(
+        "div",
+        tag("p", tag("strong", f"{d.verdict}{_named(d)}"), f" – {VERDICTS[d.verdict]}."),
+        tag("p", d.paragraph) if d.paragraph else None,
+        join(tag("p", _sentence(line), class_="warning", role="note") for line in d.warnings),
+        join(tag("p", _sentence(line), class_="fine") for line in cut),
+        class_=f"verdict {d.verdict}",
+    )
+
+
+def _named(d: Diagnosis) -> str:
+    """The best explanation, or the group that the record can't part."""
+    if d.best is None:
+        return ""
+    alike = next((group for group in d.groups if d.best.label in group), (d.best.label,))
+    others = [label for label in alike if label != d.best.label]
+    return f": {' or '.join([d.best.label, *others])}"
+
+
+def _sentence(line: str) -> str:
+    return f"{line[:1].upper()}{line[1:]}{'' if line.endswith(('.', '!', '?')) else '.'}"

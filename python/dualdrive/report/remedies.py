@@ -1,0 +1,151 @@
+"""What could explain it and what to do: candidates, groups, ladder, the next experiment."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from dualdrive.diagnose.result import Candidate, Diagnosis, Interval
+from dualdrive.report.markup import Html, join, number, percent, table, tag
+
+if TYPE_CHECKING:
+    from dualdrive.report.pictures import Gallery
+
+__all__ = ["candidates", "experiment", "ladder", "moved"]
+
+_MOST = 15  # rows of a table
+_TELLS_APART = 11.0
+
+
+def candidates(d: Diagnosis, hung: Gallery) -> Html | None:
+    """Every explanation tried, with its evidence, and which can't be told apart."""
+    from dualdrive.plots import candidates as draw
+
+    if not d.candidates:
+        return None
+    head = ("explanation", "probability", "held out", "explains", "gain", "what it takes")
+    rows = [
+        (
+            c.label,
+            f"{c.probability:.3g}",
+            percent(c.held_out),
+            percent(c.explained),
+            number(c.gain),
+            _sizes(c),
+        )
+        for c in list(d.candidates)[:_MOST]
+    ]
+    words = (
+        "Each was added to the machine and everything refitted. Held out: headline error on "
+        "samples the refit did not see. Explains: share of what a free input could. Gain: twice "
+        "the log likelihood it wins over the refitted machine."
+    )
+    best = d.candidates[0]
+    alt = f"Bars of each explanation's probability; {best.label}: {best.probability:.2f}."
+    caption = "Probability of every explanation; filled blue: not told from the best."
+    return join(
+        [
+            tag("p", words),
+            _groups(d),
+            hung.hang(draw(d), caption, alt),
+            table(head, rows, "Explanations, the best first", numbers=(1, 2, 3, 4), marked=0),
+        ]
+    )
+
+
+def _groups(d: Diagnosis) -> Html | None:
+    if not d.groups:
+        return None
+    listed = (tag("li", ", ".join(group)) for group in d.groups)
+    return tag(
+        "div", tag("p", "This record can't tell apart:"), tag("ul", *listed), class_="groups"
+    )
+
+
+def _sizes(c: Candidate) -> str:
+    if not c.resolved:
+        return c.note or "not refitted"
+    sizes = "; ".join(
+        f"{path.rpartition('.')[2]} {_interval(v)}" for path, v in c.parameters.items()
+    )
+    return "; ".join(filter(None, (sizes, c.note)))
+
+
+def _interval(v: Interval) -> str:
+    return f"{number(v.value, v.unit)} ({number(v.low)} … {number(v.high)})"
+
+
+def ladder(found: Any, hung: Gallery) -> Html | None:
+    """How the error fell, step by step, and why it stopped."""
+    from dualdrive.plots import ladder as draw
+
+    if found is None or not found.steps:
+        return None
+    steps = list(found.steps)
+    floors = [getattr(step, "noise_floor", math.nan) for step in steps]
+    floor = floors[-1] if floors[-1] is not None else math.nan
+    rows = [
+        (s.label, percent(s.fitted), percent(_known(s.held_out)), percent(_known(f)))
+        for s, f in zip(steps, floors, strict=True)
+    ]
+    first, last = steps[0], steps[-1]
+    alt = (
+        f"Error of every step: {percent(first.fitted)} at first ({first.label}), "
+        f"{percent(last.fitted)} at last ({last.label}); noise floor {percent(floor)}."
+    )
+    caption = "Error after each step, on fitted and on held-out records, down to the noise floor."
+    head = ("step", "fitted", "held out", "noise floor")
+    stopped = getattr(found, "stopped", "")
+    return join(
+        [
+            hung.hang(draw(steps, noise_floor=floor), caption, alt),
+            table(head, rows, "The ladder", numbers=(1, 2, 3), marked=len(rows) - 1),
+            tag("p", f"It stopped there: {stopped}.") if stopped else None,
+        ]
+    )
+
+
+def _known(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def experiment(d: Diagnosis, hung: Gallery) -> Html | None:
+    """The experiment that parts the leading rivals, ready to be typed."""
+    from dualdrive.plots import experiments, planned_motion
+
+    best = d.next_experiment
+    if best is None:
+        return None
+    a, b = best.separates
+    verdict = "tells" if best.expected_distance >= _TELLS_APART else "goes some way to tell"
+    words = [
+        tag("strong", best.name),
+        f" {verdict} {a} from {b}: expected distance {best.expected_distance:.3g}, where "
+        f"{_TELLS_APART:g} is right in 95 % of cases. {best.why[:1].upper()}{best.why[1:]}.",
+    ]
+    settings = "; ".join(f"{path} = {value:g}" for path, value in best.settings.items())
+    linear = getattr(d.refitted, "axis", "rotary") == "linear"
+    alt = f"Commanded position and speed over time: {best.motion}."
+    parts = [
+        tag("p", *words),
+        tag("p", f"Set for it: {settings}.") if settings else None,
+        tag("p", "Motion, in words of ", tag("code", "--motion"), ": ", tag("code", best.motion)),
+        tag("pre", "\n".join(best.commands), tabindex="0") if best.commands else None,
+        hung.hang(planned_motion(best, linear=linear), "The motion to command.", alt),
+    ]
+    if best.other:
+        alt = f"Bars of expected distances of every experiment; {best.name} is suggested."
+        caption = f"Expected distance of {a} and {b} under each experiment of the menu."
+        parts.append(hung.hang(experiments(best), caption, alt))
+    return join(parts)
+
+
+def moved(d: Diagnosis) -> Html | None:
+    """Nominal numbers that the refit moved, with intervals."""
+    if not d.moved:
+        return None
+    rows = [
+        (path, number(v.value, v.unit), f"{number(v.low)} … {number(v.high)}")
+        for path, v in d.moved.items()
+    ]
+    return table(("number", "refitted", "95 % interval"), rows, "Refitted numbers", numbers=(1, 2))
