@@ -27,6 +27,7 @@ class Series:
     floor: RMS that the sensors alone leave, an estimate from the record
     rate:  how fast the measured signal changes: what a jittering clock multiplies
     keep:  samples that count
+    still: samples at which the machine is told to stand, shape (n,)
     """
 
     record: str
@@ -38,6 +39,7 @@ class Series:
     floor: float
     rate: Array
     keep: Flags
+    still: Flags
 
     @property
     def spread(self) -> float:
@@ -77,8 +79,12 @@ class Confrontation(Protocol):
     def machine_at(self, core: Any, u: Array) -> Any:
         """The core's machine with the nominal numbers of u."""
 
+    @property
+    def channels(self) -> Sequence[str]:
+        """Recorded channels that a recorder may have spoilt (read late, rounded, ...)."""
+
     def headline(self, left: Sequence[Array]) -> float:
-        """Relative error as users read it: see interface of `compare`, kinds of channel averaged."""
+        """Relative error as `compare` has it: kinds of channel averaged."""
 
     def angle(self, k: int, place: str) -> Array | None:
         """Recorded angle of a place at the samples of series k, rad, or None."""

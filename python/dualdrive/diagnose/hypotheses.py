@@ -72,13 +72,18 @@ class Hypothesis:
         return unknowns(grown, free, None, usual)
 
 
-def candidates(core: Any) -> list[Hypothesis]:
-    """Every effect at every usual place or group of this machine that does not carry it there."""
+def candidates(core: Any, channels: Sequence[str] = ()) -> list[Hypothesis]:
+    """Every effect at every usual place or group of this machine that does not carry it there.
+
+    channels: recorded channels at which a recorder's effects are tried, too
+    """
     found = []
     for kind in _core.effect_types():
         if kind.name in NOT_TRIED:
             continue
         places = [p for p in kind.places.split(",") if not _twin_of_motors(core, kind, p)]
+        if {"sensor reading", "sensor delay"} & set(kind.acts_on.split(", ")):
+            places += channels
         found += [h for p in places if (h := _possible(core, kind.name, p)) is not None]
     return found
 

@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 
 RTOL = 1e-6  # local tolerance: far below a record's noise
 _MOST_STEPS = 6_000  # of an integrator per second: a trial that takes more chatters
+_CALM = 0.1  # s after the command has stopped
 #: how far the zero of a current or torque sensor may be off, as a share of its channel's spread
 CURRENT_ZERO = 0.05
 
@@ -67,7 +68,9 @@ class ClosedLoop:
         rate = np.abs(np.gradient(c.measured, record.t))
         floor = noise_floor(record.t, c.measured, still).rms
         keep = np.ones(len(record.t), dtype=bool)
-        return Series(record.name, name, c.kind, c.unit, record.t, c.measured, floor, rate, keep)
+        calm = standing(record.t, record.reference, settle=_CALM)
+        own = (record.name, name, c.kind, c.unit, record.t, c.measured, floor, rate, keep, calm)
+        return Series(*own)
 
     def _problem(self, core: Any) -> Problem:
         own = copy(self.problem)
@@ -104,6 +107,13 @@ class ClosedLoop:
         """The point with every sensor's constant where the mean of its residual vanishes."""
         return self._problem(core).levelled(u)
 
+    @property
+    def channels(self) -> list[str]:
+        """Recorded channels that a recorder may have spoilt."""
+        return sorted(
+            {n for r in self.records for c in r.channels for n, _ in c.parts} - {"theta_ref"}
+        )
+
     def headline(self, left: Sequence[Array]) -> float:
         """Mean over following error, currents or torques, and deflections, RMS over spread."""
         by_row = dict(zip(self.problem.rows, left, strict=True))
@@ -111,11 +121,9 @@ class ClosedLoop:
         whole: dict[str, float] = {}
         channels = [(k, c) for k, r in enumerate(self.records) for c in r.channels if c.headline]
         for k, c in channels:
-            parts = [f * by_row[k, n] for n, f in c.parts if (k, n) in by_row]
-            needed = [n for n, _ in c.parts if n != "theta_ref"]
-            if len(parts) != len(needed):
+            if (k, c.name) not in by_row:
                 continue
-            residual = np.sum(parts, axis=0)
+            residual = by_row[k, c.name]
             residual = residual - np.mean(residual) if c.floating else residual
             square[c.name] = square.get(c.name, 0.0) + float(residual @ residual)
             whole[c.name] = whole.get(c.name, 0.0) + len(residual) * c.spread**2

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 _ROUNDS = 8
 _REJECTED = 4  # growing dampings tried before a descent ends
 _SETTLED = 0.3  # a fall of chi^2 that tells nothing
+_RENEW = 0.03  # fall of chi^2, relative, that makes slopes worth renewing
 _SECANT, _LEAST = 0.02, 0.1  # step of a secant: share of a number, and of its usual size
 
 
@@ -113,9 +114,7 @@ class Fitter:
         fresh: whether the engine's own slopes are worth their time here
         """
         chord: Sequence[Array] | None = known.slopes
-        if self._cheap(known.grown):
-            chord = None
-        elif fresh and not self._late(known.grown):
+        if fresh and not self._late(known.grown):
             at = _at(known.grown, known.free, known.v)
             chord = self.evidence.confrontation.slopes(at, known.u) or known.slopes
         found = self._descend(known.hypothesis, known.grown, known.free, known.u, known.v, chord)
@@ -142,13 +141,14 @@ class Fitter:
         u: Array,
         v: Array,
         chord: Sequence[Array] | None,
+        columns: Sequence[Array] | None = None,
     ) -> Refit | None:
         c, seen = self.evidence.confrontation, self.evidence
         left = c.left(_at(grown, free, v), u)
         slopes = chord if chord is not None else c.slopes(_at(grown, free, v), u)
         if left is None or slopes is None:
             return None
-        columns = self._secants(grown, free, u, v, left)
+        columns = self._secants(grown, free, u, v, left) if columns is None else columns
         if columns is None:
             return None
         found = Refit(hypothesis, grown, free, u, v, left, slopes, columns, seen.chi(u, left))
@@ -161,7 +161,7 @@ class Fitter:
                 break
             gained = found.chi - better.chi
             v_moved = bool(len(free)) and bool(np.any(better.v != found.v))
-            if chord is None:
+            if chord is None and gained > _RENEW * found.chi:
                 slopes = c.slopes(better.machine, better.u) or found.slopes
             moved = self._secants(grown, free, better.u, better.v, better.left) if v_moved else None
             found = replace(better, slopes=slopes, columns=moved or found.columns)

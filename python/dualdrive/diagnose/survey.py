@@ -121,7 +121,7 @@ def survey(
     if base is None:
         return None
     scorer = Scorer(seen.rows(base.u, base.left, base.slopes))
-    every = list(candidates(c.core) if wanted is None else wanted)
+    every = list(candidates(c.core, c.channels) if wanted is None else wanted)
     scores, untried = _scored(c, seen, base, scorer, every, clock, threads, tell)
     single, twins = _without_twins(seen, scorer, scores)
     chosen = _shortlist(single, shortlist)
@@ -159,7 +159,7 @@ def _scored(
         listed = with_orders(coloured, rest[1], hypotheses)
         return score_all(prober, judges, over, listed, threads, clock.stop)
 
-    scores = [s for s in tried(every)]
+    scores = tried(every)
     least = max(WORTH_A_REFIT, 0.02 * max((s.gain.gain for s in scores), default=0.0))
     groups = {s.label: s.signature.hypothesis for s in scores if s.gain.gain > least}
     parts = [m for h in groups.values() for m in members(c.core, Hypothesis(h.effects))]
@@ -346,11 +346,11 @@ def _alike(first: Sequence[Array], second: Sequence[Array]) -> bool:
 
 
 def _same_noise(first: Evidence, second: Evidence) -> bool:
-    sizes = [
-        [np.mean(w.scale[w.keep]) if w.keep.any() else 1.0 for w in e.whiteners]
+    one, two = (
+        np.array([float(np.mean(w.scale[w.keep])) if w.keep.any() else 1.0 for w in e.whiteners])
         for e in (first, second)
-    ]
-    return bool(np.all(np.abs(np.log(np.divide(*sizes))) < _SETTLED))
+    )
+    return bool(np.all(np.abs(np.log(one / two)) < _SETTLED))
 
 
 def second_start(first: Confrontation, found: Refit, second: Confrontation) -> Array:

@@ -1,0 +1,55 @@
+"""Stamps that jitter about an even clock: a recorder took its samples evenly and stamped them late.
+
+The commanded motion tells which it was. Read at the right times it is smooth; read at stamps that
+jitter it is as rough as its speed times the jitter, and a feed-forward turns that into current.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive.traces import Trace
+
+Array = NDArray[np.float64]
+
+_JITTER = 0.3  # of a sampling interval: beyond it the clock has pauses, not jitter
+_CLEARLY = 0.7  # of the roughness at the stamps
+
+
+def evened(trace: Trace) -> tuple[Trace, float]:
+    """The trace on an even clock where its motion says that it was sampled evenly.
+
+    Returns:
+        The trace, and the RMS jitter that was taken out, s (0 where it stays as it is).
+
+    """
+    t = trace.t
+    if len(t) < 32 or len(getattr(trace, "breaks", ())):
+        return trace, 0.0
+    k = np.arange(len(t), dtype=np.float64)
+    step, first = np.polyfit(k, t, 1)
+    even = first + step * k
+    jitter = t - even
+    size = float(np.std(jitter))
+    if size <= 1e-6 * step or float(np.max(np.abs(jitter))) > _JITTER * step:
+        return trace, 0.0
+    for name in ("theta_ref", "theta_m", "theta_1"):
+        if name in trace:
+            if _roughness(even, trace[name]) > _CLEARLY * _roughness(t, trace[name]):
+                return trace, 0.0
+            return replace(trace, t=even), size
+    return trace, 0.0
+
+
+def _roughness(t: Array, values: Array) -> float:
+    """RMS error of foretelling every other sample from its neighbours, where it moves fast."""
+    from scipy.interpolate import CubicSpline
+
+    odd = slice(1, len(t) - 1, 2)
+    off = CubicSpline(t[::2], values[::2])(t[odd]) - values[odd]
+    speed = np.abs(np.gradient(values, t))[odd]
+    fast = speed > 0.5 * float(np.max(speed))
+    return float(np.sqrt(np.mean(off[fast] ** 2))) if fast.any() else 0.0

@@ -1,0 +1,274 @@
+"""Torque balance: every equation of motion on the recorded motion is a series.
+
+For traces whose controller is unknown. Angles and torques pass one zero-phase filter; samples at
+which any body stands are left out, because dry friction may take any value there. Where the bodies
+move apart, the sum at the table stands beside the drives' own equations: mesh torques, whose
+reading multiplies an encoder's noise by a stiffness, cancel in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive import _core
+from dualdrive.compare.excuses import _first_zeros
+from dualdrive.compare.laws import Held, hold, shifted
+from dualdrive.diagnose.confront import Series
+from dualdrive.identify import Processing, with_torques
+from dualdrive.identify.filtering import ANGLES
+from dualdrive.identify.model import TORQUES
+from dualdrive.identify.unknowns import Unknown, default_free, unknowns
+from dualdrive.replay import ratio_to_table
+from dualdrive.replay.record import with_settings
+from dualdrive.traces import Trace
+
+Array = NDArray[np.float64]
+
+#: keeps twice the filter's pass band
+PROCESSING = Processing(decimate=4)
+#: constant torque of an equation, as a share of the spread of its measured torque
+CONSTANT = 0.5
+_STEP = 1e-4  # of an encoder's zero, as a share of the play or of its noise
+
+
+class TorqueBalance:
+    """See :class:`~dualdrive.diagnose.confront.Confrontation`.
+
+    Nuisances: nominal numbers, then per record the zero of every drive's encoder against the
+    table's and a constant torque per equation that has a motor.
+    """
+
+    mode = "balance"
+
+    def __init__(
+        self,
+        core: Any,
+        traces: Mapping[str, Trace],
+        settings: Mapping[str, Mapping[str, float]] | None = None,
+        processing: Processing = PROCESSING,
+    ) -> None:
+        self.core = core
+        self.settings = [dict((settings or {}).get(name, {})) for name in traces]
+        whole = {name: with_torques(core, trace) for name, trace in traces.items()}
+        self.held = [hold(core, trace, name, processing) for name, trace in whole.items()]
+        self.equations = _chosen(self.held[0])
+        zeros = [
+            _first_zeros(with_settings(core, s), h)
+            for s, h in zip(self.settings, self.held, strict=True)
+        ]
+        self.zeros = [
+            (k, angle, zero) for k, own in enumerate(zeros) for angle, zero in own.items()
+        ]
+        self._scale = [self._zero_scale(k, angle) for k, angle, _ in self.zeros]
+        self.nominal = self._free()
+        raw = [self._evaluate(core, h, h.samples) for h in self.held]
+        self._measured = [m for _, m in raw]
+        self.constants = [
+            (k, e)
+            for k, m in enumerate(self._measured)
+            for e in range(len(self.equations))
+            if np.any(m[e] != 0.0)
+        ]
+        self.start = np.concatenate(
+            [
+                [p.start for p in self.nominal],
+                np.zeros(len(self.zeros) + len(self.constants)),
+            ]
+        )
+        rest = len(self.zeros)
+        self.centre = self.start.copy()
+        self.centre[: len(self.nominal)] = [p.centre for p in self.nominal]
+        self.sigma = np.concatenate(
+            [
+                [p.sigma for p in self.nominal],
+                np.full(rest, np.inf),
+                np.full(len(self.constants), CONSTANT),
+            ]
+        )
+        bounds = [p.bounds for p in self.nominal]
+        free = np.full(rest + len(self.constants), np.inf)
+        self.low = np.concatenate([[b[0] for b in bounds], -free])
+        self.high = np.concatenate([[b[1] for b in bounds], free])
+        self.series = self._series()
+
+    # --- what the confrontation offers --------------------------------------------------------
+
+    def left(self, core: Any, u: Array) -> list[Array] | None:
+        """Every equation on the recorded motion, constants included."""
+        own = self.machine_at(core, u)
+        found: list[Array] = []
+        try:
+            for k, held in enumerate(self.held):
+                residual, _ = self._evaluate(
+                    with_settings(own, self.settings[k]), held, self._shifted(k, u)
+                )
+                found += list(residual)
+        except ValueError:
+            return None  # an effect that no balance shows
+        for j, (k, e) in enumerate(self.constants):
+            at = k * len(self.equations) + e
+            found[at] = found[at] + u[self._first_constant + j] * self.series[at].spread
+        return found
+
+    def slopes(self, core: Any, u: Array) -> list[Array] | None:
+        """By differences: an evaluation costs a millisecond."""
+        here = self.left(core, u)
+        if here is None:
+            return None
+        columns = []
+        for j in range(len(u)):
+            step = 1e-4 if j < len(self.nominal) else 1e-3
+            moved = u.copy()
+            moved[j] += step if u[j] + step <= self.high[j] else -step
+            there = self.left(core, moved)
+            if there is None:
+                return None
+            columns.append([(b - a) / (moved[j] - u[j]) for a, b in zip(here, there, strict=True)])
+        if not columns:
+            return [np.zeros((len(part), 0)) for part in here]
+        return [np.stack(parts, axis=1) for parts in zip(*columns, strict=True)]
+
+    def machine_at(self, core: Any, u: Array) -> Any:
+        """The core's machine with the nominal numbers of u."""
+        own = core.copy()
+        for p, x in zip(self.nominal, u, strict=False):
+            own.set(p.path, p.value(float(x)))
+        return own
+
+    def levelled(self, core: Any, u: Array) -> Array:
+        """Constants of the equations where the means of what they leave vanish."""
+        left, level = self.left(core, u), u.copy()
+        for j, (k, e) in enumerate(self.constants):
+            at = k * len(self.equations) + e
+            if left is not None:
+                s = self.series[at]
+                level[self._first_constant + j] -= float(np.mean(left[at][s.keep])) / s.spread
+        return level
+
+    @property
+    def channels(self) -> list[str]:
+        """None: what a recorder did to a channel is in the motion that the balance rests on."""
+        return []
+
+    def headline(self, left: Sequence[Array]) -> float:
+        """RMS over the spread of the measured torque: of the sum at the table, or of all."""
+        count = len(self.equations)
+        wanted = {"total"} if "total" in self.equations else set(self.equations)
+        rows = [k for k in range(len(left)) if self.equations[k % count] in wanted]
+        rows = [k for k in rows if self.series[k].spread > 0]
+        square = sum(float(np.sum(left[k][self.series[k].keep] ** 2)) for k in rows)
+        whole = sum(float(self.series[k].keep.sum()) * self.series[k].spread ** 2 for k in rows)
+        return float(np.sqrt(square / whole)) if whole > 0 else float("nan")
+
+    def angle(self, k: int, place: str) -> Array | None:
+        """Recorded angle of a place, or the table's times the ratio."""
+        held = self.held[k // len(self.equations)]
+        stem, _, n = place.rpartition("_")
+        own = {"motor": f"theta_{n}", "pinion": f"theta_c{n}"}.get(stem, "theta_m")
+        if own in held.samples:
+            return np.asarray(held.samples[own])
+        for angle in (f"theta_{n}", "theta_m", "theta_1"):
+            if angle in held.samples:
+                part = {"theta_m": "table"}.get(angle, f"motor_{angle[-1]}")
+                ratio = ratio_to_table(self.core, place) / ratio_to_table(self.core, part)
+                return np.asarray(held.samples[angle]) * ratio
+        return None
+
+    def sizes(self) -> dict[str, float]:
+        """Spread of the measured torque carried to the table, N*m, and of the table's speed."""
+        torque = speed = 0.0
+        for held in self.held:
+            for motor in self.core.motors:
+                name = f"T_{motor.rpartition('_')[2]}"
+                if name in held.samples:
+                    spread = float(np.std(held.samples[name]))
+                    torque = max(torque, ratio_to_table(self.core, motor) * spread)
+            for _, (rate, _) in ANGLES.items():
+                if rate in held.samples:
+                    part = {"omega_m": "table"}.get(rate) or _part(rate)
+                    own = float(np.std(held.samples[rate])) / ratio_to_table(self.core, part)
+                    speed = max(speed, own)
+        return {"torque": torque, "speed": speed}
+
+    # --- parts --------------------------------------------------------------------------------
+
+    @property
+    def _first_constant(self) -> int:
+        return len(self.nominal) + len(self.zeros)
+
+    def _free(self) -> list[Unknown]:
+        """Nominal numbers that move the balance on these records."""
+        paths = default_free(self.core)
+        moved = np.zeros(len(paths), dtype=bool)
+        for held in self.held:
+            found = _core.torque_balance(self.core, dict(held.samples), paths)
+            moved |= np.any(found["jacobian"] != 0.0, axis=(0, 1))
+        kept = [path for path, own in zip(paths, moved, strict=True) if own]
+        return unknowns(self.core, kept, None, {}) if kept else []
+
+    def _evaluate(self, core: Any, held: Held, samples: Mapping[str, Array]) -> tuple[Array, Array]:
+        """Residual and measured torque of the chosen equations, (m, n) each."""
+        found = _core.torque_balance(core, dict(samples))
+        rows = [found["equations"].index(name) for name in self.equations]
+        idle = {**samples, **{n: 0.0 * samples[n] for n in TORQUES if n in samples}}
+        measured = _core.torque_balance(core, idle)["residual"][rows] - found["residual"][rows]
+        return found["residual"][rows], measured
+
+    def _shifted(self, k: int, u: Array) -> dict[str, Array]:
+        first = len(self.nominal)
+        zeros = {
+            angle: zero + self._scale[j] * float(u[first + j])
+            for j, (record, angle, zero) in enumerate(self.zeros)
+            if record == k
+        }
+        return dict(shifted(self.held[k].samples, zeros))
+
+    def _zero_scale(self, k: int, angle: str) -> float:
+        """A usual error of an encoder's zero: its noise, or a hundredth of its drive's play."""
+        held, n = self.held[k], angle[-1]
+        noise = float(np.std(held.noisy[angle] - held.samples[angle]))
+        mesh = f"mesh_{n}"
+        play = self.core.get(f"{mesh}.gap") if mesh in self.core.connections else 0.0
+        part = f"motor_{n}" if f"motor_{n}" in self.core.motors else f"pinion_{n}"
+        ratio = ratio_to_table(self.core, part) / max(ratio_to_table(self.core, mesh), 1e-12)
+        return max(noise, 0.01 * play * ratio, 1e-12)
+
+    def _series(self) -> list[Series]:
+        found = []
+        for k, held in enumerate(self.held):
+            core = with_settings(self.core, self.settings[k])
+            noisy, _ = self._evaluate(core, held, held.noisy)
+            plain, measured = self._evaluate(core, held, held.samples)
+            speed = np.abs(next(held.samples[r] for r, _ in ANGLES.values() if r in held.samples))
+            for e, name in enumerate(self.equations):
+                own = (noisy - plain)[e][held.keep]
+                floor = float(np.sqrt(np.median(own**2)) / 0.6745) if len(own) else 0.0
+                found.append(
+                    Series(
+                        held.record,
+                        name,
+                        "equation",
+                        "N*m",
+                        held.t,
+                        measured[e],
+                        floor,
+                        speed,
+                        held.keep,
+                    )
+                )
+        return found
+
+
+def _chosen(held: Held) -> tuple[str, ...]:
+    """The sum at the table, and the drives' own equations where they are recorded."""
+    drives = tuple(e for e in held.equations if e not in ("m", "total"))
+    return ("total", *drives) if len(held.equations) > 1 else ("total",)
+
+
+def _part(rate: str) -> str:
+    suffix = rate.removeprefix("omega_")
+    return f"pinion_{suffix[1:]}" if suffix.startswith("c") else f"motor_{suffix}"

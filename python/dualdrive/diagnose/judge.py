@@ -1,0 +1,152 @@
+"""From a survey to a verdict: whether anything is missing, and whether one name fits alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive.diagnose.confront import Series
+from dualdrive.diagnose.refit import Refit
+from dualdrive.diagnose.result import Verdict
+from dualdrive.diagnose.survey import Survey, key_of
+
+Array = NDArray[np.float64]
+
+#: fall of the criterion below which nothing is named: odds of 1 to e^10 before the library's size
+NAMED = 20.0
+#: of twice the log evidence: how sure differences between good fits are (see the blind suite)
+TEMPER = 2.0
+#: probability of the leader that makes it the only name
+SURE = 0.9
+#: share of what a free input could explain, below which a name explains too little
+EXPLAINED = 0.75
+#: residual over floor, RMS, from which something is surely left
+LEFT_OVER = 1.35
+_FEWEST, _STRETCH = 30, 0.15  # samples, s: a standstill long enough to show its noise
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """A verdict and the figures it rests on.
+
+    ranked:    (refit, probability), nothing missing left out, best first
+    nothing:   probability that nothing of the library is missing
+    group:     labels that can't be told from the leader, the leader first
+    explained: share of what could be explained that the leader explains
+    excess:    largest residual over floor of any series, refitted and with the leader
+    """
+
+    verdict: Verdict
+    ranked: Sequence[tuple[Refit, float]]
+    nothing: float
+    group: tuple[str, ...]
+    explained: float
+    excess: tuple[float, float]
+    gain: float
+
+
+def judge(found: Survey) -> Judgement:
+    """Judge a survey."""
+    ranked, nothing = _probabilities(found)
+    base, series = found.base, found.evidence.confrontation.series
+    best = ranked[0][0] if ranked else base
+    floors = [floor_of(s, r) for s, r in zip(series, found.best.left, strict=True)]
+    before = _ratios(series, base.left, floors)
+    gain = found.criterion[key_of(base)] - found.criterion[key_of(best)]
+    needed = NAMED + 2.0 * math.log(max(len(found.scores), 1))
+    after = _ratios(series, best.left, floors)
+    explained = _explained(before, after)
+    figures = (explained, (float(before.max()), float(after.max())), gain)
+    if best is base or gain < needed:
+        verdict: Verdict = "unknown" if _too_much(before) else _sound(found)
+        return Judgement(verdict, ranked, nothing, (), *figures)
+    if explained < EXPLAINED and _too_much(after):
+        return Judgement("unknown", ranked, nothing, (), *figures)
+    group = _group(ranked, found)
+    verdict = "effect" if ranked[0][1] >= SURE and len(group) == 1 else "ambiguous"
+    return Judgement(verdict, ranked, nothing, group if len(group) > 1 else (), *figures)
+
+
+def _probabilities(found: Survey) -> tuple[list[tuple[Refit, float]], float]:
+    """Of every refitted hypothesis, the best of those that differ in counted numbers alone."""
+    by_label: dict[str, Refit] = {}
+    for r in found.refits:
+        label = r.hypothesis.label
+        if label not in by_label or _value(found, r) < _value(found, by_label[label]):
+            by_label[label] = r
+    every = [found.base, *by_label.values()]
+    least = min(_value(found, r) for r in every)
+    weights = {id(r): math.exp(-0.5 * (_value(found, r) - least) / TEMPER) for r in every}
+    whole = sum(weights.values())
+    ranked = sorted(by_label.values(), key=lambda r: _value(found, r))
+    return [(r, weights[id(r)] / whole) for r in ranked], weights[id(found.base)] / whole
+
+
+def _value(found: Survey, r: Refit) -> float:
+    return found.criterion[key_of(r)]
+
+
+def floor_of(series: Series, left: Array) -> float:
+    """RMS noise of a series: what is left where the machine stands, or else the record's estimate.
+
+    left: what the best hypothesis leaves; a constant of each standstill is taken out, since dry
+        friction may hold any torque there.
+    """
+    t, still = series.t, series.still & series.keep
+    ends = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
+    square = count = 0.0
+    for first, last in zip(ends[::2], ends[1::2], strict=True):
+        if last - first >= _FEWEST and t[last - 1] - t[first] >= _STRETCH:
+            own = left[first:last] - np.mean(left[first:last])
+            square, count = square + float(own @ own), count + len(own) - 1
+    if count < 2 * _FEWEST:
+        return series.floor
+    return max(math.sqrt(square / count), 0.5 * series.floor)
+
+
+def _ratios(series: Sequence[Series], left: Sequence[Array], floors: Sequence[float]) -> Array:
+    """Residual over floor of every series, RMS, shape (series,)."""
+    return np.array(
+        [
+            float(np.std(r[s.keep])) / max(f, 1e-9 * s.spread, 1e-300)
+            for s, r, f in zip(series, left, floors, strict=True)
+        ]
+    )
+
+
+def _explained(before: Array, after: Array) -> float:
+    """Share of the mean squares above the floor that went, each series counting alike."""
+    could = np.maximum(1.0 - 1.0 / before**2, 0.0)
+    went = 1.0 - after**2 / before**2
+    whole = float(could.sum())
+    return float(min(max(went.sum() / whole, 0.0), 1.0)) if whole > 1e-3 else 1.0
+
+
+def _too_much(ratios: Array) -> bool:
+    """Whether more is left than the sensors leave, in more than one series or by far in one."""
+    ordered = np.sort(ratios)[::-1]
+    second = ordered[1] if len(ordered) > 1 else 0.0
+    return bool(ordered[0] > 2.0 * LEFT_OVER or second > LEFT_OVER)
+
+
+def _sound(found: Survey) -> Verdict:
+    """Adequate as it came, or only after its numbers moved."""
+    seen = found.evidence
+    nominal = seen.chi(found.nominal.u, found.nominal.left)
+    fall = (nominal - found.base.chi) / found.inflation
+    return "parameters" if fall > NAMED + len(found.base.u) else "adequate"
+
+
+def _group(ranked: Sequence[tuple[Refit, float]], found: Survey) -> tuple[str, ...]:
+    """The leader and those that keep the sum of probabilities from being sure."""
+    group, whole = [], 0.0
+    for r, p in ranked:
+        if whole >= SURE:
+            break
+        group.append(r.hypothesis.label)
+        whole += p
+    return tuple(group)
