@@ -12,6 +12,7 @@ given, axes to draw in. Units are those people read: arc seconds, mrad, N·m, ms
 from dualdrive.plots.comparison import conditions, measured_vs_model, residuals
 from dualdrive.plots.diagnosis import (
     candidates,
+    diagnosed,
     equations,
     experiments,
     missing_torque,
@@ -30,6 +31,7 @@ __all__ = [
     "Step",
     "candidates",
     "conditions",
+    "diagnosed",
     "equations",
     "experiments",
     "following_error",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -30,7 +30,14 @@ if TYPE_CHECKING:
 
     from dualdrive.diagnose import Diagnosis, EquationAtFault, Experiment, Shape
 
-__all__ = ["candidates", "equations", "experiments", "missing_torque", "planned_motion"]
+__all__ = [
+    "candidates",
+    "diagnosed",
+    "equations",
+    "experiments",
+    "missing_torque",
+    "planned_motion",
+]
 
 Array = NDArray[np.float64]
 
@@ -172,3 +179,42 @@ def _at_right(axes: Axes, row: int, text: str) -> None:
         0.995, row, text, va="center", ha="right", fontsize=8,
         color=MEASURED, transform=axes.get_yaxis_transform(),
     )  # fmt: skip
+
+
+@picture
+def diagnosed(diagnosis: Diagnosis) -> Figure:
+    """A diagnosis on one sheet: candidates, where it fails, which equation, what is missing.
+
+    Panels for which nothing was found are left out. Raises PlotError where nothing at all was.
+    """
+    from matplotlib.figure import Figure
+
+    from dualdrive.plots.comparison import conditions
+
+    bars = [c for c in diagnosis.where if c.kind not in ("time", "order")]
+    panels: list[tuple[float, str, Callable[[Axes], Figure]]] = []
+    if diagnosis.candidates:
+        rows = min(_MOST, len(diagnosis.candidates))
+        panels.append((rows, "What could explain it", lambda a: candidates(diagnosis, axes=a)))
+    if bars:
+        panels.append((len(bars), "Where it fails", lambda a: conditions(diagnosis, axes=a)))
+    if (fault := diagnosis.equation) is not None and fault.shares:
+        panels.append((len(fault.shares), "Which equation", lambda a: equations(fault, axes=a)))
+    shapes = [s for s in diagnosis.shapes if len(s.at) > 1]
+    if shapes:
+        best = max(shapes, key=lambda s: s.explained)
+        panels.append((8, "What is missing", lambda a: missing_torque(best, axes=a)))
+    if not panels:
+        raise PlotError(f"diagnosis of {diagnosis.machine}: nothing is missing, nothing to draw")
+    heights = [1.0 + 0.28 * rows for rows, _, _ in panels]
+    figure = Figure(figsize=(8.5, 0.5 + sum(heights)), layout="constrained")
+    grid = figure.subplots(len(panels), 1, squeeze=False, height_ratios=heights)
+    for (_, title, draw), axes in zip(panels, grid[:, 0], strict=True):
+        draw(axes)
+        axes.set_title(title)
+    records = ", ".join(diagnosis.records)
+    figure.suptitle(
+        f"{diagnosis.machine} against {records}: {diagnosis.verdict}",
+        x=0.01, ha="left", fontsize=11, fontweight="bold",
+    )  # fmt: skip
+    return figure
