@@ -14,7 +14,9 @@ LOSSES = ("copper", "viscous", "mesh")  # of the ledger: these never give
 DISSIPATIVE = ("viscous", "coulomb", "stribeck", "mesh_damping", "sensor_delay", "sensor_offset",
                "eccentricity", "angle_dependent_friction", "load_dependent_mesh_loss",
                "hydrostatic_drag", "transmission_error", "time_varying_mesh_stiffness", "wear",
-               "hertzian_stiffness", "position_dependent_inertia")  # fmt: skip
+               "hertzian_stiffness", "position_dependent_inertia", "dead_time", "quantisation",
+               "encoder_eccentricity", "tension_mismatch", "current_limit", "voltage_limit",
+               "transport_delay", "gearbox_backlash", "shaft_compliance")  # fmt: skip
 SUFFIX = {"table": "m"} | {f"pinion_{n}": f"c{n}" for n in "123"} | {f"motor_{n}": n for n in "123"}
 
 

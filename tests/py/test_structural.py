@@ -181,6 +181,21 @@ def test_taken_out_it_is_off() -> None:
     assert machine.get("controller.delta_c") == 0.0
 
 
+def test_a_step_of_the_history_takes_it_back() -> None:
+    machine = bench()
+    before = values(machine)
+    machine.add("current_limit", "motors", T_max=2.0)
+    machine.note("a limit")
+    machine.add("gearbox_backlash", "gearboxes", gap=1e-3)
+    machine.note("play")
+    again = Machine.from_toml(machine.toml())
+    again.undo()
+    assert again.get("motors.T_max") == 2.0
+    assert again.core.kind("gearbox_1") == "rigid"
+    again.undo()
+    assert values(again) == before
+
+
 def test_a_joint_that_gave_before_goes_back_to_what_it_was() -> None:
     machine = loose("compliant", stiffness=444.0)
     machine.add("gearbox_backlash", "gearboxes", gap=1e-3)
