@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import pickle
+import tomllib
 from typing import Any
 
 import numpy as np
 import pytest
 
 from dualdrive import Machine, MachineError, _core
-from dualdrive.identify import fit
+from dualdrive.identify import default_free, fit
 from dualdrive.identify.screening import candidates_of
+from dualdrive.identify.unknowns import unknowns
 from dualdrive.motion import move
 from dualdrive.simulation import simulate
 from dualdrive.traces import Trace
@@ -166,6 +168,17 @@ def test_it_survives_file_pickle_and_copy() -> None:
         assert [again.core.kind(f"gearbox_{n}") for n in (1, 2)] == ["rigid", "rigid"]
 
 
+def test_a_changed_number_is_written_where_the_effect_states_it() -> None:
+    machine = Machine.from_toml(every_one().toml())
+    machine.set("gearbox_1.stiffness", 900.0)
+    machine.set("gearbox_2.stiffness", 900.0)  # both effects at gearbox_1 state it
+    machine.set("current_limit@motors.T_max", np.inf)  # and this one states it no more
+    stated = tomllib.loads(machine.toml())
+    assert stated["gearboxes"] == {"kind": "rigid", "ratio": 10}
+    assert [e.get("stiffness") for e in stated["effects"][1:3]] == [900.0, 900.0]
+    assert values(Machine.from_toml(machine.toml())) == values(machine)
+
+
 def test_taken_out_it_is_off() -> None:
     machine = every_one()
     machine.remove("gearbox_backlash@gearbox_1")
@@ -300,6 +313,27 @@ def test_it_is_fitted_under_its_own_path(
     path = f"{effect}@{place}.{name}"
     found = fit(suspect, trace, free=[path], offsets="none", max_simulations=40)
     assert found.machine.get(path) == pytest.approx(truth, rel=1e-3)
+
+
+def test_what_an_effect_lends_is_free_once_and_believed_nothing_of() -> None:
+    machine = every_one()
+    machine.set("motors.T_max", np.inf)
+    free = default_free(machine.core)
+    own = {path for path in free if "@" in path and "mesh_damping" not in path}
+    assert own == {
+        "gearbox_backlash@gearbox_1.gap",
+        "shaft_compliance@gearboxes.stiffness",  # both effects lend it; this one has more of it
+        "current_limit@motors.T_max",
+        "voltage_limit@motor_2.U_max",
+        "transport_delay@controller.delta_c",
+        "transport_delay@controller.delta_t",
+    }
+    assert not any(path.startswith("gearbox") and "@" not in path for path in free)
+    found = {
+        x.path: x for x in unknowns(machine.core, free, None, {"current_limit@motors.T_max": 2})
+    }
+    assert found["current_limit@motors.T_max"].nominal == 2  # a limit that is off begins somewhere
+    assert all(np.isinf(found[path].sigma) for path in own)
 
 
 def test_candidates_leave_out_what_the_machine_has() -> None:

@@ -104,7 +104,8 @@ def default_free(core: Any) -> list[str]:
         if place not in core.connections or core.kind(place) != "rigid":
             found.append(_tied(core, parameter.path))
     taken: set[str] = set()
-    for path in own:  # two effects at one joint share its stiffness
+    # two effects at one joint share its stiffness: it is free once, under the wider name
+    for path in sorted(own, key=lambda path: -len(core.members(path))):
         if not taken & set(core.members(path)):
             found.append(path)
             taken |= set(core.members(path))
