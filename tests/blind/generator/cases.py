@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from tests.blind.generator import distance, effects, machines, outside, records
+from tests.blind.generator import distance, effects, machines, outside, records, rivals
 from tests.blind.generator import friction as _friction  # noqa: F401  (enters its effects)
 from tests.blind.generator import gearing as _gearing  # noqa: F401
 from tests.blind.generator import motors as _motors  # noqa: F401
@@ -23,10 +23,14 @@ GROUPS = ("single", "none", "drifted", "outside", "two")
 #: squared distances from the best machine without the effect, in units of the noise: what is less
 #: visible than this is not there for anybody, and the middle of the strong ones
 VISIBLE, STRONGEST = 12.0, 1e6
+#: smallest share of a strong amplitude
+LEAST = 1e-3
+#: effects of a controller that is unknown can not be missed
+OF_THE_LOOP = ("transport_delay", "tension_mismatch", "current_limit", "dead_time")
 STRONG = ("table.J", "motors.J", "meshes.stiffness", "meshes.gap", "table.b")
 
 
-class Unfit(RuntimeError):
+class UnfitError(RuntimeError):
     """This draw makes no case: it runs away, or its effect can not be seen."""
 
 
@@ -63,30 +67,41 @@ def _write_csv(path: Path, columns: Mapping[str, Array]) -> None:
     np.savetxt(path, table, fmt="%.12g", delimiter=",", header=header, comments="")
 
 
-def build(seed: int, number: int, group: str, names: tuple[str, ...] = ()) -> Case:
-    """Case `number` of a suite; `names`: effects to draw from, all of the library unless given."""
+def build(
+    seed: int, number: int, group: str, names: tuple[str, ...] = (), share: float | None = None
+) -> Case:
+    """Case `number` of a suite.
+
+    names: effects to draw from, all of the library unless given
+    share: of a strong amplitude, for all that is hidden; else each is sized by its visibility
+    """
     for attempt in range(40):
         rng = np.random.default_rng([seed, number, attempt])
         try:
-            return _draw(f"case-{number:04d}", group, names or tuple(effects.EFFECTS), rng)
-        except Unfit:
+            name, pool = f"case-{number:04d}", names or tuple(effects.EFFECTS)
+            return _draw(name, group, pool, rng, share)
+        except UnfitError:
             continue
     raise RuntimeError(f"case {number} of group {group}: forty draws, none fit")
 
 
-def _draw(name: str, group: str, names: tuple[str, ...], rng: np.random.Generator) -> Case:
+def _draw(
+    name: str, group: str, names: tuple[str, ...], rng: np.random.Generator, share: float | None
+) -> Case:
     family = str(rng.choice(list(machines.FAMILIES), p=(0.3, 0.35, 0.35)))
     sheet = machines.draw(family, rng)
     plans = records.plans(family, sheet, rng)
     recorder = records.recorder(family, sheet["motors.K_d"], rng)
-    channels = BALANCE if rng.random() < 0.2 else LOOP
+    unknown_loop = rng.random() < 0.2
     hidden = _Hiding(group, names, records.setting(sheet, plans), rng)
+    unknown_loop &= not any(one.effect in OF_THE_LOOP for one in hidden.effects)
+    channels = BALANCE if unknown_loop else LOOP
     for path in hidden.without:
         sheet.pop(path, None)
     real = _real(sheet, group, rng)
     bench = distance.Bench(real, plans, recorder)
     if hidden.effects:
-        hidden.size(distance.Nominals(bench))
+        hidden.size(bench, share)
     truth = {p.name: p.truth(real, hidden.effects) for p in plans}
     for made in truth.values():
         _check(made, sheet)
@@ -100,6 +115,7 @@ def _draw(name: str, group: str, names: tuple[str, ...], rng: np.random.Generato
         "real": {p: v for p, v in real.items() if p in machines.UNCERTAIN},
         "sheet": {p: v for p, v in sheet.items() if p in machines.UNCERTAIN},
         "floor": floor(sheet, truth, recorded),
+        "floors": {p.name: floor(sheet, truth, {p.name: recorded[p.name]}) for p in plans},
         "jitter": recorder.jitter,
         "drift": bench.apart(sheet) if group == "drifted" else 0.0,
         **hidden.figures,
@@ -138,6 +154,9 @@ class _Hiding:
         low, high = np.log10(VISIBLE * 2), np.log10(STRONGEST)
         self._wanted = [float(10 ** rng.uniform(low, high)) for _ in range(count)]
         self.effects = self._at([1.0] * count)
+        told = [key for one in self.effects for key in one.numbers if key[0] != "+"]
+        if len(set(told)) < len(told):
+            raise UnfitError("two effects that are one number")
         self.without = {path for one in self.effects for path in one.without}
         self.figures: dict[str, Any] = {}
 
@@ -147,11 +166,26 @@ class _Hiding:
             for name, seed, share in zip(self._names, self._seeds, shares, strict=True)
         )
 
-    def size(self, nominals: distance.Nominals) -> None:
-        """Give each effect an amplitude of its own visibility, from barely to strong."""
-        found = [self._share(k, nominals) for k in range(len(self.effects))]
+    def size(self, bench: distance.Bench, share: float | None) -> None:
+        """Give each effect an amplitude of its own visibility, from barely to strong.
+
+        Seen in the records under tension: where flanks are left, the last bit decides what comes
+        after, and distances say little. What shows only there is sized by all records.
+        """
+        if share is not None:
+            self.effects = self._at([share] * len(self.effects))
+            return
+        try:
+            nominals = distance.Nominals(bench.tense())
+            found = [self._share(k, nominals) for k in range(len(self.effects))]
+        except UnfitError:
+            nominals = distance.Nominals(bench)
+            found = [self._share(k, nominals) for k in range(len(self.effects))]
         self.effects = self._at([share for share, _ in found])
-        self.figures = {
+        if len(self.effects) == 1 and self._draw is effects.draw:
+            apart, rival = rivals.nearest(self.effects[0], self._setting, nominals)
+            self.figures = {"delta_lambda": min(apart, found[0][1]), "rival": rival}
+        self.figures |= {
             "lambdas": [size for _, size in found],
             "shares": [share for share, _ in found],
         }
@@ -159,14 +193,18 @@ class _Hiding:
     def _share(self, k: int, nominals: distance.Nominals) -> tuple[float, float]:
         """(share of the strong amplitude, squared distance there), near the wanted distance."""
         share, size = 1.0, 0.0
-        for _ in range(5):
+        for _ in range(6):
             one = self._at([share] * len(self.effects))[k]
             size = nominals.distance(nominals.bench.record((one,)))
-            if size < 2 * self._wanted[k] and (share == 1.0 or size > self._wanted[k] / 2):
+            wanted = self._wanted[k]
+            if wanted / 2 < size < 2 * wanted or (share == 1.0 and size < wanted):
                 break
-            share = float(np.clip(share * np.sqrt(self._wanted[k] / size), 1e-3, 1.0))
+            if share == LEAST and size > wanted:
+                break
+            step = float(np.sqrt(wanted / size)) if size > VISIBLE else 3.0
+            share = float(np.clip(share * step, LEAST, 1.0))
         if size < VISIBLE:
-            raise Unfit("can not be seen")
+            raise UnfitError("can not be seen")
         return share, size
 
 
@@ -174,10 +212,10 @@ def _check(made: Mapping[str, Array], sheet: Mapping[str, float]) -> None:
     """A machine that runs away or lives at its limits is no record anybody would keep."""
     error = made["theta_ref"] - made["theta_m"]
     if np.ptp(error) > 0.3 * np.ptp(made["theta_ref"]):
-        raise Unfit("does not follow")
+        raise UnfitError("does not follow")
     for n in (1, 2):
         if np.mean(np.abs(made[f"T_{n}"]) > 0.98 * sheet["motors.T_max"]) > 0.05:
-            raise Unfit("at its torque limit")
+            raise UnfitError("at its torque limit")
 
 
 def floor(
@@ -188,8 +226,8 @@ def floor(
     """Headline error of the noise-free truth held against what was recorded."""
     parts: dict[str, list[tuple[float, float]]] = {}
     for name, read in recorded.items():
-        measured = headline(sheet, read)
-        true = headline(sheet, {key: truth[name][key] for key in read})
+        measured = records.headline(sheet, read)
+        true = records.headline(sheet, {key: truth[name][key] for key in read})
         for key, values in measured.items():
             off = values - true[key]
             off = off if key == "e" else off - off.mean()
@@ -201,12 +239,3 @@ def floor(
     }
     kinds = {k[0]: [size[n] for n in size if n[0] == k[0]] for k in size}
     return float(np.mean([np.mean(v) for v in kinds.values()]))
-
-
-def headline(sheet: Mapping[str, float], made: Mapping[str, Array]) -> dict[str, Array]:
-    """Following error, currents or torques, deflections at the meshes."""
-    shown = {"e": made["theta_ref"] - made["theta_m"]} if "theta_ref" in made else {}
-    shown |= {k: made[k] for k in ("I_1", "I_2") if k in made and "theta_ref" in made}
-    shown = shown or {k: made[k] for k in ("T_1", "T_2")}
-    i, i_m = sheet["gearboxes.ratio"], sheet["meshes.ratio"]
-    return shown | {f"x_{n}": made[f"theta_{n}"] / i - i_m * made["theta_m"] for n in (1, 2)}

@@ -1,7 +1,10 @@
 """How far a true record lies from what a simpler machine can produce, in units of the known noise.
 
+The channels are those a user looks at: following error, currents, deflections, each with the noise
+of its sensors.
+
 lambda: squared distance to the nearest record of the machine without the effect, its nominal
-numbers free within their tolerances; offsets of encoders and currents are given away. Linear in
+numbers free within their tolerances; each channel's constant is given away but that of e. Linear in
 the numbers around the true ones, then checked there by two Gauss-Newton steps. delta-lambda: the
 same to the nearest rival effect, lambda (1 - c^2), c the correlation after the nominal numbers
 are projected out of both (to first order in the rival's size).
@@ -10,13 +13,13 @@ are projected out of both (to first order in the rival's size).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from tests.blind.generator import machines
 from tests.blind.generator.effects import Hidden
-from tests.blind.generator.records import LOOP, Plan, Recorder
+from tests.blind.generator.records import Plan, Recorder, headline
 
 Array = NDArray[np.float64]
 COARSE = 4e-5
@@ -31,10 +34,18 @@ class Bench:
     plans: Sequence[Plan]
     recorder: Recorder
 
-    def record(self, effects: tuple[Hidden, ...] = (), **factors: float) -> Array:
+    def record(
+        self, effects: tuple[Hidden, ...] = (), factors: Mapping[str, float] | None = None
+    ) -> Array:
         """Whitened channels of both records, one long vector; offsets removed."""
+        factors = factors or {}
         machine = {p: v * factors.get(p, 1.0) for p, v in self.machine.items()}
         return self._records(machine, effects)
+
+    def tense(self) -> Bench:
+        """The same, of the records in which tension keeps the flanks closed."""
+        most = max(plan.T_ten for plan in self.plans)
+        return replace(self, plans=[plan for plan in self.plans if plan.T_ten > 0.25 * most])
 
     def apart(self, sheet: Mapping[str, float]) -> float:
         """Squared distance of the true records from those of the sheet's machine."""
@@ -44,16 +55,27 @@ class Bench:
     def _records(self, machine: Mapping[str, float], effects: tuple[Hidden, ...]) -> Array:
         rows = []
         for plan in self.plans:
-            truth = plan.truth(machine, effects, step=COARSE)
-            rows += [self._white(plan, name, truth[name]) for name in LOOP]
+            shown = headline(machine, plan.truth(machine, effects, step=COARSE))
+            rows += [self._white(plan, name, values) for name, values in shown.items()]
         return np.concatenate(rows)
 
     def _white(self, plan: Plan, name: str, values: Array) -> Array:
         n = len(values)
         bins = np.fft.rfft(values, norm="ortho")
-        bins = bins * np.sqrt(2.0 / self.recorder.sensors[name].spectrum(n, plan.sample))
-        first = 0 if name == "theta_m" else 1
+        bins = bins * np.sqrt(2.0 / self._spectrum(name, n, plan.sample))
+        first = 0 if name == "e" else 1  # the zero of every other channel is its own
         return np.concatenate([bins[first:].real, bins[first:].imag])
+
+    def _spectrum(self, name: str, n: int, dt: float) -> Array:
+        """Noise of a headline channel, from that of the sensors it is made of."""
+        table = self.recorder.sensors["theta_m"].spectrum(n, dt)
+        if name == "e":
+            return table
+        if name[0] == "I":
+            return self.recorder.sensors[name].spectrum(n, dt)
+        motor = self.recorder.sensors[f"theta_{name[-1]}"].spectrum(n, dt)
+        i, i_m = self.machine["gearboxes.ratio"], self.machine["meshes.ratio"]
+        return motor / i**2 + table * i_m**2
 
 
 class Nominals:
@@ -63,7 +85,9 @@ class Nominals:
         self.bench = bench
         self.names = [p for p in machines.UNCERTAIN if bench.machine.get(p, 0) > 0]
         self.at_truth = bench.record()
-        slopes = [(bench.record(**{p: 1 + _NUDGE}) - self.at_truth) / _NUDGE for p in self.names]
+        slopes = [
+            (bench.record(factors={p: 1 + _NUDGE}) - self.at_truth) / _NUDGE for p in self.names
+        ]
         tolerance = np.array([machines.UNCERTAIN[p] for p in self.names])
         self.slopes = np.stack(slopes, axis=1) * tolerance  # by one sigma of each
         self._normal = np.linalg.inv(self.slopes.T @ self.slopes + np.eye(len(self.names)))
@@ -84,7 +108,7 @@ class Nominals:
                 p: float(np.exp(np.clip(s * t, -0.7, 0.7)))
                 for p, s, t in zip(self.names, z, self._tolerance, strict=True)
             }
-            residual = changed - self.bench.record(**factors)
+            residual: Array = changed - self.bench.record(factors=factors)
             best = min(best, float(residual @ residual + z @ z))
             z = z + self._normal @ (self.slopes.T @ residual - z)
         return best

@@ -18,12 +18,13 @@ Rng = np.random.Generator
 
 @dataclass(frozen=True)
 class Setting:
-    """What an effect is scaled by: sheet, fastest table speed, travel of the table, rated deflection."""
+    """What effects are scaled by: sheet, table speed, travel, rated deflection, motor torque."""
 
     machine: Mapping[str, float]
     speed: float
     travel: float
     rated_deflection: float
+    peak_torque: float
 
     @property
     def table_torque(self) -> float:

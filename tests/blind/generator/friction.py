@@ -25,8 +25,7 @@ def viscous(s: Setting, a: float, rng: Rng) -> Hidden:
     path = {"t": "table.b", "p": "pinions.b", "m": "motors.b"}[place[0]]
     value = a * torque / speed
     return Hidden(
-        *("viscous", place, of_body(place), {"+" + word: value}),
-        *({"coefficient": value}, (path,)),
+        "viscous", place, of_body(place), {"+" + word: value}, {"coefficient": value}, (path,)
     )
 
 
@@ -38,8 +37,12 @@ def coulomb(s: Setting, a: float, rng: Rng) -> Hidden:
     key = f"{prefix}dry{at(place)}"
     numbers = {key: a * torque, f"{prefix}asymmetry{at(place)}": lean}
     return Hidden(
-        *("coulomb", place, of_body(place), numbers),
-        *({"torque": a * torque, "asymmetry": lean}, without_dry(place)),
+        "coulomb",
+        place,
+        of_body(place),
+        numbers,
+        {"torque": a * torque, "asymmetry": lean},
+        without_dry(place),
     )
 
 
@@ -50,9 +53,12 @@ def stribeck(s: Setting, a: float, rng: Rng) -> Hidden:
     ratio, speed = float(rng.uniform(1.15, 1.6)), float(fastest * 10 ** rng.uniform(-2, -0.5))
     key = f"{prefix}dry"
     return Hidden(
-        *("stribeck", place, of_body(place)),
-        *({key: a * torque, f"{prefix}ratio": ratio, f"{prefix}speed": speed},),
-        *({"torque": a * torque, "static_ratio": ratio, "speed": speed}, without_dry(place)),
+        "stribeck",
+        place,
+        of_body(place),
+        {key: a * torque, f"{prefix}ratio": ratio, f"{prefix}speed": speed},
+        {"torque": a * torque, "static_ratio": ratio, "speed": speed},
+        without_dry(place),
     )
 
 
@@ -89,8 +95,10 @@ def angle_dependent_friction(s: Setting, a: float, rng: Rng) -> Hidden:
     order, angle = float(rng.integers(1, 4)), phase(rng)
     torque = a * s.table_torque
     return Hidden(
-        *("angle_dependent_friction", "table", "table"),
-        *({"t_angle_dry": torque, "t_angle_order": order, "t_angle_phase": angle},),
+        "angle_dependent_friction",
+        "table",
+        "table",
+        {"t_angle_dry": torque, "t_angle_order": order, "t_angle_phase": angle},
         {"torque": torque, "order": order, "phase": angle},
     )
 
@@ -107,6 +115,9 @@ def hydrostatic_drag(s: Setting, a: float, rng: Rng) -> Hidden:
     quadratic = a * s.table_torque / s.speed**2
     viscous_share = float(rng.uniform(0, 0.5)) * quadratic * s.speed
     return Hidden(
-        *("hydrostatic_drag", "table", "table", {"drag": quadratic, "+b_m": viscous_share}),
+        "hydrostatic_drag",
+        "table",
+        "table",
+        {"drag": quadratic, "+b_m": viscous_share},
         {"quadratic": quadratic, "viscous": viscous_share},
     )

@@ -29,7 +29,10 @@ def eccentricity(s: Setting, a: float, rng: Rng) -> Hidden:
         return Hidden("eccentricity", place, "mesh", numbers, parameters)
     key = "pinion" + at(place)
     return Hidden(
-        *("eccentricity", place, "mesh", {key: amplitude, f"pinion_phase{at(place)}": angle}),
+        "eccentricity",
+        place,
+        "mesh",
+        {key: amplitude, f"pinion_phase{at(place)}": angle},
         {"amplitude": amplitude, "phase": angle},
     )
 
@@ -38,8 +41,10 @@ def eccentricity(s: Setting, a: float, rng: Rng) -> Hidden:
 def transmission_error(s: Setting, a: float, rng: Rng) -> Hidden:
     amplitude, teeth, angle = a * s.machine["meshes.gap"], float(rng.integers(17, 26)), phase(rng)
     return Hidden(
-        *("transmission_error", "pinions", "mesh"),
-        *({"tooth": amplitude, "tooth_order": teeth, "tooth_phase": angle},),
+        "transmission_error",
+        "pinions",
+        "mesh",
+        {"tooth": amplitude, "tooth_order": teeth, "tooth_phase": angle},
         {"amplitude": amplitude, "teeth": teeth, "phase": angle},
     )
 
@@ -48,8 +53,10 @@ def transmission_error(s: Setting, a: float, rng: Rng) -> Hidden:
 def time_varying_mesh_stiffness(s: Setting, a: float, rng: Rng) -> Hidden:
     teeth, angle = float(rng.integers(17, 26)), phase(rng)
     return Hidden(
-        *("time_varying_mesh_stiffness", "pinions", "mesh"),
-        *({"breathing": a, "breathing_order": teeth, "breathing_phase": angle},),
+        "time_varying_mesh_stiffness",
+        "pinions",
+        "mesh",
+        {"breathing": a, "breathing_order": teeth, "breathing_phase": angle},
         {"amplitude": a, "teeth": teeth, "phase": angle},
     )
 
@@ -58,7 +65,10 @@ def time_varying_mesh_stiffness(s: Setting, a: float, rng: Rng) -> Hidden:
 def hertzian_stiffness(s: Setting, a: float, rng: Rng) -> Hidden:
     overlap = s.rated_deflection
     return Hidden(
-        *("hertzian_stiffness", "meshes", "mesh", {"hertz": a, "hertz_scale": overlap}),
+        "hertzian_stiffness",
+        "meshes",
+        "mesh",
+        {"hertz": a, "hertz_scale": overlap},
         {"growth": a, "overlap": overlap},
     )
 
@@ -69,6 +79,27 @@ def wear(s: Setting, a: float, rng: Rng) -> Hidden:
     centre = float(s.travel * rng.uniform(0.2, 0.9))
     width = float(min(1.0, s.travel * rng.uniform(0.1, 0.4)))
     return Hidden(
-        *("wear", "table", "mesh", {"wear": depth, "wear_at": centre, "wear_width": width}),
+        "wear",
+        "table",
+        "mesh",
+        {"wear": depth, "wear_at": centre, "wear_width": width},
         {"depth": depth, "centre": centre, "width": width},
     )
+
+
+@effect(1.0)
+def gearbox_backlash(s: Setting, a: float, rng: Rng) -> Hidden:
+    """`a` in units of the mesh's half gap; the gearbox is stiffer than the mesh."""
+    gap = a * s.machine["meshes.gap"]
+    stiffness = float(rng.uniform(1, 4)) * s.machine["meshes.stiffness"]
+    numbers = {"chain": 1.0, "shaft_gap": gap, "shaft_k": stiffness}
+    parameters = {"gap": gap, "stiffness": stiffness}
+    return Hidden("gearbox_backlash", "gearboxes", "drive|mesh", numbers, parameters)
+
+
+@effect(1.5)
+def shaft_compliance(s: Setting, a: float, rng: Rng) -> Hidden:
+    """`a`: how much softer the shaft is than the mesh."""
+    stiffness = s.machine["meshes.stiffness"] / a
+    numbers = {"chain": 1.0, "shaft_k": stiffness}
+    return Hidden("shaft_compliance", "gearboxes", "drive|mesh", numbers, {"stiffness": stiffness})

@@ -10,7 +10,7 @@ Jerks = list[tuple[float, float]]
 
 
 def move(start: float, distance: float, v: float, a: float, j: float) -> tuple[Jerks, float]:
-    """(time, jerk) pieces of one move, and when it ends; seven pieces, fewer where limits are not met."""
+    """(time, jerk) pieces of one move, and when it ends; `v` is reached if there is room."""
     sign, length = np.sign(distance), abs(distance)
     ramp = _ramp(v, a, j)
     if v * sum(ramp) > length:  # v is not reached: find the speed that is

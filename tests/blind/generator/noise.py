@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Sensor:
-    """rms of all noise, share of its variance that is coloured, its correlation time, converter's step."""
+    """rms of all noise, coloured share of its variance, correlation time, converter's step."""
 
     rms: float
     coloured: float
@@ -32,7 +32,7 @@ class Sensor:
         return np.asarray(np.round((values + self.rms * noise) / self.step) * self.step)
 
     def spectrum(self, n: int, dt: float) -> Array:
-        """Variance of each bin of an orthonormal FFT of n samples; quantisation counted as white."""
+        """Variance of each bin of an orthonormal FFT of n samples; rounding counts as white."""
         a = np.exp(-dt / self.correlation)
         angle = 2 * np.pi * np.fft.rfftfreq(n)
         slow = (1 - a * a) / (1 - 2 * a * np.cos(angle) + a * a)

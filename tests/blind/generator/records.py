@@ -116,17 +116,19 @@ def _plan(name: str, v: float, a: float, j: float, rng: np.random.Generator, **h
 def setting(machine: Mapping[str, float], both: tuple[Plan, ...]) -> Setting:
     """What effects are scaled by."""
     rated = machine["motors.T_rated"] * machine["gearboxes.ratio"]
+    runs = [plan.truth(machine, step=2 * STEP) for plan in both]
     return Setting(
         machine=machine,
         speed=max(p.speed for p in both),
         travel=max(p.travel for p in both),
         rated_deflection=rated / machine["meshes.stiffness"],
+        peak_torque=max(float(np.abs(run[f"T_{n}"]).max()) for run in runs for n in (1, 2)),
     )
 
 
 @dataclass(frozen=True)
 class Recorder:
-    """Sensors by channel, and a clock; `extra` changes a channel after the drive, as a bad amplifier."""
+    """Sensors by channel, and a clock that jitters by so many seconds rms."""
 
     sensors: Mapping[str, noise.Sensor]
     jitter: float
@@ -148,12 +150,21 @@ class Recorder:
 def recorder(family: str, K_d: float, rng: np.random.Generator) -> Recorder:
     """Sensors of that family's quality, on a clock that jitters in seven cases of ten."""
     kind = machines.FAMILIES[family]["sensors"]
-    sensors = {
-        name: noise.draw(*kind[name.split("_")[0] if name != "theta_m" else name], rng)
-        for name in LOOP
-    }
+    sensors = {}
+    for name in LOOP:
+        rms, step = kind[name if name in kind else name.split("_")[0]]
+        sensors[name] = noise.draw(rms, step, rng)
     for n in (1, 2):
         current = sensors[f"I_{n}"]
         sensors[f"T_{n}"] = replace(current, rms=current.rms * K_d, step=current.step * K_d)
     late = 0.0 if rng.random() < 0.3 else float(1e-6 * 30 ** rng.uniform(0, 1))
     return Recorder(sensors, late, int(rng.integers(2**31)))
+
+
+def headline(sheet: Mapping[str, float], made: Mapping[str, Array]) -> dict[str, Array]:
+    """Following error, currents or torques, deflections at the meshes."""
+    shown = {"e": made["theta_ref"] - made["theta_m"]} if "theta_ref" in made else {}
+    shown |= {k: made[k] for k in ("I_1", "I_2") if k in made and "theta_ref" in made}
+    shown = shown or {k: made[k] for k in ("T_1", "T_2")}
+    i, i_m = sheet["gearboxes.ratio"], sheet["meshes.ratio"]
+    return shown | {f"x_{n}": made[f"theta_{n}"] / i - i_m * made["theta_m"] for n in (1, 2)}

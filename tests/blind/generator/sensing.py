@@ -22,7 +22,10 @@ def sensor_delay(s: Setting, a: float, rng: Rng) -> Hidden:
 def unbalance(s: Setting, a: float, rng: Rng) -> Hidden:
     amplitude, angle = a * s.table_torque, phase(rng)
     return Hidden(
-        *("unbalance", "table", "table", {"unbalance": amplitude, "unbalance_phase": angle}),
+        "unbalance",
+        "table",
+        "table",
+        {"unbalance": amplitude, "unbalance_phase": angle},
         {"amplitude": amplitude, "phase": angle},
     )
 
@@ -52,7 +55,38 @@ def cutting_torque(s: Setting, a: float, rng: Rng) -> Hidden:
 def position_dependent_inertia(s: Setting, a: float, rng: Rng) -> Hidden:
     order, angle = float(rng.integers(1, 3)), phase(rng)
     return Hidden(
-        *("position_dependent_inertia", "table", "table"),
-        *({"inertia": a, "inertia_order": order, "inertia_phase": angle},),
+        "position_dependent_inertia",
+        "table",
+        "table",
+        {"inertia": a, "inertia_order": order, "inertia_phase": angle},
         {"amplitude": a, "order": order, "phase": angle},
     )
+
+
+@effect(1.2e-2, least=0.01)
+def transport_delay(s: Setting, a: float, rng: Rng) -> Hidden:
+    """Commands late for both drives, or for the slave alone."""
+    if rng.random() < 0.5:
+        return Hidden(
+            "transport_delay", "controller", "controller", {"command_delay": a}, {"delta_c": a}
+        )
+    return Hidden("transport_delay", "controller", "controller", {"delta_t": a}, {"delta_t": a})
+
+
+@effect(1.0)
+def encoder_eccentricity(s: Setting, a: float, rng: Rng) -> Hidden:
+    """`a` in units of 0.3 mrad at the table, of 20 mrad at a motor."""
+    place, angle = pick(rng, "table", "motors", "motor_1"), phase(rng)
+    amplitude = a * (3e-4 if place == "table" else 0.02)
+    key = "table_ecc" if place == "table" else "motor_ecc"
+    numbers = {key + at(place): amplitude, f"{key}_phase{at(place)}": angle}
+    parameters = {"amplitude": amplitude, "phase": angle}
+    return Hidden("encoder_eccentricity", place, "sensors", numbers, parameters)
+
+
+@effect(0.5)
+def tension_mismatch(s: Setting, a: float, rng: Rng) -> Hidden:
+    """The equaliser takes the slave's torque for more or less than it is."""
+    error = a if rng.random() < 0.5 else -a
+    numbers = {"misread_2": error}
+    return Hidden("tension_mismatch", "motor_2", "controller|sensors", numbers, {"error": error})

@@ -57,15 +57,19 @@ def orders(suite: str, counts: Mapping[str, int], pool: tuple[str, ...] = ()) ->
 
 
 def generate(
-    folder: Path, suite: str, wanted: list[Order], tell: Callable[[str], None] = print
+    folder: Path,
+    suite: str,
+    wanted: list[Order],
+    share: float | None = None,
+    tell: Callable[[str], None] = print,
 ) -> None:
-    """Write the suite; cases that stand already are left as they are."""
+    """Write the suite; cases that stand already are left as they are. `share`: `cases.build`."""
     (folder / "cases").mkdir(parents=True, exist_ok=True)
     for number, group, names in wanted:
         place = folder / "cases" / f"case-{number:04d}"
         if place.exists():
             continue
-        case = cases.build(seed_of(suite), number, group, names)
+        case = cases.build(seed_of(suite), number, group, names, share)
         fresh = place.with_suffix(".fresh")
         shutil.rmtree(fresh, ignore_errors=True)
         case.write(fresh)
