@@ -70,8 +70,8 @@ PAIRS = (
     ),
     Pair(
         "cogging or torque ripple",  # the same load throughout
-        ("cogging@motor_1", {"amplitude": 0.1, "order": 24.0}),
-        ("torque_ripple@motor_1", {"amplitude": 0.007, "order": 24.0}),
+        ("cogging@motor_1", {"amplitude": 0.04, "order": 24.0}),
+        ("torque_ripple@motor_1", {"amplitude": 0.003, "order": 24.0}),
         "move:0.02,v=0.003,a=0.0005,j=0.001,start=1,settle=1",
     ),
     Pair(
@@ -82,9 +82,9 @@ PAIRS = (
         CURRENTS,
     ),
     Pair(
-        "viscous: table or motors",
-        ("viscous@table", {"coefficient": 4e4}),
-        ("viscous@motors", {"coefficient": 2e-3}),
+        "loss by load or coulomb",  # the same tension throughout
+        ("load_dependent_mesh_loss@pinions", {"fraction": 0.005}),
+        ("coulomb@pinions", {"torque": 10.0}),
         "cycle:0.01;0,v=0.005,a=0.01,j=0.05,dwell=1,start=1,repeats=2",
         CURRENTS,
     ),

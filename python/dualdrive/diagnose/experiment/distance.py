@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 RTOL = 1e-6  # local tolerance: far below any sensor's noise
 #: samples of a planned record; more would cost time and tell no more
 SAMPLES = 3000
+#: of an integration; a machine that takes more chatters
+MAX_STEPS = 1_000_000
 _NAME = "next"
 _SETTLED = 0.02  # a step that takes off a smaller share ends the search
 _HALVINGS = 4
@@ -62,7 +64,7 @@ def expected(core: Any, motion: Motion, channels: Sequence[str]) -> Trace | None
     blank = Trace(t, dict.fromkeys(sorted(asked & signals & set(CHANNELS)), line))
     [record] = records(core, {_NAME: blank}, motion=motion, start="settled")
     try:
-        replay = play(core, record, rtol=RTOL)
+        replay = play(core, record, rtol=RTOL, max_steps=MAX_STEPS)
     except ValueError:
         return None
     if not replay.ok:
@@ -73,12 +75,15 @@ def expected(core: Any, motion: Motion, channels: Sequence[str]) -> Trace | None
 def beliefs(core: Any, known: Mapping[str, float] | None = None) -> list[Unknown]:
     """Every number that may move, within the data sheet's tolerance or that of the first fit.
 
+    A delay that is switched off stays off: without it the machine is another one.
+
     known: path -> standard deviation that the first fit left, SI, where it is known; the strength
         of an effect is held within a fifth of itself otherwise, a phase not at all
     """
     return [
         replace(p, sigma=_width(p, known or {}))
         for p in unknowns(core, default_free(core), None, {})
+        if p.nominal != 0.0 or p.low <= 0.0
     ]
 
 
@@ -125,6 +130,7 @@ def misfit(
     free = beliefs(core, known)
     named = [name for name in played.names if name in noise.rms]
     problem = Problem(core, [played], free, [], channels=named, rtol=RTOL)
+    problem.max_steps = MAX_STEPS
     step = float(played.t[-1] - played.t[0]) / (len(played.t) - 1)
     problem.weights = {row: noise.weight(row[1], step) for row in problem.rows}
     return _descended(problem, steps, until)
@@ -163,7 +169,7 @@ def _descended(problem: Problem, steps: int, until: float) -> tuple[float, float
             break
         try:
             slope = problem.jacobian(u)
-        except FitError:
+        except (FitError, ValueError):
             break
         move, promised = _step(slope, left)
         foretold = promised if k == 0 else foretold
