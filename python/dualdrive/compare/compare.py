@@ -8,8 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.compare.clocks import Clock, clock_of
 from dualdrive.compare.comparison import Comparison, Quantity
-from dualdrive.compare.noise import NoiseFloor, noise_floor
+from dualdrive.compare.noise import NoiseFloor, like_noise, noise_floor
+from dualdrive.compare.repeats import period_of
+from dualdrive.compare.skews import skews
+from dualdrive.compare.turning import as_conditions, of_balance, of_channels, orders_of
 from dualdrive.compare.where import Situation, standing, where_it_fails
 from dualdrive.identify import (
     Evaluation,
@@ -21,6 +25,7 @@ from dualdrive.identify import (
     which_mode,
     with_torques,
 )
+from dualdrive.identify.result import Residual
 from dualdrive.replay import RTOL, Record, core_of, named
 from dualdrive.traces import Trace
 
@@ -89,11 +94,14 @@ def compare(
 
 def of_evaluation(machine: Any, found: Evaluation) -> Comparison:
     """The comparison behind an evaluation, such as ``Fit.fitted``."""
-    quantities, situations = [], []
+    quantities, situations, clocks = [], [], []
     unit_of = getattr(machine, "unit_of", lambda _, unit: unit)
     for replay in found.replays:
         record = replay.record
         still = standing(record.t, record.reference)
+        period = period_of(record.t, record.reference)
+        clock = clock_of(record.trace, record.name)
+        clocks.append(clock)
         own = [
             Quantity(
                 record.name,
@@ -107,21 +115,36 @@ def of_evaluation(machine: Any, found: Evaluation) -> Comparison:
                 replay.simulated[c.name] + found.offsets.get((record.name, c.name), 0.0),
                 np.ones(len(record.t), dtype=bool),
                 found.offsets.get((record.name, c.name), 0.0),
-                noise_floor(record.t, c.measured, still),
+                noise_floor(
+                    record.t,
+                    c.measured,
+                    still,
+                    period=period,
+                    jitter=clock.noise(record.t, c.measured),
+                ),
             )
             for c in record.channels
         ]
         quantities += own
         situations.append(_situation(record, own, replay.flanks))
     records = [replay.record for replay in found.replays]
+    core, traces = core_of(machine), {record.name: record.trace for record in records}
+    orders = orders_of(core, traces, of_channels(quantities))
+    late = skews(core, traces)
     return Comparison(
-        core_of(machine).name,
+        core.name,
         "closed_loop",
         quantities,
-        where_it_fails(situations),
+        [*where_it_fails(situations), *as_conditions(orders)],
         {record.name: record.start for record in records},
         found.initial,
-        _notes(quantities, records),
+        [
+            *_notes(quantities, records),
+            *_clock_notes(clocks),
+            *(s.message for s in late if s.significant),
+        ],
+        orders,
+        late,
     )
 
 
@@ -132,12 +155,32 @@ def _situation(record: Record, own: Sequence[Quantity], flanks: Mapping[str, Arr
         kinds.setdefault(q.kind, []).append((q.residual / q.spread) ** 2)
     square = np.mean([np.mean(squares, axis=0) for squares in kinds.values()], axis=0)
     speed = np.gradient(record.reference, record.t)
-    return Situation(record.name, record.t, square, speed, flanks)
+    return Situation(record.name, record.t, square, speed, flanks, _load(record.trace, record.t))
+
+
+def _load(trace: Trace, t: Array) -> Array | None:
+    """Sum of the motors' torques, or currents, regardless of sign: shape (n,)."""
+    for stem in ("T", "I"):
+        names = [name for name in (f"{stem}_1", f"{stem}_2") if name in trace]
+        if names:
+            parts = [np.abs(np.interp(t, trace.t, trace[name])) for name in names]
+            return np.asarray(np.sum(parts, axis=0))
+    return None
+
+
+def _clock_notes(clocks: Sequence[Clock]) -> list[str]:
+    return [clock.message for clock in clocks if clock.kind != "even"]
 
 
 def _notes(quantities: Sequence[Quantity], records: Sequence[Record]) -> list[str]:
     how = dict.fromkeys(q.noise.how for q in quantities if q.headline)
-    notes = [f"noise floor from single records ({'; '.join(how)}): an estimate"]
+    guessed = [words for words in how if "periods of" not in words]
+    notes = [f"noise floor from what does not repeat ({'; '.join(how)})"]
+    if guessed:
+        notes = [
+            f"noise floor from single records ({'; '.join(how)}): an estimate; a motion recorded "
+            "several times over would measure it"
+        ]
     notes += [
         f"{record.name}: {record.left_out} samples in stretches too short to play left out"
         for record in records
@@ -176,10 +219,19 @@ def _balance(
         processing=processing,
         standstill=standstill,
     )
+    shaken = torque_balance(
+        machine,
+        {name: _shaken(trace) for name, trace in traces.items()},
+        free=[],
+        offsets=offsets != "none",
+        processing=processing,
+        standstill=standstill,
+    )
     unit_of = getattr(machine, "unit_of", lambda _, unit: unit)
     quantities, situations = [], []
     for (record, equation), left in found.residuals.items():
         unit = unit_of("T_load", "N*m")
+        again = shaken.residuals[record, equation]
         own = Quantity(
             record,
             equation,
@@ -192,14 +244,42 @@ def _balance(
             left.measured + left.residual,
             left.fitted,
             found.offsets[record, equation].value if (record, equation) in found.offsets else 0.0,
-            NoiseFloor(float("nan"), "not estimated in a torque balance"),
+            NoiseFloor(_apart(left, again), "the sensors' noise carried through the balance"),
         )
         quantities.append(own)
         situations.append(_balance_situation(traces[record], own))
-    notes = [found.processing, *found.sample_lines()]
-    return Comparison(
-        core_of(machine).name, "balance", quantities, where_it_fails(situations), {}, {}, notes
-    )
+    core = core_of(machine)
+    orders = orders_of(core, traces, of_balance(core, traces, quantities, processing))
+    late = skews(core, traces)
+    notes = [
+        found.processing,
+        *found.sample_lines(),
+        "noise floor from single records (the sensors' noise carried through the balance): an "
+        "estimate",
+        *_clock_notes([clock_of(trace, name) for name, trace in traces.items()]),
+        *(s.message for s in late if s.significant),
+    ]
+    where = [*where_it_fails(situations), *as_conditions(orders)]
+    return Comparison(core.name, "balance", quantities, where, {}, {}, notes, orders, late)
+
+
+def _shaken(trace: Trace) -> Trace:
+    """The trace with as much noise again as its sensors and its clock make."""
+    random, clock = np.random.default_rng(1), clock_of(trace)
+    still = standing(trace.t, trace["theta_ref"]) if "theta_ref" in trace else None
+    noisy = trace
+    for name in trace:
+        values = trace[name]
+        noise = like_noise(trace.t, values, still, random)
+        wrong = random.normal(0.0, clock.wrong, len(trace)) * np.gradient(values, trace.t)
+        noisy = noisy.with_channel(name, values + noise + wrong)
+    return noisy
+
+
+def _apart(one: Residual, other: Residual) -> float:
+    """RMS difference of two residuals where both count."""
+    both = one.fitted & other.fitted
+    return float(np.std((one.residual - other.residual)[both])) if both.any() else float("nan")
 
 
 def _balance_situation(trace: Trace, own: Quantity) -> Situation:
@@ -209,5 +289,6 @@ def _balance_situation(trace: Trace, own: Quantity) -> Situation:
             break
     else:
         speed = np.interp(own.t, trace.t, trace["omega_m" if "omega_m" in trace else "omega_1"])
-    square = np.where(own.counted, own.residual / own.spread, 0.0) ** 2
-    return Situation(own.record, own.t, square, speed, {})
+    square = (own.residual / own.spread) ** 2
+    load = _load(trace, own.t)
+    return Situation(own.record, own.t, square, speed, {}, load, own.counted)

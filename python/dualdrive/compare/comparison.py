@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.compare.noise import NoiseFloor
+from dualdrive.compare.orders import Order
+from dualdrive.compare.skews import Skew
 from dualdrive.compare.where import Condition
 
 Array = NDArray[np.float64]
@@ -87,6 +89,8 @@ class Comparison:
     starts:     record -> rest | settled: how the machine was taken to stand before it
     initial:    (record, state) -> initial value found, SI
     notes:      what a reader should know, one line each
+    orders:     lines of the residuals' spectra over angles that stand out, clearest first
+    skews:      delays between channels that could be estimated; those that matter are significant
     """
 
     machine: str
@@ -96,6 +100,8 @@ class Comparison:
     starts: Mapping[str, str]
     initial: Mapping[tuple[str, str], float]
     notes: Sequence[str]
+    orders: Sequence[Order] = ()
+    skews: Sequence[Skew] = ()
 
     @property
     def records(self) -> tuple[str, ...]:
@@ -185,9 +191,15 @@ class Comparison:
 
     def remarks(self) -> list[str]:
         """Where the error is larger than elsewhere, and what a reader should know."""
-        worst = [c for c in self.where if c.excess > 1.2][:6]
+        worst = sorted((c for c in self.where if _told(c)), key=lambda c: -c.excess)[:6]
         found = (f"{c.condition} ×{c.excess:.2g} ({c.time:.0%} of the time)" for c in worst)
-        return [*([f"error is larger in: {'; '.join(found)}"] if worst else []), *self.notes]
+        lines = [f"error is larger in: {'; '.join(found)}"] if worst else []
+        lines += [
+            f"{o.channel} repeats at {' or '.join([o.label, *o.also])}: amplitude "
+            f"{o.amplitude:.3g} {o.unit}, {o.share:.0%} of the residual's square"
+            for o in self.orders[:4]
+        ]
+        return [*lines, *self.notes]
 
     def __repr__(self) -> str:
         return f"<Comparison\n{self.table()}>"
@@ -220,7 +232,9 @@ class Comparison:
             },
             "starts": dict(self.starts),
             "initial": {f"{record}/{state}": v for (record, state), v in self.initial.items()},
-            "where": [dict(vars(c)) for c in self.where],
+            "where": [{**vars(c), "significant": c.significant} for c in self.where],
+            "orders": [{**vars(o), "also": list(o.also)} for o in self.orders],
+            "skews": [dict(vars(s)) for s in self.skews],
             "notes": list(self.notes),
         }
         return dict(_plain(plain))
@@ -245,6 +259,11 @@ class Comparison:
 
 _COLUMNS = ("measured", "simulated")
 _MODES = {"closed_loop": "closed loop simulated", "balance": "torque balance"}
+
+
+def _told(c: Condition) -> bool:
+    """Worth a reader's attention: large, and beyond chance where that is known."""
+    return c.kind != "order" and c.excess > 1.2 and (c.significant or not math.isfinite(c.p))
 
 
 def _cells(error: float, noise: float, rms: float, unit: str) -> tuple[str, str, str]:

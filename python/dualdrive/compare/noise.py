@@ -1,9 +1,10 @@
 """What a sensor alone would leave: a floor under every error, read from the record itself.
 
-Without repeated records noise can only be told from signal where the signal is not. While the
-machine stands, all that moves is noise, coloured or not. While it moves, the spectrum of white
-noise lies bare near half the sampling rate; noise that a filter has coloured reads too low there,
-and vibration up there reads as noise.
+Where the command repeats, what differs from one period to the next is noise
+(:mod:`dualdrive.compare.repeats`). Else it can only be told from signal where the signal is not.
+While the machine stands, all that moves is noise, coloured or not. While it moves, the spectrum of
+white noise lies bare near half the sampling rate; noise that a filter has coloured reads too low
+there, and vibration up there reads as noise.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
+
+from dualdrive.compare.repeats import Period, spread_of_periods
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -32,21 +35,36 @@ class NoiseFloor:
     how: str
 
 
-def noise_floor(t: Array, values: Array, still: Flags | None = None) -> NoiseFloor:
+def noise_floor(
+    t: Array,
+    values: Array,
+    still: Flags | None = None,
+    *,
+    period: Period | None = None,
+    jitter: float = 0.0,
+) -> NoiseFloor:
     """Estimate the noise of a channel from one record.
 
-    The largest of: the spread about a parabola in quarter-second windows at standstill (median of
-    the windows); white noise as tall as the spectrum between 0.6 and 0.95 of half the
-    sampling rate (Welch, Hann windows, median over the band), or in a short record the fourth
-    differences; the rounding step over √12.
+    From its periods where the command repeats; else the larger of: the spread about a parabola in
+    quarter-second windows at standstill (median of the windows); white noise as tall as the
+    spectrum between 0.6 and 0.95 of half the sampling rate (Welch, Hann windows, median over the
+    band), or in a short record the fourth differences. Never less than the rounding step over √12,
+    or than jitter makes.
 
     Args:
         t: seconds, shape (n,).
         values: shape (n,).
         still: samples at which the machine stands, shape (n,).
+        period: of the command, where it repeats.
+        jitter: RMS noise that the clock makes of this channel's speed.
 
     """
     found = [NoiseFloor((step := rounding_step(values)) / np.sqrt(12.0), f"rounding to {step:.3g}")]
+    if jitter > 0.0:
+        found.append(NoiseFloor(jitter, "jitter of the clock times speed"))
+    if period is not None:
+        found.append(NoiseFloor(spread_of_periods(values, period), period.words))
+        return max(found, key=lambda floor: floor.rms)
     if len(values) >= _SHORT:
         found.append(NoiseFloor(_above_the_signal(t, values), "spectrum above the signal"))
     elif len(values) > 2 * _ORDER:

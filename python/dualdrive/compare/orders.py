@@ -133,9 +133,18 @@ def significant(found: Sequence[Order], family: int, ratios: dict[str, float]) -
         if twin is None:
             told.append(own)
         elif own.angle != told[twin].angle:
-            names = dict.fromkeys((*told[twin].also, own.label))
-            told[twin] = replace(told[twin], also=tuple(names))
+            first, second = sorted((told[twin], own), key=_plainness)
+            names = dict.fromkeys((*told[twin].also, *own.also, second.label))
+            told[twin] = replace(
+                first, p=min(first.p, second.p), also=tuple(n for n in names if n != first.label)
+            )
     return told
+
+
+def _plainness(line: Order) -> tuple[bool, float]:
+    """Whole numbers before broken ones, then few cycles per turn before many."""
+    whole = round(line.order) > 0 and abs(line.order - round(line.order)) <= line.resolution
+    return not whole, line.order
 
 
 def _same(one: Order, other: Order, ratios: dict[str, float]) -> bool:

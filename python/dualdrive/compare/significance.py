@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Key = tuple[str, str]
 
-EXCHANGES = 1999
-_FEWEST, _MOST = 12, 240  # blocks
+EXCHANGES = 999
+_FEWEST, _MOST = 12, 160  # blocks
 _SPAN = 4.0  # correlation times in a block
 
 
@@ -67,7 +67,8 @@ def _block(squares: Sequence[Array], inside: Mapping[Key, Sequence[Flags]]) -> i
     for k, s in enumerate(squares):
         columns = [np.ones(len(s)), *(flags[k].astype(np.float64) for flags in inside.values())]
         basis = np.stack(columns, axis=1)
-        left = s - basis @ np.linalg.lstsq(basis, s, rcond=None)[0]
+        normal, right = basis.T @ basis, basis.T @ s
+        left = s - basis @ np.linalg.lstsq(normal, right, rcond=1e-9)[0]
         longest = max(longest, 1.0 + correlation_time(left))
     return max(1, round(_SPAN * longest), -(-count // _MOST))
 
