@@ -24,7 +24,7 @@ Key = tuple[str, str]
 
 EXCHANGES = 999
 _FEWEST, _MOST = 12, 160  # blocks
-_SPAN = 4.0  # correlation times in a block
+_SPAN = 8.0  # correlation times in a block
 
 
 def adjusted(squares: Sequence[Array], inside: Mapping[Key, Sequence[Flags]]) -> dict[Key, float]:
