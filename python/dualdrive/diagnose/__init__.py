@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dualdrive.compare.equation import EquationAtFault
+from dualdrive.diagnose.diagnose import diagnose
+from dualdrive.diagnose.improve import Ladder, Step, improve
 from dualdrive.diagnose.result import (
     VERDICTS,
     Candidate,
     Diagnosis,
-    EquationAtFault,
     Experiment,
     Interval,
     Shape,
@@ -19,5 +21,9 @@ __all__ = [
     "EquationAtFault",
     "Experiment",
     "Interval",
+    "Ladder",
     "Shape",
+    "Step",
+    "diagnose",
+    "improve",
 ]

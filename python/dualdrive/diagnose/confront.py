@@ -59,8 +59,8 @@ class Confrontation(Protocol):
 
     mode: str
     core: Any
-    nominal: Sequence[Unknown]
-    series: Sequence[Series]
+    nominal: list[Unknown]
+    series: list[Series]
     start: Array
     centre: Array
     sigma: Array
@@ -76,11 +76,14 @@ class Confrontation(Protocol):
     def slopes(self, core: Any, u: Array) -> list[Array] | None:
         """Derivative of the same by the nuisances: per series (n, m)."""
 
+    def levelled(self, core: Any, u: Array) -> Array:
+        """The point with every constant where the mean of what it moves vanishes."""
+
     def machine_at(self, core: Any, u: Array) -> Any:
         """The core's machine with the nominal numbers of u."""
 
     @property
-    def channels(self) -> Sequence[str]:
+    def channels(self) -> list[str]:
         """Recorded channels that a recorder may have spoilt (read late, rounded, ...)."""
 
     def headline(self, left: Sequence[Array]) -> float:
@@ -88,6 +91,9 @@ class Confrontation(Protocol):
 
     def angle(self, k: int, place: str) -> Array | None:
         """Recorded angle of a place at the samples of series k, rad, or None."""
+
+    def part_sizes(self, effects: Sequence[tuple[str, str]]) -> dict[str, dict[str, float]]:
+        """Label -> path -> where limits and play that are off begin on these records."""
 
     def sizes(self) -> dict[str, float]:
         """Usual sizes on these records: ``torque`` at the table N*m, ``speed`` of it rad/s."""

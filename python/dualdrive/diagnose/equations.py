@@ -178,6 +178,10 @@ class TorqueBalance:
                 return np.asarray(held.samples[angle]) * ratio
         return None
 
+    def part_sizes(self, effects: Sequence[tuple[str, str]]) -> dict[str, dict[str, float]]:
+        """Nothing: limits belong to a controller, which a balance does not know."""
+        return {}
+
     def sizes(self) -> dict[str, float]:
         """Spread of the measured torque carried to the table, N*m, and of the table's speed."""
         torque = speed = 0.0
@@ -258,6 +262,7 @@ class TorqueBalance:
                         floor,
                         speed,
                         held.keep,
+                        np.zeros(len(held.t), dtype=bool),
                     )
                 )
         return found

@@ -16,12 +16,17 @@ from dualdrive import _core
 from dualdrive.identify.unknowns import Unknown, unknowns
 from dualdrive.replay import ratio_to_table
 
-#: effects that no record shows by themselves: a constant of a sensor is a nuisance already
-NOT_TRIED = ("sensor_offset", "expression", "spline")
-#: numbers that are counted or chosen, not fitted; a scan may set them
-COUNTED = ("order", "spacing", "teeth")
+#: effects that are not tried: a constant of a sensor is a nuisance already; rounding is read off a
+#: channel; a load whose hour nobody told could be anything
+NOT_TRIED = ("sensor_offset", "expression", "spline", "quantisation", "cutting_torque")
+_SOFTER = 0.1  # of the stiffness that a compliant shaft is added with: nearly rigid
+_SHAPES = ("phase", "asymmetry", "centre", "spacing")
 _ASYMMETRY = 0.3  # probe of a number without a usual size of its own
 _PRESLIDING = 1e-4  # rad at the table
+
+
+#: path -> SI value of an effect's numbers
+Setting = dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -42,11 +47,18 @@ class Hypothesis:
     def __add__(self, other: Hypothesis) -> Hypothesis:
         return Hypothesis(self.effects + other.effects, {**self.fixed, **other.fixed})
 
-    def put_in(self, core: Any, sizes: Mapping[str, float] | None = None) -> tuple[Any, list[str]]:
+    def put_in(
+        self,
+        core: Any,
+        sizes: Mapping[str, float] | None = None,
+        parts: Mapping[str, Mapping[str, float]] | None = None,
+    ) -> tuple[Any, list[str]]:
         """A copy of the core's machine with the effects at zero, and the paths that are free.
 
         sizes: usual sizes on the records at hand (`Confrontation.sizes`), which speeds and bristle
             stiffnesses of an effect begin from
+        parts: label -> path -> where limits and play that are off begin
+            (`Confrontation.part_sizes`)
 
         Raises:
             ValueError: the machine has no such part, or carries the effect already.
@@ -55,8 +67,11 @@ class Hypothesis:
         grown, free = core.copy(), []
         for effect, place in self.effects:
             label = grown.add_effect(effect, place)
-            own = [p.path for p in grown.parameters() if p.path.startswith(f"{label}.")]
-            free += [path for path in own if not path.endswith(COUNTED)]
+            [own] = [e for e in grown.effects if e["label"] == label]
+            paths = [f"{label}.{name}" for name in own["parameters"]]
+            free += [path for path in paths if _is_free(grown, path)]
+            for path, size in {**_loosened(grown, own), **(parts or {}).get(label, {})}.items():
+                grown.set(path, size)
         for path in free:
             if sizes and not is_strength(grown, path) and (size := _scaled(grown, path, sizes)):
                 grown.set(path, size)
@@ -67,7 +82,7 @@ class Hypothesis:
     def unknowns(
         self, grown: Any, free: Sequence[str], sizes: Mapping[str, float]
     ) -> list[Unknown]:
-        """What is free of the effects in a machine they were put in, with scales on these records."""
+        """What is free of the effects in a machine they were put in, scaled for the records."""
         usual = {path: _scaled(grown, path, sizes) or _typical(grown, path) for path in free}
         return unknowns(grown, free, None, usual)
 
@@ -142,6 +157,22 @@ def _carried(core: Any, effect: str, place: str) -> bool:
     return False
 
 
+def _is_free(grown: Any, path: str) -> bool:
+    """Whether a number of an effect is fitted here."""
+    declared = grown.parameter(grown.members(path)[0])
+    name = path.rpartition(".")[2]
+    if name == "spacing":  # of a wheel that meets two pinions
+        return bool(path.partition("@")[2].startswith(("table", "ring")))
+    return not declared.counted
+
+
+def _loosened(grown: Any, effect: Mapping[str, Any]) -> dict[str, float]:
+    """A compliant shaft, soft enough to show."""
+    path = f"{effect['label']}.stiffness"
+    alone = effect["structural"] and list(effect["parameters"]) == ["stiffness"]
+    return {path: _SOFTER * grown.get(path)} if alone else {}
+
+
 def _typical(core: Any, path: str) -> float:
     return float(core.parameter(core.members(path)[0]).typical)
 
@@ -171,28 +202,34 @@ def is_strength(core: Any, path: str) -> bool:
     """Whether zero of it switches the effect off."""
     declared = core.parameter(core.members(path)[0])
     name = path.rpartition(".")[2]
-    return bool(declared.standard == 0.0 and name not in ("phase", "asymmetry"))
+    return bool(declared.standard == 0.0 and name not in _SHAPES)
 
 
-def probes(core: Any, free: Sequence[Unknown]) -> list[dict[str, float]]:
-    """Settings to try an effect at: its strengths at their size, then each other number moved."""
-    base = {
-        p.path: (p.scale if is_strength(core, p.path) else float(core.get(p.path))) for p in free
-    }
-    moved = []
-    for p in free:
-        if is_strength(core, p.path):
-            continue
-        name = p.path.rpartition(".")[2]
-        value = base[p.path]
-        step = (
-            0.5 * math.pi
-            if p.unit == "rad" and name.endswith("phase")
-            else _ASYMMETRY
-            if value == 0.0
-            else 0.5 * value
-        )
-        other = min(max(value + step, p.low), p.high)
-        if other != value:
-            moved.append({**base, p.path: other})
-    return [base, *moved]
+def probes(core: Any, free: Sequence[Unknown], travel: Sequence[float] = ()) -> list[Setting]:
+    """Settings to try an effect at: its first strength, each shape of it moved, other strengths.
+
+    travel: angles along which a local fault may sit, rad
+    """
+    strengths = [p for p in free if is_strength(core, p.path)]
+    shapes = [p for p in free if p not in strengths]
+    off = {p.path: 0.0 for p in strengths} | {p.path: float(core.get(p.path)) for p in shapes}
+    base = {**off, **({strengths[0].path: strengths[0].scale} if strengths else {})}
+    found = [base]
+    for p in shapes:
+        found += [{**base, p.path: x} for x in _moved(p, base[p.path], travel)]
+    found += [{**off, p.path: p.scale} for p in strengths[1:]]
+    return found
+
+
+def _moved(p: Unknown, value: float, travel: Sequence[float]) -> list[float]:
+    """Other values of a number that shapes an effect."""
+    name = p.path.rpartition(".")[2]
+    if name == "centre" and travel:
+        return [float(x) for x in travel]
+    step = 0.5 * value
+    if p.unit == "rad" and name.endswith("phase"):
+        step = 0.5 * math.pi
+    elif value == 0.0:
+        step = _ASYMMETRY
+    other = min(max(value + step, p.low), p.high)
+    return [other] if other != value and math.isfinite(other) else []

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.diagnose.confront import Series
 from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.result import Verdict
-from dualdrive.diagnose.survey import Survey, key_of
+from dualdrive.diagnose.survey import Survey, excess, key_of
 
 Array = NDArray[np.float64]
 
@@ -26,7 +25,6 @@ SURE = 0.9
 EXPLAINED = 0.75
 #: residual over floor, RMS, from which something is surely left
 LEFT_OVER = 1.35
-_FEWEST, _STRETCH = 30, 0.15  # samples, s: a standstill long enough to show its noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,13 +50,12 @@ class Judgement:
 def judge(found: Survey) -> Judgement:
     """Judge a survey."""
     ranked, nothing = _probabilities(found)
-    base, series = found.base, found.evidence.confrontation.series
+    base = found.base
     best = ranked[0][0] if ranked else base
-    floors = [floor_of(s, r) for s, r in zip(series, found.best.left, strict=True)]
-    before = _ratios(series, base.left, floors)
+    before = excess(found, base.left)
     gain = found.criterion[key_of(base)] - found.criterion[key_of(best)]
     needed = NAMED + 2.0 * math.log(max(len(found.scores), 1))
-    after = _ratios(series, best.left, floors)
+    after = excess(found, best.left)
     explained = _explained(before, after)
     figures = (explained, (float(before.max()), float(after.max())), gain)
     if best is base or gain < needed:
@@ -90,40 +87,17 @@ def _value(found: Survey, r: Refit) -> float:
     return found.criterion[key_of(r)]
 
 
-def floor_of(series: Series, left: Array) -> float:
-    """RMS noise of a series: what is left where the machine stands, or else the record's estimate.
-
-    left: what the best hypothesis leaves; a constant of each standstill is taken out, since dry
-        friction may hold any torque there.
-    """
-    t, still = series.t, series.still & series.keep
-    ends = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
-    square = count = 0.0
-    for first, last in zip(ends[::2], ends[1::2], strict=True):
-        if last - first >= _FEWEST and t[last - 1] - t[first] >= _STRETCH:
-            own = left[first:last] - np.mean(left[first:last])
-            square, count = square + float(own @ own), count + len(own) - 1
-    if count < 2 * _FEWEST:
-        return series.floor
-    return max(math.sqrt(square / count), 0.5 * series.floor)
-
-
-def _ratios(series: Sequence[Series], left: Sequence[Array], floors: Sequence[float]) -> Array:
-    """Residual over floor of every series, RMS, shape (series,)."""
-    return np.array(
-        [
-            float(np.std(r[s.keep])) / max(f, 1e-9 * s.spread, 1e-300)
-            for s, r, f in zip(series, left, floors, strict=True)
-        ]
-    )
-
-
 def _explained(before: Array, after: Array) -> float:
     """Share of the mean squares above the floor that went, each series counting alike."""
     could = np.maximum(1.0 - 1.0 / before**2, 0.0)
     went = 1.0 - after**2 / before**2
     whole = float(could.sum())
     return float(min(max(went.sum() / whole, 0.0), 1.0)) if whole > 1e-3 else 1.0
+
+
+def explained_by(found: Survey, r: Refit) -> float:
+    """Share of what could be explained that a refit explains, 0 .. 1."""
+    return _explained(excess(found, found.base.left), excess(found, r.left))
 
 
 def _too_much(ratios: Array) -> bool:

@@ -14,11 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive import _core
 from dualdrive.compare.noise import noise_floor
 from dualdrive.compare.where import standing
 from dualdrive.diagnose.confront import Series
 from dualdrive.identify.closed_loop import FitError, Problem, channels_to_fit
 from dualdrive.identify.evaluation import state_unknowns
+from dualdrive.identify.parts import sizes_of_part
 from dualdrive.identify.unknowns import default_free, unknowns
 from dualdrive.mapper import Threads
 from dualdrive.replay import Record, headline, ratio_to_table
@@ -134,6 +136,18 @@ class ClosedLoop:
         """Recorded angle of a motor, pinion or the table, at the samples of series k."""
         record = self.records[self.problem.rows[k][0]]
         return angle_of(self.core, record.trace, place)
+
+    def part_sizes(self, effects: Sequence[tuple[str, str]]) -> dict[str, dict[str, float]]:
+        """From the largest torque, current or voltage recorded, and the play of the meshes."""
+        found = {}
+        for effect, place in effects:
+            if not _core.effect_type(effect).structural:
+                continue
+            trial = self.core.copy()
+            label = trial.add_effect(effect, place)
+            [own] = [e for e in trial.effects if e["label"] == label]
+            found[label] = sizes_of_part(trial, own, self.records)
+        return found
 
     def sizes(self) -> dict[str, float]:
         """Spread of the drives' torque carried to the table, N*m, and of its speed, rad/s."""

@@ -92,7 +92,8 @@ class Fitter:
         self, hypothesis: Hypothesis, base: Refit, starts: Sequence[dict[str, float]]
     ) -> Refit | None:
         """From the best of several starts (path -> SI value); None where none can be simulated."""
-        grown, paths = hypothesis.put_in(self.evidence.confrontation.core, self.sizes)
+        c = self.evidence.confrontation
+        grown, paths = hypothesis.put_in(c.core, self.sizes, c.part_sizes(hypothesis.effects))
         free = hypothesis.unknowns(grown, paths, self.sizes)
         best: tuple[float, Array] | None = None
         for start in starts:

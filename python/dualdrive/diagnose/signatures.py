@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dualdrive import _core
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.evidence import Evidence
-from dualdrive.diagnose.hypotheses import Hypothesis, is_strength, probes
+from dualdrive.diagnose.hypotheses import Hypothesis, Setting, is_strength, probes
 from dualdrive.diagnose.orders import members_of, strongest_orders
 from dualdrive.diagnose.refit import Fitter, Refit
 from dualdrive.diagnose.score import Gain, Scorer
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 #: RMS change, in units of noise, that a probe may make in its most touched series, and must
 _LOUD, _FAINT = 3.0, 0.02
 _WISHED = 0.5
-_MOST_PROBES = 3  # of one effect: its strength, then what shapes it
+_ALONG = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the travel: where a local fault is tried
 #: laws of friction and the simpler ones they contain, best first
 CONTAINS = {"stribeck": ("coulomb",), "lugre": ("stribeck", "coulomb")}
 
@@ -35,7 +35,7 @@ class Signature:
 
     hypothesis: Hypothesis
     grown: Any
-    settings: Sequence[Mapping[str, float]]
+    settings: Sequence[Setting]
     columns: Sequence[Array]
 
 
@@ -63,9 +63,13 @@ class Prober:
 
     def __call__(self, hypothesis: Hypothesis) -> Signature | None:
         """None where the core can't simulate it."""
-        grown, paths = hypothesis.put_in(self.confrontation.core, self.sizes)
+        c = self.confrontation
+        parts = c.part_sizes(hypothesis.effects)
+        grown, paths = hypothesis.put_in(c.core, self.sizes, parts)
         free = hypothesis.unknowns(grown, paths, self.sizes)
-        settings = probes(grown, free)[:_MOST_PROBES]
+        if not free:
+            return None  # nothing of it can be fitted
+        settings = probes(grown, free, self._travel(hypothesis))
         first = self._change(grown, settings[0])
         if first is None:
             return None
@@ -90,6 +94,18 @@ class Prober:
             return None
         columns = [np.stack(parts, axis=1) for parts in zip(*(c for _, c in kept), strict=True)]
         return Signature(hypothesis, grown, [s for s, _ in kept], columns)
+
+    def _travel(self, hypothesis: Hypothesis) -> list[float]:
+        """Angles along the travel of the effect's place, rad."""
+        angles = [
+            a
+            for k in range(len(self.confrontation.series))
+            if (a := self.confrontation.angle(k, hypothesis.effects[-1][1])) is not None
+        ]
+        if not angles:
+            return []
+        low, high = min(a.min() for a in angles), max(a.max() for a in angles)
+        return [float(low + share * (high - low)) for share in _ALONG]
 
     def _change(self, grown: Any, setting: Mapping[str, float]) -> list[Array] | None:
         core = grown.copy()
@@ -116,12 +132,13 @@ def with_orders(
     """The same, those with an order at the strongest order that the rest shows at their place."""
     known: dict[str, list[tuple[int, float]]] = {}
     core, found = evidence.confrontation.core, []
+    mine = {p.path for p in core.parameters()}
     for h in hypotheses:
         grown, _ = h.put_in(core)
         paths = [
             p.path
             for p in grown.parameters()
-            if p.path.endswith(".order") and p.path not in {q.path for q in core.parameters()}
+            if p.path.endswith((".order", ".teeth")) and p.path not in mine
         ]
         if not paths:
             found.append(h)
@@ -134,33 +151,35 @@ def with_orders(
     return found
 
 
-def starts_of(score: Score) -> list[dict[str, float]]:
+def starts_of(score: Score) -> list[Setting]:
     """Where a refit may begin: what the score expects, and the probes themselves."""
     settings, strengths = score.signature.settings, score.gain.strengths
     grown = score.signature.grown
     base = dict(settings[0])
-    expected = dict(base)
-    amplitude = float(strengths[0])
+    expected, amplitude = dict(base), float(strengths[0])
+    whole = amplitude
     for one, g in zip(settings[1:], strengths[1:], strict=True):
-        moved = next(path for path in one if one[path] != base[path])
-        if moved.endswith("phase"):
+        moved = next(path for path in one if one[path] != base[path] and one[path] != 0.0)
+        if is_strength(grown, moved):
+            expected[moved] = float(g) * one[moved]
+        elif moved.endswith("phase"):
             expected[moved] = base[moved] + math.atan2(float(g), amplitude)
-            amplitude = math.hypot(amplitude, float(g))
-        elif (whole := amplitude + float(g)) > 0:
-            share = min(max(float(g) / whole, -1.0), 2.0)
+            whole = math.hypot(amplitude, float(g))
+        elif not moved.endswith("centre") and (sum_ := whole + float(g)) > 0:
+            share = min(max(float(g) / sum_, -1.0), 2.0)
             expected[moved] = base[moved] + share * (one[moved] - base[moved])
-            amplitude = whole
-    for path in base:
-        if is_strength(grown, path):
-            expected[path] = base[path] * amplitude
-    usual = {
-        path: x * max(amplitude, 0.1) if is_strength(grown, path) else x for path, x in base.items()
-    }
-    found = [expected, usual, base]
+            whole = sum_
+    first = next((path for path in base if is_strength(grown, path)), "")
+    size = max(whole, 0.1)
+    if first:
+        expected[first] = base[first] * whole
+    found = [expected, {**base, first: base[first] * size} if first else base, base]
+    for one in settings[1:]:
+        found.append({**one, first: one[first] * size} if first else dict(one))
     found += [
-        {**usual, path: factor * x}
+        {**found[1], path: factor * x}
         for path, x in base.items()
-        if path.endswith(".speed")
+        if path.endswith((".speed", ".stiffness"))
         for factor in (0.2, 3.0)
     ]
     return found

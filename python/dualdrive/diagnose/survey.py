@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose import whitening
-from dualdrive.diagnose.confront import Confrontation
+from dualdrive.diagnose.confront import Confrontation, Series
 from dualdrive.diagnose.evidence import Evidence, effective, evidence
-from dualdrive.diagnose.hypotheses import Hypothesis, candidates, members
+from dualdrive.diagnose.hypotheses import Hypothesis, candidates, is_strength, members
 from dualdrive.diagnose.refit import Fitter, Refit
 from dualdrive.diagnose.score import Scorer, alike
 from dualdrive.diagnose.signatures import (
@@ -29,14 +29,18 @@ from dualdrive.diagnose.signatures import (
     starts_of,
     with_orders,
 )
+from dualdrive.identify import FitError
 
 Array = NDArray[np.float64]
 
-SHORTLIST = 8
+SHORTLIST = 6
 _ROUNDS = 3  # of noise
 _HOPELESS = 300.0  # of criterion behind the best: not refitted again
 _TWIN = 1.0 - 1e-5  # squared cosine above which two signatures are one
 _PAIRS = 3
+_FEWEST, _STRETCH = 30, 0.15  # samples, s: a standstill long enough to show its noise
+_POLISH = 4
+ENOUGH = 1.1  # residual over floor in every series, below which no second effect is looked for
 WORTH_A_REFIT = 10.0  # fall of chi^2 over its inflation, below which no name could be given
 WORTH_A_PAIR = 15.0  # expected fall of chi^2 for which a second effect is tried
 _SETTLED = 0.1  # change of the noise's size below which another round changes nothing
@@ -100,26 +104,24 @@ def key_of(refit: Refit) -> str:
 
 def survey(
     confrontation: Confrontation,
-    start: Array,
     clock: Clock,
     *,
     wanted: Sequence[Hypothesis] | None = None,
     shortlist: int = SHORTLIST,
     threads: int = 2,
     tell: Callable[[str], None] = lambda _: None,
-) -> Survey | None:
-    """Try every hypothesis; None where the machine itself can not be simulated."""
+) -> Survey:
+    """Try every hypothesis.
+
+    Raises:
+        FitError: the machine itself can not be simulated.
+
+    """
     c = confrontation
-    frozen = _records_only(c)
     tell("the machine as it stands")
-    seen = evidence(c, whitening.plain(c.series))
-    nominal = Fitter(frozen(seen), clock.stop).nominal(start)
-    if nominal is None:
-        return None
+    nominal = records_alone(c, clock)
     tell("refitting the nominal numbers")
-    seen, base = _refitted(c, seen, nominal.u, clock)
-    if base is None:
-        return None
+    seen, base = _refitted(c, nominal.u, clock)
     scorer = Scorer(seen.rows(base.u, base.left, base.slopes))
     every = list(candidates(c.core, c.channels) if wanted is None else wanted)
     scores, untried = _scored(c, seen, base, scorer, every, clock, threads, tell)
@@ -172,24 +174,20 @@ def _scored(
     return sorted(scores, key=lambda s: -s.gain.gain), untried
 
 
-def _refitted(
-    c: Confrontation, seen: Evidence, u: Array, clock: Clock
-) -> tuple[Evidence, Refit | None]:
+def _refitted(c: Confrontation, u: Array, clock: Clock) -> tuple[Evidence, Refit]:
     """Nominal numbers refitted under the noise that they leave, in rounds."""
-    base: Refit | None = None
-    for _ in range(_ROUNDS):
-        left = base.left if base is not None else c.left(c.core, u)
+    left = c.left(c.core, u)
+    for last in reversed(range(_ROUNDS)):
         if left is None:
-            return seen, None
-        seen = evidence(c, whitening.sized(c.series, left))
-        found = Fitter(seen, clock.stop).nominal(base.u if base is not None else u)
-        if found is None:
-            return seen, base
-        settled = _alike(left, found.left)
-        base = found
-        if settled:
             break
-    return seen, base
+        seen = evidence(c, whitening.sized(c.series, left))
+        base = Fitter(seen, clock.stop).nominal(u)
+        if base is None:
+            break
+        if last == 0 or _alike(left, base.left):
+            return seen, base
+        u, left = base.u, list(base.left)
+    raise FitError(f"{c.core.name}: the machine can not be simulated on these records")
 
 
 def settle(found: Survey, clock: Clock, tell: Callable[[str], None]) -> Survey:
@@ -209,6 +207,8 @@ def settle(found: Survey, clock: Clock, tell: Callable[[str], None]) -> Survey:
             for r in every
         ]
         found = replace(found, base=again[0])
+        least = int(np.argmin([r.chi for r in again]))
+        again[least] = _polished(fitter, again[least])
         settled = _same_noise(seen, now)
         seen, every = now, again
         criterion, inflation = _criterion(seen, every)
@@ -226,12 +226,25 @@ def settle(found: Survey, clock: Clock, tell: Callable[[str], None]) -> Survey:
     )
 
 
+def _polished(fitter: Fitter, best: Refit) -> Refit:
+    """The leader with slopes of its own until they gain nothing: all others are judged by it."""
+    for _ in range(_POLISH):
+        if fitter.stop():
+            break
+        better = fitter.again(best, fresh=True)
+        gained = best.chi - better.chi
+        best = better if gained > 0 else best
+        if gained < 0.02 * best.chi:
+            break
+    return best
+
+
 def with_pairs(found: Survey, clock: Clock, threads: int, tell: Callable[[str], None]) -> Survey:
     """Two effects at once: what the best one leaves is scored again, and the best few refitted."""
     singles = [r for r in found.refits if len(r.hypothesis.effects) == 1]
-    if not singles or found.best is found.base:
-        return found
     first = found.best
+    if not singles or first is found.base or excess(found, first.left).max() < ENOUGH:
+        return found
     seen = found.evidence
     rows = seen.rows(first.u, first.left, first.slopes)
     own = seen.white(first.columns)
@@ -305,12 +318,36 @@ def _close(every: Sequence[Refit], criterion: Mapping[str, float]) -> set[str]:
 
 
 def _criterion(seen: Evidence, every: Sequence[Refit]) -> tuple[dict[str, float], float]:
-    """Quasi-BIC: chi^2 over the overdispersion of the best, and k log n of effective rows."""
+    """Quasi-BIC: chi^2 over the overdispersion of the best, and log n per number that is needed.
+
+    A number that may as well have its neutral value (an asymmetry of zero, a second strength of
+    zero) counts as the simpler law that it leaves: by its own chi^2 where that costs less.
+    """
     least = min(every, key=lambda r: r.chi)
     inflation = effective(seen.white(least.left), seen)
     count = max(seen.count / inflation, 10.0)
-    found = {key_of(r): r.chi / inflation + len(r.v) * float(np.log(count)) for r in every}
+    each = float(np.log(count))
+    found = {}
+    for r in every:
+        spare = sum(max(each - z, 0.0) for z in _spare(seen, r, inflation))
+        found[key_of(r)] = r.chi / inflation + len(r.v) * each - spare
     return found, inflation
+
+
+def _spare(seen: Evidence, r: Refit, inflation: float) -> list[float]:
+    """Squared distance from its neutral value, in standard deviations, of every number with one."""
+    if not r.free:
+        return []
+    rows = seen.rows(r.u, r.left, r.slopes)
+    own = Scorer(rows).rest(seen.white(r.columns))
+    information = np.diag(np.linalg.pinv(np.linalg.pinv(own.T @ own, hermitian=True)))
+    found, first = [], True
+    for j, p in enumerate(r.free):
+        strength = is_strength(r.grown, p.path)
+        if p.path.endswith(".asymmetry") or (strength and not first):
+            found.append(float(r.v[j] ** 2 * information[j] / inflation))
+        first = first and not strength
+    return found
 
 
 def _shortlist(scores: Sequence[Score], count: int) -> list[Score]:
@@ -328,15 +365,22 @@ def _rubs(score: Score) -> bool:
     return score.signature.hypothesis.effects[-1][0] == "coulomb"
 
 
-def _records_only(c: Confrontation) -> Callable[[Evidence], Evidence]:
-    """The evidence with every nominal number held: priors as narrow as they get."""
-    from copy import copy
-    from dataclasses import replace
+def records_alone(c: Confrontation, clock: Clock | None = None) -> Refit:
+    """What belongs to the records fitted, the machine's numbers held: an error as `compare` has it.
 
+    Raises:
+        FitError: the machine can not be simulated.
+
+    """
     held = copy(c)
     held.sigma = c.sigma.copy()
     held.sigma[: len(c.nominal)] = 1e-9
-    return lambda seen: replace(seen, confrontation=held)
+    seen = evidence(held, whitening.plain(c.series))
+    stop = clock.stop if clock is not None else lambda: False
+    found = Fitter(seen, stop).nominal(c.levelled(c.core, c.start))
+    if found is None:
+        raise FitError(f"{c.core.name}: the machine can not be simulated on these records")
+    return found
 
 
 def _alike(first: Sequence[Array], second: Sequence[Array]) -> bool:
@@ -353,11 +397,31 @@ def _same_noise(first: Evidence, second: Evidence) -> bool:
     return bool(np.all(np.abs(np.log(one / two)) < _SETTLED))
 
 
-def second_start(first: Confrontation, found: Refit, second: Confrontation) -> Array:
-    """Where a confrontation whose machine carries the found effects begins."""
-    values: dict[str, Any] = {
-        p.path: p.value(float(x)) for p, x in zip(first.nominal, found.u, strict=False)
-    }
-    values |= found.values()
-    own = [p.coordinate(values[p.path]) if p.path in values else p.start for p in second.nominal]
-    return np.concatenate([own, found.u[len(first.nominal) :]])
+def excess(found: Survey, left: Sequence[Array]) -> Array:
+    """Residual over noise floor of every series, RMS, shape (series,)."""
+    series = found.evidence.confrontation.series
+    floors = [floor_of(s, r) for s, r in zip(series, found.best.left, strict=True)]
+    return np.array(
+        [
+            float(np.std(r[s.keep])) / max(f, 1e-9 * s.spread, 1e-300)
+            for s, r, f in zip(series, left, floors, strict=True)
+        ]
+    )
+
+
+def floor_of(series: Series, left: Array) -> float:
+    """RMS noise of a series: what is left where the machine stands, or else the record's estimate.
+
+    left: what the best hypothesis leaves; a constant of each standstill is taken out, since dry
+        friction may hold any torque there.
+    """
+    t, still = series.t, series.still & series.keep
+    ends = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
+    square = count = 0.0
+    for first, last in zip(ends[::2], ends[1::2], strict=True):
+        if last - first >= _FEWEST and t[last - 1] - t[first] >= _STRETCH:
+            own = left[first:last] - np.mean(left[first:last])
+            square, count = square + float(own @ own), count + len(own) - 1
+    if count < 2 * _FEWEST:
+        return series.floor
+    return max(float(np.sqrt(square / count)), 0.5 * series.floor)

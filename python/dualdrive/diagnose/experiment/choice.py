@@ -2,68 +2,24 @@
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
-from dualdrive.diagnose.experiment import laws
-from dualdrive.diagnose.experiment.distance import (
-    Noise,
-    effect_numbers,
-    expected,
-    misfit,
-    unrepeatable,
-)
-from dualdrive.diagnose.experiment.limits import Limits, axis_of, peaks, same
-from dualdrive.diagnose.experiment.menu import LEFT_OUT, Item, menu
+from dualdrive.diagnose.experiment.distance import Noise
+from dualdrive.diagnose.experiment.limits import Limits, axis_of, same
+from dualdrive.diagnose.experiment.menu import LEFT_OUT, menu
+from dualdrive.diagnose.experiment.plan import TELLS_APART, Plan, Rival, Trial, uncontrolled
 from dualdrive.diagnose.result import Experiment
-from dualdrive.motion import Motion, MotionError, parse_motion
 from dualdrive.replay import core_of
 
-#: squared distance that tells two explanations apart in 95 % of cases: Phi(sqrt(d)/2) = 0.95
-TELLS_APART = 11.0
-#: beyond this more distance is worth nothing, and the simplest experiment is taken
-CERTAIN = 100.0
 #: below this even the best experiment of the menu says nothing of a pair
 _HOPELESS = 1.0
-#: gentler sizes at which a motion beyond the limits is tried
-_SIZES = (1.0, 0.7, 0.5, 0.3, 0.15, 0.07)
 #: of the leading rivals; pairs of them are tried in turn until a pair can be told apart
 _LEADING = 3
-#: share of the time for trying; the rest is for refitting what leads
-_SEARCH = 0.6
-#: Gauss-Newton steps of a full refit
-_STEPS = 8
-
-
-@dataclass(frozen=True)
-class Rival:
-    """An explanation: the machine fitted with it; known: path -> standard deviation, SI."""
-
-    label: str
-    core: Any
-    known: Mapping[str, float] = field(default_factory=dict)
-
-    def set(self, item: Item) -> Rival:
-        """With the item's settings. ValueError where the machine has no such parameter."""
-        core = self.core.copy()
-        for path, value in item.settings.items():
-            core.set(path, value)
-        return replace(self, core=core)
-
-
-@dataclass(frozen=True)
-class Trial:
-    """A planned experiment that both rivals survive, and how far apart it puts them."""
-
-    item: Item
-    motion: Motion
-    distance: float
-    final: bool = False
+#: share of what time is left that a pair of rivals may take, unless it is the last
+_FIRST = 0.7
 
 
 def next_experiment(
@@ -123,104 +79,13 @@ def next_experiment(
     own = limits or Limits()
     planned = menu(axis_of(leading[0].core, own, linear=linear), seconds)
     pairs, end = list(combinations(leading, 2)), time.monotonic() + budget
-    for left, pair in zip(range(len(pairs), 0, -1), pairs, strict=True):
-        share = (end - time.monotonic()) / left
+    for pair in pairs:
+        share = (_FIRST if pair is not pairs[-1] else 1.0) * (end - time.monotonic())
         plan = Plan(Noise(rms, spacing), own, linear, share, progress or (lambda _: None))
         trials = plan.trials(pair, planned)
         if trials and trials[0].distance >= _HOPELESS:
             return _told(pair, trials, files)
     return None
-
-
-class Plan:
-    """One search: its noise, limits and deadline."""
-
-    def __init__(
-        self,
-        noise: Noise,
-        limits: Limits,
-        linear: bool,
-        budget: float,
-        progress: Callable[[str], None],
-    ) -> None:
-        self.noise, self.limits, self.progress = noise, limits, progress
-        self.axis = "linear" if linear else "rotary"
-        self.begin, self.budget = time.monotonic(), budget
-
-    def late(self, share: float = 1.0) -> bool:
-        """Whether this share of the time is over."""
-        return time.monotonic() > self.begin + share * self.budget
-
-    def trials(self, pair: Sequence[Rival], planned: Sequence[Item]) -> list[Trial]:
-        """What was tried, the best first; motions as the drives are set before other settings."""
-        labels = " and ".join(rival.label for rival in pair)
-        found: list[Trial] = []
-        for changed in (False, True):
-            for item in planned:
-                if bool(item.settings) == changed and not (found and self.late(_SEARCH)):
-                    self.progress(f"telling {labels} apart by {item.name}")
-                    trial = self.sized(pair, item)
-                    found += [] if trial is None else [trial]
-            self._settle(pair, found)
-            if found and found[0].distance >= CERTAIN:
-                break
-        return found
-
-    def _settle(self, pair: Sequence[Rival], found: list[Trial]) -> None:
-        """Sort; refit in full what leads by the first step of a refit, until one refitted leads."""
-        found.sort(key=_rank)
-        while found and not found[0].final and not self.late():
-            first = found[0]
-            own = [rival.set(first.item) for rival in pair]
-            distance = self._distance(own, first.motion, steps=_STEPS)
-            found[0] = Trial(first.item, first.motion, distance, final=True)
-            found.sort(key=_rank)
-
-    def sized(self, pair: Sequence[Rival], item: Item) -> Trial | None:
-        """The item as large as torque allows; None where the machines can't do it."""
-        try:
-            own = [rival.set(item) for rival in pair]
-        except ValueError:
-            return None  # no such setting on this machine
-        for size in _SIZES:
-            try:
-                motion = parse_motion(item.motion(size), axis=self.axis)
-            except (MotionError, ZeroDivisionError):
-                return None
-            load = max(self._load(rival.core, motion) for rival in own)
-            if load <= self.limits.torque:
-                distance = self._distance(own, motion, steps=0)
-                return Trial(item, motion, distance) if math.isfinite(distance) else None
-        return None
-
-    def _load(self, core: Any, motion: Motion) -> float:
-        """Share of a motor's greatest torque that the motion takes; infinite where it fails."""
-        if _uncontrolled(core):
-            law = laws.asked(core, motion)
-            return math.inf if law is None else laws.share_of_limits(core, law[0])
-        trace = expected(core, motion, list(self.noise.rms))
-        return math.inf if trace is None else peaks(core, dict(trace.channels))
-
-    def _distance(self, pair: Sequence[Rival], motion: Motion, *, steps: int) -> float:
-        """The smaller one of the ways round that count."""
-        ways = list(_ways(pair))
-        with ThreadPoolExecutor(len(ways)) as pool:
-            return min(pool.map(lambda way: self._one_way(way[0], way[1], motion, steps), ways))
-
-    def _one_way(self, truth: Rival, rival: Rival, motion: Motion, steps: int) -> float:
-        noise, until = self.noise, self.begin + self.budget
-        if _uncontrolled(truth.core):
-            law = laws.asked(truth.core, motion)
-            return 0.0 if law is None else laws.apart(rival.core, law, motion, noise, rival.known)
-        record = expected(truth.core, motion, list(noise.rms))
-        if record is None:
-            return 0.0
-        reached, foretold = misfit(
-            rival.core, record, motion, noise, steps=steps, until=until, known=rival.known
-        )
-        if not steps:
-            return foretold
-        return reached / (1.0 + unrepeatable(truth.core, record, motion, noise, until=until))
 
 
 def _told(
@@ -236,7 +101,7 @@ def _told(
         best.distance,
         _reason(best, labels),
         {trial.item.name: trial.distance for trial in trials[1:]},
-        _commands(best, files, closed_loop=not _uncontrolled(pair[0].core)),
+        _commands(best, files, closed_loop=not uncontrolled(pair[0].core)),
     )
 
 
@@ -261,22 +126,3 @@ def _commands(best: Trial, files: tuple[str, str, str], *, closed_loop: bool) ->
         return (diagnose,)
     motion = f"--motion '{best.motion.text}'{sets}"
     return (f"dualdrive simulate {machine} {motion} --plot expected.png", diagnose)
-
-
-def _rank(trial: Trial) -> float:
-    """Farthest apart first; beyond any doubt all are alike, and the order of the menu stands."""
-    return -min(trial.distance, CERTAIN)
-
-
-def _uncontrolled(core: Any) -> bool:
-    return bool(core.controller_options["kind"] == "none")
-
-
-def _ways(pair: Sequence[Rival]) -> Iterator[tuple[Rival, Rival]]:
-    """(truth, rival): a rival with more numbers than the truth is not asked."""
-    first, second = pair
-    more = effect_numbers(second.core) - effect_numbers(first.core)
-    if more <= 0:
-        yield first, second
-    if more >= 0:
-        yield second, first

@@ -13,7 +13,6 @@ witnesses: samples count as if they were `spacing` apart.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -39,6 +38,7 @@ _SETTLED = 0.02  # a step that takes off a smaller share ends the search
 _HALVINGS = 4
 #: relative tolerance of an effect's number: the record it was fitted to still holds it there
 _FITTED = 0.2
+_TWIN_STEPS = 4
 _SHIFT = 0.3  # sigmas by which the numbers of a twin are off
 
 
@@ -113,12 +113,10 @@ def misfit(
     noise: Noise,
     *,
     steps: int = 8,
-    until: float = math.inf,
     known: Mapping[str, float] | None = None,
 ) -> tuple[float, float]:
     """What a machine leaves of a record after its own numbers have moved to meet it.
 
-    until: no step begins after this time of the monotonic clock
     known: see `beliefs`
 
     Returns:
@@ -133,19 +131,17 @@ def misfit(
     problem.max_steps = MAX_STEPS
     step = float(played.t[-1] - played.t[0]) / (len(played.t) - 1)
     problem.weights = {row: noise.weight(row[1], step) for row in problem.rows}
-    return _descended(problem, steps, until)
+    return _descended(problem, steps)
 
 
-def unrepeatable(
-    core: Any, record: Trace, motion: Motion, noise: Noise, *, until: float = math.inf
-) -> float:
+def unrepeatable(core: Any, record: Trace, motion: Motion, noise: Noise) -> float:
     """What machines with slightly other numbers leave of their twin's record, refitted.
 
     Zero where the experiment can be told from its numbers; large where the motion is chaotic, as
     that of a drive loose in its play: there no fit follows, and a distance says nothing.
     """
     twins = (_shifted(core, sign) for sign in (1, -1))
-    return max(misfit(twin, record, motion, noise, until=until)[0] for twin in twins)
+    return max(misfit(twin, record, motion, noise, steps=_TWIN_STEPS)[0] for twin in twins)
 
 
 def _shifted(core: Any, sign: int) -> Any:
@@ -157,7 +153,7 @@ def _shifted(core: Any, sign: int) -> Any:
     return own
 
 
-def _descended(problem: Problem, steps: int, until: float) -> tuple[float, float]:
+def _descended(problem: Problem, steps: int) -> tuple[float, float]:
     u, (low, high) = problem.prior.mean, problem.bounds
     u = np.clip(
         u, np.where(np.isfinite(low), low, -1e300), np.where(np.isfinite(high), high, 1e300)
@@ -165,7 +161,7 @@ def _descended(problem: Problem, steps: int, until: float) -> tuple[float, float
     left = problem.residual(u)
     cost, foretold = _square(left), math.inf
     for k in range(max(steps, 1)):
-        if not math.isfinite(cost) or (k and time.monotonic() > until):
+        if not math.isfinite(cost):
             break
         try:
             slope = problem.jacobian(u)

@@ -1,0 +1,139 @@
+"""The diagnosis in words: one paragraph an engineer can act on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from dualdrive.compare.equation import EquationAtFault
+from dualdrive.diagnose.result import Candidate, Experiment, Shape, Verdict
+
+
+def paragraph(
+    verdict: Verdict,
+    candidates: Sequence[Candidate],
+    groups: Sequence[Sequence[str]],
+    error: Mapping[str, float],
+    equation: EquationAtFault | None,
+    shapes: Sequence[Shape],
+    experiment: Experiment | None,
+    warnings: Sequence[str],
+    command: str,
+    moved: Sequence[str],
+) -> str:
+    """Verdict, evidence for and against, what can't be told apart, and what to do."""
+    if warnings and not candidates and not error:
+        return f"The records can not be judged: {' '.join(warnings)}"
+    said = [_opening(verdict, candidates, groups, error, moved)]
+    if verdict in ("effect", "ambiguous") and candidates:
+        said += _evidence(candidates, error, shapes)
+    if verdict == "unknown":
+        said += _unexplained(candidates, equation, shapes)
+    if groups and verdict == "ambiguous":
+        said.append(f"This record can not tell apart: {'; '.join(', '.join(g) for g in groups)}.")
+    if experiment is not None:
+        said.append(
+            f"To part {' and '.join(experiment.separates)}, measure next: {experiment.name} "
+            f"(expected distance {experiment.expected_distance:.0f}; 11 is enough)."
+        )
+    if verdict == "effect" and command:
+        said.append(f"To add it: {command}")
+    if warnings:
+        said.append("Mind: " + " ".join(warnings))
+    return " ".join(said)
+
+
+def _opening(
+    verdict: Verdict,
+    candidates: Sequence[Candidate],
+    groups: Sequence[Sequence[str]],
+    error: Mapping[str, float],
+    moved: Sequence[str],
+) -> str:
+    refitted, floor = _per(error.get("refitted")), _per(error.get("noise_floor"))
+    nominal = _per(error.get("nominal"))
+    if verdict == "adequate":
+        return (
+            f"The machine as described meets the records: {nominal} error, where the sensors "
+            f"alone leave about {floor}. Nothing is missing that these records could show."
+        )
+    if verdict == "parameters":
+        which = f" ({', '.join(moved)})" if moved else ""
+        return (
+            f"No effect is missing, but numbers of the data sheet are off{which}: refitted, the "
+            f"error falls from {nominal} to {refitted}, where the sensors leave about {floor}."
+        )
+    if verdict == "unknown":
+        return (
+            f"Something is missing that no effect of the library explains: refitting the data "
+            f"sheet's numbers leaves {refitted}, where the sensors alone leave about {floor}."
+        )
+    best = candidates[0]
+    opening = (
+        f"Refitting the data sheet's numbers leaves {refitted}; with {best.label} it is "
+        f"{_per(best.fitted)}, and {_per(best.held_out)} where each stretch is foretold from the "
+        f"others (sensors alone: about {floor})."
+    )
+    if verdict == "ambiguous":
+        return f"An effect is missing, and more than one name fits. {opening}"
+    return f"{best.label} is missing (probability {best.probability:.2f}). {opening}"
+
+
+def _evidence(
+    candidates: Sequence[Candidate], error: Mapping[str, float], shapes: Sequence[Shape]
+) -> list[str]:
+    best, *others = candidates
+    numbers = [
+        f"{path.rpartition('.')[2]} {p.value:.4g} {p.unit}".rstrip()
+        + f" [{p.low:.4g} .. {p.high:.4g}]"
+        for path, p in best.parameters.items()
+    ]
+    said = [f"Its numbers: {', '.join(numbers)}."] if numbers else []
+    said.append(
+        f"For it: it takes {100 * best.explained:.0f} % of what the sensors do not explain."
+    )
+    if shapes and shapes[0].explained > 0.3:
+        s = shapes[0]
+        said.append(
+            f"The missing torque of the {s.equation} is a function of {s.coordinate} to "
+            f"{100 * s.explained:.0f} %."
+        )
+    rivals = [c for c in others if c.probability > 0.01]
+    if rivals:
+        named = ", ".join(f"{c.label} ({c.probability:.2f})" for c in rivals[:3])
+        said.append(f"Against it: {named} can not be excluded.")
+    elif others:
+        said.append(f"The next best, {others[0].label}, leaves {_per(others[0].fitted)}.")
+    if best.explained < 0.9:
+        said.append(
+            f"Against it, too: {100 * (1 - best.explained):.0f} % of what is left above the "
+            "sensors' noise stays unexplained."
+        )
+    if best.note:
+        said.append(f"{best.note[0].upper()}{best.note[1:]}.")
+    return said
+
+
+def _unexplained(
+    candidates: Sequence[Candidate], equation: EquationAtFault | None, shapes: Sequence[Shape]
+) -> list[str]:
+    said = []
+    if candidates:
+        best = candidates[0]
+        said.append(
+            f"The best of them, {best.label}, takes {100 * best.explained:.0f} % of it, which is "
+            "too little for a name."
+        )
+    if equation is not None:
+        said.append(f"The equation that does not close is that of the {equation.name}.")
+    if shapes:
+        s = shapes[0]
+        said.append(
+            f"The missing torque of the {s.equation} is best drawn against {s.coordinate} "
+            f"({100 * s.explained:.0f} % of it); a learned curve (spline) over {s.coordinate} "
+            "would carry it."
+        )
+    return said
+
+
+def _per(share: float | None) -> str:
+    return "?" if share is None else f"{100 * share:.3g} %"
