@@ -25,9 +25,9 @@ import numpy as np
 from dualdrive import Machine, parse_motion
 from dualdrive.demo import sheet
 from dualdrive.diagnose.experiment import Limits, menu, next_experiment
-from dualdrive.diagnose.experiment.choice import Plan, Rival, Trial
 from dualdrive.diagnose.experiment.distance import Noise, expected, misfit
 from dualdrive.diagnose.experiment.limits import axis_of
+from dualdrive.diagnose.experiment.plan import Plan, Rival, Trial
 from dualdrive.identify import FitError, fit
 from dualdrive.motion import Motion
 from dualdrive.replay import core_of
@@ -41,6 +41,7 @@ DECIDED = 2 * math.log(20.0)
 RMS = {"theta_m": 2e-6, "theta_1": 5e-5, "theta_2": 5e-5, "I_1": 0.5, "I_2": 0.5}
 SPACING = 4e-3
 SECONDS = 20.0
+BUDGET = 120.0  # s of computing per suggestion, so that a busy computer does not cut it short
 OFF = 0.05  # of the numbers that data sheets state
 
 
@@ -204,6 +205,7 @@ def case(pair: Pair, seed: int) -> tuple[float, float, float, str]:
         seconds=SECONDS,
         spacing=SPACING,
         known={r.label: r.known for r in rivals},
+        budget=BUDGET,
     )
     chance = at_random(pair, rivals, random.Random(seed))
     suggested = other = 0.0

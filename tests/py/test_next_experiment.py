@@ -14,9 +14,9 @@ from dualdrive import Machine, parse_motion, simulate
 from dualdrive._core import Machine as Core
 from dualdrive.demo import sheet
 from dualdrive.diagnose.experiment import TELLS_APART, Limits, menu, next_experiment
-from dualdrive.diagnose.experiment.choice import Plan, Rival
 from dualdrive.diagnose.experiment.distance import Noise, expected, misfit
 from dualdrive.diagnose.experiment.limits import axis_of
+from dualdrive.diagnose.experiment.plan import Plan, Rival
 from dualdrive.motion import Motion
 from dualdrive.traces import Trace
 

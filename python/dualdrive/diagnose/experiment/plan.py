@@ -1,0 +1,206 @@
+"""Trying the menu with two rivals: each motion sized to the machine, its distance, the best first."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive import _core
+from dualdrive.diagnose.experiment import laws
+from dualdrive.diagnose.experiment.distance import (
+    Noise,
+    effect_numbers,
+    expected,
+    misfit,
+    unrepeatable,
+)
+from dualdrive.diagnose.experiment.limits import Limits, peaks
+from dualdrive.diagnose.experiment.menu import Item
+from dualdrive.motion import Motion, MotionError, parse_motion
+from dualdrive.traces import Trace
+
+Array = NDArray[np.float64]
+
+#: squared distance that tells two explanations apart in 95 % of cases: Phi(sqrt(d)/2) = 0.95
+TELLS_APART = 11.0
+#: beyond this more distance is worth nothing, and the simplest experiment is taken
+CERTAIN = 100.0
+#: gentler sizes at which a motion beyond the limits is tried
+_SIZES = (1.0, 0.7, 0.5, 0.3, 0.15, 0.07)
+#: share of the time for trying; the rest is for refitting what leads
+_SEARCH = 0.7
+#: Gauss-Newton steps of a full refit
+_STEPS = 6
+
+
+@dataclass(frozen=True)
+class Rival:
+    """An explanation: the machine fitted with it; known: path -> standard deviation, SI."""
+
+    label: str
+    core: Any
+    known: Mapping[str, float] = field(default_factory=dict)
+
+    def set(self, item: Item) -> Rival:
+        """With the item's settings. ValueError where the machine has no such parameter."""
+        core = self.core.copy()
+        for path, value in item.settings.items():
+            core.set(path, value)
+        return replace(self, core=core)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A planned experiment that both rivals survive, and how far apart it puts them."""
+
+    item: Item
+    motion: Motion
+    distance: float
+    final: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Foreseen:
+    """What a motion makes of a machine.
+
+    load:   share of a motor's greatest torque that it takes; infinite where nothing comes of it
+    record: channels over time, or torque at the table and the samples that count
+    """
+
+    load: float
+    record: Trace | tuple[Array, Array] | None
+
+
+class Plan:
+    """One search: its noise, limits and deadline."""
+
+    def __init__(
+        self,
+        noise: Noise,
+        limits: Limits,
+        linear: bool,
+        budget: float,
+        progress: Callable[[str], None],
+    ) -> None:
+        self.noise, self.limits, self.progress = noise, limits, progress
+        self.axis = "linear" if linear else "rotary"
+        self.begin, self.budget = time.monotonic(), budget
+
+    def late(self, share: float = 1.0) -> bool:
+        """Whether this share of the time is over."""
+        return time.monotonic() > self.begin + share * self.budget
+
+    def trials(self, pair: Sequence[Rival], planned: Sequence[Item]) -> list[Trial]:
+        """What was tried, the best first; motions as the drives are set before other settings."""
+        labels = " and ".join(rival.label for rival in pair)
+        found: list[Trial] = []
+        for changed in (False, True):
+            for item in planned:
+                if bool(item.settings) == changed and not (found and self.late(_SEARCH)):
+                    self.progress(f"telling {labels} apart by {item.name}")
+                    trial = self.sized(pair, item)
+                    found += [] if trial is None else [trial]
+            found.sort(key=_rank)
+            if changed or (found and found[0].distance >= CERTAIN):
+                self._settle(pair, found)
+            if found and found[0].distance >= CERTAIN:
+                break
+        return found
+
+    def _settle(self, pair: Sequence[Rival], found: list[Trial]) -> None:
+        """Refit in full what leads by the first step of a refit, until one that was leads."""
+        while found and not found[0].final and not self.late():
+            first = found[0]
+            own = [rival.set(first.item) for rival in pair]
+            seen = [self._foreseen(rival.core, first.motion) for rival in own]
+            distance = self._distance(own, seen, first.motion, steps=_STEPS)
+            found[0] = Trial(first.item, first.motion, distance, final=True)
+            found.sort(key=_rank)
+
+    def sized(self, pair: Sequence[Rival], item: Item) -> Trial | None:
+        """The item as large as torque allows; None where the machines can't do it."""
+        try:
+            own = [rival.set(item) for rival in pair]
+        except ValueError:
+            return None  # no such setting on this machine
+        for size in _SIZES:
+            try:
+                motion = parse_motion(item.motion(size), axis=self.axis)
+            except (MotionError, ZeroDivisionError):
+                return None
+            seen = [self._foreseen(rival.core, motion) for rival in own]
+            if max(one.load for one in seen) <= self.limits.torque:
+                return Trial(item, motion, self._distance(own, seen, motion, steps=0))
+        return None
+
+    def _foreseen(self, core: Any, motion: Motion) -> Foreseen:
+        """What a machine would record, or the torque that it would ask for."""
+        if uncontrolled(core):
+            law = laws.asked(core, motion)
+            return Foreseen(math.inf if law is None else laws.share_of_limits(core, law[0]), law)
+        trace = expected(core, motion, list(self.noise.rms))
+        return Foreseen(math.inf if trace is None else peaks(core, dict(trace.channels)), trace)
+
+    def _distance(
+        self, pair: Sequence[Rival], seen: Sequence[Foreseen], motion: Motion, *, steps: int
+    ) -> float:
+        """The smaller one of the ways round that count; the quicker one alone without steps."""
+        ways = _ways(pair) if steps else _ways(pair)[:1]
+
+        def one(way: tuple[int, int]) -> float:
+            truth, rival = way
+            return self._one_way(pair[truth], seen[truth], pair[rival], motion, steps)
+
+        with ThreadPoolExecutor(len(ways)) as pool:
+            return min(pool.map(one, ways))
+
+    def _one_way(
+        self, truth: Rival, seen: Foreseen, rival: Rival, motion: Motion, steps: int
+    ) -> float:
+        noise, record = self.noise, seen.record
+        if record is None:
+            return 0.0
+        if isinstance(record, tuple):
+            return laws.apart(rival.core, record, motion, noise, rival.known)
+        reached, foretold = misfit(
+            rival.core, record, motion, noise, steps=steps, known=rival.known
+        )
+        if not steps:
+            return foretold if math.isfinite(foretold) else 0.0
+        if reached < TELLS_APART:
+            return reached
+        return reached / (1.0 + unrepeatable(truth.core, record, motion, noise))
+
+
+def _rank(trial: Trial) -> float:
+    """Farthest apart first; beyond any doubt all are alike, and the order of the menu stands."""
+    return -min(trial.distance, CERTAIN)
+
+
+def uncontrolled(core: Any) -> bool:
+    """Whether nobody knows the controller."""
+    return bool(core.controller_options["kind"] == "none")
+
+
+def _ways(pair: Sequence[Rival]) -> list[tuple[int, int]]:
+    """(truth, rival), the rival that is refitted faster first.
+
+    A rival with more numbers than the truth is not asked: where it imitates, parsimony refuses it.
+    """
+    count = [effect_numbers(rival.core) for rival in pair]
+    ways = [(a, b) for a, b in ((0, 1), (1, 0)) if count[b] <= count[a]]
+    return sorted(ways, key=lambda way: not _affine(pair[way[1]].core))
+
+
+def _affine(core: Any) -> bool:
+    """Whether the exact engine takes the machine, many times as fast."""
+    return all(
+        e["effect"] != "expression" and _core.effect_type(e["effect"]).affine for e in core.effects
+    )
