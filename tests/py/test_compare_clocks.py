@@ -74,6 +74,15 @@ def test_a_late_table_encoder_is_found_by_both_drives(late: float) -> None:
         assert skew.seconds == pytest.approx(late, abs=5e-5)
 
 
+def test_a_delay_that_the_machine_knows_is_told_no_more() -> None:
+    trace, machine = sound(), nominal()
+    machine.add("sensor_delay", "theta_m", time=6e-3)
+    late = np.interp(trace.t - 6e-3, trace.t, trace["theta_m"])
+    found = skews(machine, with_changed(trace, theta_m=late))
+    assert between(found, "theta_1", "theta_m").seconds < 1e-4
+    assert not any(s.significant for s in found)
+
+
 def test_a_late_motor_encoder_is_found_alone() -> None:
     trace = sound()
     late = np.interp(trace.t - 4e-3, trace.t, trace["theta_2"])

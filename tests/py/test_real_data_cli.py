@@ -18,7 +18,12 @@ from measured import EXAMPLES, measured_file
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "howto" / "real-data.md"
 TEXT = PAGE.read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", TEXT, re.DOTALL | re.MULTILINE)
-RECORDS = ["emps/DATA_EMPS.mat", "dual_motor_rig/log10.csv", "dual_motor_rig/log12.csv"]
+RECORDS = [
+    "emps/DATA_EMPS.mat",
+    "kuka_kr300/derived_rec_A.csv",
+    "dual_motor_rig/log10.csv",
+    "dual_motor_rig/log12.csv",
+]
 #: M in kg, Fv in N*s/m, Fc in N: A. Janot, M. Gautier, M. Brunot, 2019
 PUBLISHED = {"table.J": 95.109, "table.b": 203.50, "coulomb@table.torque": 20.39}
 NUMBER = re.compile(r"[-+±]?\d+(?:\.\d+)?")
@@ -115,7 +120,7 @@ def test_balance_with_dry_friction_reaches_the_published_figures(
 
 def test_processing_and_standstill_are_printed(told: dict[str, str]) -> None:
     balances = [text for line, text in told.items() if "balance" in line or "--cutoff" in line]
-    assert len(balances) == 5
+    assert len(balances) == 8
     for text in balances:
         flat = " ".join(text.split())
         assert re.search(r"Butterworth order 4, \d+ Hz.*both sides decimated ×\d+", flat)
@@ -131,6 +136,24 @@ def test_closed_loop_with_the_rigs_own_controller(folder: Path, told: dict[str, 
     assert number(found, "parameters", "table.J", "value") == pytest.approx(95.109, rel=0.01)
     compared = figures(folder, told, "compare emps-fitted.toml")
     assert number(compared, "channels", "T_1", "error") < 0.055
+
+
+# --- a robot's axis -------------------------------------------------------------------------------
+
+
+def test_a_robot_axis_misses_friction_and_order_8_of_its_motor(
+    folder: Path, told: dict[str, str]
+) -> None:
+    """1.48 N m and order 8.00 per motor turn come out of a plain regression as well."""
+    found = figures(folder, told, "-o kuka-friction.toml")
+    assert number(found, "error", "refitted") < 0.16 < number(found, "error", "nominal")
+    friction = number(found, "parameters", "coulomb@motor_1.torque", "value")
+    assert friction == pytest.approx(1.48, rel=0.03)
+    compared = figures(folder, told, "compare kuka-friction.toml")
+    assert number(compared["orders"][0], "order") == pytest.approx(8.0, abs=0.02)  # type: ignore[index]
+    (skew,) = compared["skews"]  # type: ignore[misc]
+    assert (skew["late"], skew["significant"]) == ("theta_m", True)
+    assert skew["low"] < 2.83e-3 < skew["high"]
 
 
 # --- two drives on one ring -----------------------------------------------------------------------

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.recorder import delays
 from dualdrive.traces import CHANNELS, Trace
 
 Array = NDArray[np.float64]
@@ -81,6 +82,19 @@ def clock_of(trace: Trace, record: str = "") -> Clock:
     if jitter < _EVEN * step:
         return Clock(name, step, 0.0, "even")
     return Clock(name, step, jitter, _kind(trace, t, step))
+
+
+def in_time(core: Any, trace: Trace) -> Trace:
+    """The trace with channels shifted back that the machine says its recorder reads late.
+
+    A late recorder (``sensor_delay@theta_m``) is known in a simulated loop, which reads its own
+    channels as late; a torque balance needs all channels at one time.
+    """
+    for channel, late in delays(core).items():
+        if channel in trace and late > 0.0:
+            early = np.interp(trace.t + late, trace.t, trace[channel])
+            trace = trace.with_channel(channel, early)
+    return trace
 
 
 def _kind(trace: Trace, t: Array, step: float) -> Literal["stamps", "samples", "unclear"]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.compare.clocks import Clock, clock_of
+from dualdrive.compare.clocks import Clock, clock_of, in_time
 from dualdrive.compare.comparison import Comparison, Quantity
 from dualdrive.compare.noise import NoiseFloor, like_noise, noise_floor
 from dualdrive.compare.repeats import period_of
@@ -210,7 +210,8 @@ def _balance(
     standstill: Standstill | None,
 ) -> Comparison:
     """Every equation of motion on the recorded kinematics, with a constant torque per record."""
-    traces = {name: with_torques(core_of(machine), trace) for name, trace in recorded.items()}
+    core = core_of(machine)
+    traces = {name: in_time(core, with_torques(core, t)) for name, t in recorded.items()}
     found = torque_balance(
         machine,
         traces,
@@ -248,9 +249,8 @@ def _balance(
         )
         quantities.append(own)
         situations.append(_balance_situation(traces[record], own))
-    core = core_of(machine)
     orders = orders_of(core, traces, of_balance(core, traces, quantities, processing))
-    late = skews(core, traces)
+    late = skews(core, recorded)
     notes = [
         found.processing,
         *found.sample_lines(),

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.compare.clocks import in_time
 from dualdrive.compare.excuses import Point, cautious, first_point, left, noise_alone, refitted
 from dualdrive.compare.laws import hold
 from dualdrive.compare.likelihood import Free, blocks, likelihood, without
@@ -74,7 +75,8 @@ def equation_at_fault(
     """
     core = core_of(machine).copy()
     process = processing or Processing(decimate=_DECIMATE)
-    held = [hold(core, with_torques(core, t), n, process) for n, t in named(traces).items()]
+    known = {n: in_time(core, with_torques(core, t)) for n, t in named(traces).items()}
+    held = [hold(core, trace, name, process) for name, trace in known.items()]
     point = refitted(first_point(core, held), cautious, _STEPS)
     whole = _whitened(point, noise_alone(point))
     if np.mean(whole) < _NOISE * len(point.equations):

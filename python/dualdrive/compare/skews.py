@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.compare.clocks import in_time
 from dualdrive.identify import Processing, with_torques
 from dualdrive.identify.filtering import ANGLES, Piece, pieces
 from dualdrive.identify.regression import Prior, Rows, solve
@@ -78,7 +79,8 @@ def skews(
     """Delays between the encoders of each drive and the table's, and of torques and encoders.
 
     Args:
-        machine: a machine, or the core's: its ratios, stiffness and friction.
+        machine: a machine, or the core's: its ratios, stiffness and friction; delays of recorders
+            that it knows already are taken off.
         traces: one trace, several, or name -> trace.
         processing: filters; a tenth of the sampling rate unless given.
 
@@ -91,7 +93,8 @@ def skews(
     found: list[Skew] = []
     for name, trace in named(traces).items():
         try:
-            parts = list(pieces(with_torques(core, trace), name, processing or Processing()))
+            known = in_time(core, with_torques(core, trace))
+            parts = list(pieces(known, name, processing or Processing()))
         except ValueError:
             continue
         for motor in core.motors:
