@@ -24,6 +24,14 @@ from dualdrive_cli._shared import (
 @click.argument("effect", metavar="EFFECT[@PLACE]")
 @set_option
 @click.option("--formula", help="Of the effect 'expression': a torque over named signals.")
+@click.option(
+    "--curve",
+    "curves",
+    multiple=True,
+    metavar="NAME=LOW:HIGH:KNOTS",
+    help="Of the effect 'spline': a coordinate, its range, its knots; ':periodic' behind; twice "
+    "for a surface. All values are 0.",
+)
 @click.option("-o", "--output", type=Path, required=True, help="The new machine file.")
 @overwrite_option
 @verb
@@ -32,6 +40,7 @@ def command(
     effect: str,
     settings: tuple[str, ...],
     formula: str | None,
+    curves: tuple[str, ...],
     output: Path,
     overwrite: bool,
 ) -> None:
@@ -46,10 +55,26 @@ def command(
         m.set(path, value)
     if formula is not None:
         own = {"formula": formula, "parameters": own}
-    label = m.add(effect, **own)
+    label = m.add(effect, **own, **_axes(curves))
     m.note(f"added {label}", command_line())
     m.save(output, overwrite=overwrite)
     click.echo(f"{output}: {m.name} with {label}")
+
+
+def _axes(curves: tuple[str, ...]) -> dict[str, list[Any]]:
+    """The axes of a spline: ``speed=-0.05:0.05:9``, ``angle=0:2 pi:36:periodic``."""
+    axes: dict[str, list[Any]] = {}
+    for curve in curves:
+        name, equals, rest = curve.partition("=")
+        low, high, knots, *periodic = [*rest.split(":"), "", ""][: max(3, rest.count(":") + 1)]
+        if not (equals and knots.isdecimal() and periodic in ([], ["periodic"])):
+            raise ValueError(
+                f"--curve {curve}: write NAME=LOW:HIGH:KNOTS, or with :periodic behind"
+            )
+        values = {"coordinate": name, "low": low, "high": high, "knots": int(knots)}
+        for key, value in (values | {"periodic": bool(periodic)}).items():
+            axes.setdefault(key, []).append(value)
+    return axes
 
 
 def _sorted(settings: tuple[str, ...]) -> tuple[dict[str, Any], list[tuple[str, str]]]:

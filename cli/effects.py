@@ -48,6 +48,8 @@ def _one(effect: dict[str, Any]) -> Table:
         table.add_row("parameter", _plain(f"{p['name']} [{p['unit'] or '1'}]: {p['doc']}"))
         default = "no limit" if p["default"] is None else f"{p['default']:g}"
         table.add_row("", f"{_bounds(p)}, default {default}, usual size {p['typical']:g}")
+    for key, meaning in effect["keys"].items():
+        table.add_row("key", _plain(f"{key}: {meaning}"))
     table.add_row("valid", _plain(effect["validity"]))
     table.add_row("confused with", ", ".join(effect["confused_with"]) or "-")
     table.add_row("source", _plain(effect["source"]))

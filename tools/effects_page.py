@@ -32,6 +32,10 @@ def section(effect: _core.EffectType) -> str:
         f"Confused with: {effect.confused_with.replace(',', ', ') or 'nothing in the library'}.",
         f"Source: {effect.source}.",
         "",
+    ]
+    if not effect.parameters:
+        return "\n".join([*lines, "Its numbers are its user's ([how](howto/machine-files.md))."])
+    lines += [
         "| parameter | unit | bounds | default | usual size | |",
         "|---|---|---|---|---|---|",
     ]
@@ -49,7 +53,8 @@ def page() -> str:
         " `cpp/include/dualdrive/effects/`.\nAdd one with `dualdrive add MACHINE EFFECT@PLACE`;"
         " a new one is a header and a line in the registry\n([how](howto/add-an-effect.md))."
     )
-    return "\n\n".join([head, *map(section, _core.effect_types())]) + "\n"
+    kinds = [*_core.effect_types(), *_core.user_laws()]
+    return "\n\n".join([head, *map(section, kinds)]) + "\n"
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@
 #include "dualdrive/layout.hpp"
 #include "dualdrive/unit.hpp"
 #include "pickle.hpp"
+#include "user_laws.hpp"
 
 namespace dualdrive::python {
 
@@ -167,6 +168,9 @@ void bind_machine(nb::module_& m) {
         "effect_types", [] { return std::vector<EffectType>(effect_types()); },
         "Every registered effect, in registry order.");
     m.def(
+        "user_laws", [] { return std::vector<EffectType>(user_laws()); },
+        "Effects whose law a user writes without a compiler, in a machine file: expression and spline.");
+    m.def(
         "formula_unit",
         [](const std::string& formula, const std::map<std::string, std::string>& units) {
             const auto unit_of = [&](std::string_view name) {
@@ -186,7 +190,7 @@ void bind_machine(nb::module_& m) {
         "The names a formula reads. Raises ValueError naming column and rule where it can't be read.");
     m.def(
         "effect_type", [](const std::string& name) { return EffectType(effect_type(name)); }, nb::arg("name"),
-        "The effect of that name.\n\nRaises ValueError naming the nearest known effects.");
+        "The effect of that name, users' laws included.\n\nRaises ValueError naming the nearest known effects.");
 
     nb::class_<Machine> bound(
         m, "Machine",
@@ -270,13 +274,28 @@ void bind_machine(nb::module_& m) {
         .def(
             "add_expression",
             [](Machine& self, const std::string& place, const std::string& formula,
-               const std::vector<std::tuple<std::string, std::string, double>>& parameters) {
+               const std::vector<std::tuple<std::string, std::string, double>>& parameters, const Columns& columns) {
                 std::vector<FormulaParameter> list;
                 for (const auto& [name, unit, value] : parameters) list.push_back({name, unit, value});
-                return std::string(self.add_expression(place, formula, list));
+                return std::string(self.add_expression(place, formula, list, columns_of(columns)));
             },
-            nb::arg("place"), nb::arg("formula"), nb::arg("parameters") = nb::list(),
-            "Add a user's formula as a torque on a body. parameters: (name, unit, value).")
+            nb::arg("place"), nb::arg("formula"), nb::arg("parameters") = nb::list(), nb::arg("columns") = nb::list(),
+            "Add a user's formula as a torque on a body. parameters: (name, unit, value); columns: recorded ones that "
+            "it\n"
+            "reads, (name, unit).")
+        .def(
+            "add_spline",
+            [](Machine& self, const std::string& place, const Axes& axes, const std::vector<double>& values,
+               double size, const Columns& columns) {
+                return std::string(self.add_spline(place, axes_of(axes), values, size, columns_of(columns)));
+            },
+            nb::arg("place"), nb::arg("axes"), nb::arg("values"), nb::arg("size") = 300.0,
+            nb::arg("columns") = nb::list(),
+            "Add a learned curve as a torque on a body, N m, over one coordinate or two; returns its label.\n\n"
+            "axes: (coordinate, low, high, knots, periodic); a coordinate is t, angle, speed, a signal, or in.NAME of "
+            "a\n"
+            "recorded column. values: at the knots, the last axis first. size: usual size of a value. Raises "
+            "ValueError.")
         .def("remove_effect", &Machine::remove_effect, nb::arg("label"))
         .def_prop_ro("effects",
                      [](const Machine& self) -> nb::typed<nb::list, nb::typed<nb::dict, std::string, nb::any>> {
@@ -287,6 +306,9 @@ void bind_machine(nb::module_& m) {
                              d["effect"] = e.name;
                              d["place"] = e.place;
                              d["formula"] = e.formula;
+                             d["axes"] = axes_from(e.axes);
+                             d["columns"] = columns_from(e.columns);
+                             d["reads"] = names_read(e);
                              d["members"] = e.members;
                              d["parameters"] = parameter_names(self, e);
                              const EffectType* type = registered(e);

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "pickle.hpp"
+#include "user_laws.hpp"
 
 namespace dualdrive::python {
 
@@ -14,7 +15,7 @@ namespace nb = nanobind;
 
 namespace {
 
-using FormulaNumbers = std::vector<std::tuple<std::string, std::string, double>>;  // name, unit, value
+using OwnNumbers = std::vector<std::tuple<std::string, std::string, double>>;  // of a user's law: name, unit, value
 using Options = std::tuple<int, int, int, int, int>;
 
 struct Call {
@@ -38,9 +39,9 @@ ControllerOptions controller_of(const Options& given) {
             speed_samples};
 }
 
-FormulaNumbers formula_numbers(const Machine& machine, const EffectEntry& effect) {
-    FormulaNumbers numbers;
-    if (effect.formula.empty()) return numbers;
+OwnNumbers own_numbers(const Machine& machine, const EffectEntry& effect) {
+    OwnNumbers numbers;
+    if (!effect.of_user()) return numbers;
     for (std::size_t k = effect.first; k < effect.first + effect.count; ++k) {
         const ParameterSlot& slot = machine.slots()[k];
         numbers.emplace_back(slot.path.substr(effect.label.size() + 1), slot.unit, slot.standard);
@@ -62,23 +63,37 @@ std::vector<Call> calls_of(const Machine& machine) {
             calls.push_back({k, nb::make_tuple("controller")});
             break;
         }
-    for (const auto& e : machine.effects())
-        calls.push_back(
-            {e.first, nb::make_tuple("effect", e.name, e.place, e.label, e.formula, formula_numbers(machine, e))});
+    for (const auto& e : machine.effects()) {
+        const double size = e.axes.empty() ? 0.0 : machine.slots()[e.first].typical;
+        calls.push_back({e.first, nb::make_tuple("effect", e.name, e.place, e.label, e.formula, own_numbers(machine, e),
+                                                 axes_from(e.axes), size, columns_from(e.columns))});
+    }
     std::stable_sort(calls.begin(), calls.end(), [](const Call& a, const Call& b) { return a.first < b.first; });
     return calls;
 }
 
+std::string add_as_told(Machine& machine, const nb::tuple& words) {
+    const auto name = nb::cast<std::string>(words[1]), place = nb::cast<std::string>(words[2]);
+    const auto formula = nb::cast<std::string>(words[4]);
+    const auto axes = axes_of(nb::cast<Axes>(words[6]));
+    const auto columns = columns_of(nb::cast<Columns>(words[8]));
+    if (formula.empty() && axes.empty()) return machine.add_effect(name, place);
+    std::vector<FormulaParameter> parameters;
+    std::vector<double> values;
+    for (const auto& [own, unit, value] : nb::cast<OwnNumbers>(words[5])) {
+        parameters.push_back({own, unit, value});
+        values.push_back(value);
+    }
+    if (axes.empty()) return machine.add_expression(place, formula, parameters, columns);
+    return machine.add_spline(place, axes, values, nb::cast<double>(words[7]), columns);
+}
+
 // A label counts up past those that are taken: fillers stand in for effects that were removed meanwhile.
 void add_labelled(Machine& machine, const nb::tuple& words) {
-    const auto name = nb::cast<std::string>(words[1]), place = nb::cast<std::string>(words[2]);
-    const auto label = nb::cast<std::string>(words[3]), formula = nb::cast<std::string>(words[4]);
-    std::vector<FormulaParameter> parameters;
-    for (const auto& [own, unit, value] : nb::cast<FormulaNumbers>(words[5])) parameters.push_back({own, unit, value});
+    const auto label = nb::cast<std::string>(words[3]);
     std::vector<std::string> fillers;
     while (true) {
-        const std::string given =
-            formula.empty() ? machine.add_effect(name, place) : machine.add_expression(place, formula, parameters);
+        const std::string given = add_as_told(machine, words);
         if (given == label) break;
         if (given.size() > label.size()) throw std::invalid_argument("machine: no effect has the label " + label);
         fillers.push_back(given);

@@ -30,9 +30,8 @@ class Replay {
         build_models();
         find_sources();
         const auto& effects = machine_.effects();
-        by_load_ = std::any_of(effects.begin(), effects.end(), [](const EffectEntry& e) {
-            return e.formula.empty() && effect_type(e.name).text.by_load;
-        });
+        by_load_ = std::any_of(effects.begin(), effects.end(),
+                               [](const EffectEntry& e) { return effect_type(e.name).text.by_load; });
         if (by_load_) find_driver_sides();
     }
 

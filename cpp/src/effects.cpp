@@ -1,6 +1,7 @@
 #include "dualdrive/effects.hpp"
 
 #include <array>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
@@ -45,13 +46,16 @@ Maker<S> maker(EffectList<E...>, std::size_t index) {
     return makers[index];
 }
 
-std::size_t index_of(std::string_view name) {
-    const auto& types = effect_types();
+std::optional<std::size_t> place_in(const std::vector<EffectType>& types, std::string_view name) {
     for (std::size_t k = 0; k < types.size(); ++k)
         if (name == types[k].text.name) return k;
+    return std::nullopt;
+}
 
+[[noreturn]] void refuse(std::string_view name) {
     std::vector<std::string> known;
-    for (const auto& type : types) known.emplace_back(type.text.name);
+    for (const auto* types : {&effect_types(), &user_laws()})
+        for (const auto& type : *types) known.emplace_back(type.text.name);
     std::string suggestions;
     for (const auto& near : nearest(name, known)) suggestions += (suggestions.empty() ? "" : ", ") + near;
     throw std::invalid_argument("no effect is called '" + std::string(name) + "'; nearest known: " + suggestions);
@@ -64,11 +68,42 @@ const std::vector<EffectType>& effect_types() {
     return types;
 }
 
-const EffectType& effect_type(std::string_view name) { return effect_types()[index_of(name)]; }
+const std::vector<EffectType>& user_laws() {
+    static const std::vector<EffectType> laws{
+        {{.name = "expression",
+          .equation = "T = a formula over named signals, recorded columns, t, angle, speed and parameters of its own",
+          .source = "its user",
+          .validity = "a torque on one body; abs, sign, min, max and if switch where their argument changes its sign",
+          .confused_with = "",
+          .places = "table,pinions,motors"},
+         hook::body,
+         {}},
+        {{.name = "spline",
+          .equation =
+              "T = cubic pieces through values at evenly spaced knots, over one coordinate or the product of two",
+          .source = "Catmull, Rom, in Computer Aided Geometric Design, Academic Press 1974, 317-326",
+          .validity =
+              "smooth to the first derivative, constant outside the knots; no jump: dry friction beside it is coulomb",
+          .confused_with = "",
+          .places = "table,pinions,motors"},
+         hook::body,
+         {}}};
+    return laws;
+}
+
+bool is_user_law(const EffectType& type) { return place_in(user_laws(), type.text.name).has_value(); }
+
+const EffectType& effect_type(std::string_view name) {
+    if (const auto k = place_in(effect_types(), name)) return effect_types()[*k];
+    if (const auto k = place_in(user_laws(), name)) return user_laws()[*k];
+    refuse(name);
+}
 
 template <class S>
 std::unique_ptr<Effect<S>> make_effect(std::string_view name, const S* values) {
-    return maker<S>(Registry{}, index_of(name))(values);
+    const auto k = place_in(effect_types(), name);
+    if (!k) refuse(name);
+    return maker<S>(Registry{}, *k)(values);
 }
 
 template std::unique_ptr<Effect<double>> make_effect(std::string_view, const double*);

@@ -202,13 +202,12 @@ class Builder {
         l.loads.resize(bodies);
         for (std::size_t e = 0; e < m.effects().size(); ++e) {
             const auto& entry = m.effects()[e];
-            const bool formula = entry.name == "expression";
-            const unsigned hooks = formula ? hook::body : effect_type(entry.name).hooks;
+            const unsigned hooks = effect_type(entry.name).hooks;
             const int index = static_cast<int>(e);
             for (const auto& place : entry.members) {
                 const int body = m.body(place);
                 if (hooks & hook::body) l.effects_on_body[static_cast<std::size_t>(body)].push_back(index);
-                if (!formula) remember(entry, index, body);
+                remember(entry, index, body);
                 if (hooks & hook::friction) l.friction_on_body[static_cast<std::size_t>(body)].push_back(index);
                 if (hooks & hook::inertia) l.effects_on_inertia.push_back({e, static_cast<std::size_t>(body)});
                 if (hooks & (hook::motor | hook::voltage))
@@ -310,7 +309,7 @@ class Builder {
             at.sensor.push_back(signal("sensed." + k.name, "rad/s", k.name + " speed as the drive reads it"));
         at.sensor.push_back(signal("sensed.table", "rad", "table angle as the control reads it"));
         for (const auto& e : m.effects()) {  // those that act through a torque of their own
-            const unsigned hooks = e.formula.empty() ? effect_type(e.name).hooks : hook::body;
+            const unsigned hooks = effect_type(e.name).hooks;
             const bool torque = hooks & (hook::body | hook::friction | hook::motor | hook::inertia);
             at.effect.push_back(torque ? signal(e.label, "N*m", "torque of " + e.label) : -1);
         }

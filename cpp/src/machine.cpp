@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "dualdrive/effects.hpp"
+#include "dualdrive/expression.hpp"
 #include "dualdrive/nearest.hpp"
 
 namespace dualdrive {
@@ -35,14 +36,6 @@ bool is_channel(std::string_view name) {
     for (const std::string_view stem : {"theta_", "omega_", "I_", "U_", "T_"})
         if (name.starts_with(stem) && name.size() > stem.size()) return true;
     return false;
-}
-
-// The registry's row of an effect; of a user's law one without hooks.
-const EffectType& type_of(const EffectEntry& effect) {
-    static const EffectType none{};
-    for (const auto& type : effect_types())
-        if (effect.name == type.text.name) return type;
-    return none;
 }
 
 struct Group {
@@ -164,6 +157,9 @@ bool Machine::shapes_a_mesh(const std::string& place, bool with_play) const {
 
 const std::string& Machine::add_effect(const std::string& effect_name, const std::string& place) {
     const EffectType& type = effect_type(effect_name);
+    if (is_user_law(type))
+        refuse("effect " + effect_name + ": it is written by its user; give " +
+               (effect_name == "spline" ? "coordinate, low, high and values" : "a formula and its parameters"));
     EffectEntry entry{effect_name, place, "", members_of(place), "", 0, type.parameters.size()};
     if (entry.members.empty()) entry.members = {place};
     const bool on_body = type.hooks & (hook::body | hook::friction | hook::inertia);
@@ -200,12 +196,21 @@ const std::string& Machine::add_effect(const std::string& effect_name, const std
     return label;
 }
 
-const std::string& Machine::add_expression(const std::string& place, const std::string& formula,
-                                           const std::vector<FormulaParameter>& parameters) {
-    EffectEntry entry{"expression", place, "", members_of(place), formula, 0, parameters.size()};
+EffectEntry Machine::user_law(const char* effect_name, const std::string& place, std::size_t count,
+                              const std::vector<Column>& columns) const {
+    EffectEntry entry{effect_name, place, "", members_of(place), "", 0, count};
+    entry.columns = columns;
     if (entry.members.empty()) entry.members = {place};
     for (const auto& m : entry.members)
-        if (body(m) < 0) refuse("effect expression: no body named " + m + " to act on");
+        if (body(m) < 0) refuse(std::string("effect ") + effect_name + ": no body named " + m + " to act on");
+    return entry;
+}
+
+const std::string& Machine::add_expression(const std::string& place, const std::string& formula,
+                                           const std::vector<FormulaParameter>& parameters,
+                                           const std::vector<Column>& columns) {
+    EffectEntry entry = user_law("expression", place, parameters.size(), columns);
+    entry.formula = formula;
     const std::string& label = append_effect(std::move(entry));
     effects_.back().first = slots_.size();
     for (const auto& p : parameters) {
@@ -215,6 +220,49 @@ const std::string& Machine::add_expression(const std::string& place, const std::
         values_.push_back(p.value);
     }
     return label;
+}
+
+const std::string& Machine::add_spline(const std::string& place, const std::vector<CurveAxis>& axes,
+                                       const std::vector<double>& values, double usual_size,
+                                       const std::vector<Column>& columns) {
+    if (axes.empty() || axes.size() > 2)
+        refuse("effect spline: it takes one coordinate or two, not " + std::to_string(axes.size()));
+    std::size_t count = 1;
+    for (const auto& axis : axes) {
+        const int fewest = axis.periodic ? 3 : 2;
+        if (!(std::isfinite(axis.low) && std::isfinite(axis.high) && axis.low < axis.high))
+            refuse("effect spline: " + axis.coordinate + ": low = " + number(axis.low) +
+                   " must lie below high = " + number(axis.high) + ", both finite");
+        if (axis.knots < fewest || axis.knots > 1000)
+            refuse("effect spline: " + axis.coordinate + ": " + std::to_string(axis.knots) + " knots; give between " +
+                   std::to_string(fewest) + " and 1000");
+        count *= static_cast<std::size_t>(axis.knots);
+    }
+    if (values.size() != count)
+        refuse("effect spline: " + std::to_string(values.size()) + " values for " + std::to_string(count) + " knots");
+    if (!(usual_size > 0) || std::isinf(usual_size))
+        refuse("effect spline: size = " + number(usual_size) + " N*m must be positive and finite");
+    for (const double v : values)
+        if (!std::isfinite(v)) refuse("effect spline: a value is not finite");
+    EffectEntry entry = user_law("spline", place, count, columns);
+    entry.axes = axes;
+    const std::string& label = append_effect(std::move(entry));
+    effects_.back().first = slots_.size();
+    const auto width = static_cast<std::size_t>(axes.back().knots);
+    for (std::size_t k = 0; k < count; ++k) {
+        const std::string row = axes.size() == 2 ? "_" + std::to_string(k / width) : "";
+        slots_.push_back({label + ".value" + row + "_" + std::to_string(k % width), "N*m", "torque at a knot", any,
+                          values[k], usual_size, false});
+        values_.push_back(values[k]);
+    }
+    return label;
+}
+
+std::vector<std::string> names_read(const EffectEntry& effect) {
+    if (!effect.formula.empty()) return Expression::parse(effect.formula).names();
+    std::vector<std::string> names;
+    for (const auto& axis : effect.axes) names.push_back(axis.coordinate);
+    return names;
 }
 
 void Machine::remove_effect(const std::string& label) {
@@ -239,7 +287,7 @@ void Machine::remove_effect(const std::string& label) {
     for (auto& c : connections_) shift(c.first);
     for (auto& m : motors_) shift(m.first);
     shift(controller_first_);
-    if (type_of(removed).structural()) switch_off(removed);
+    if (effect_type(removed.name).structural()) switch_off(removed);
 }
 
 std::vector<std::size_t> Machine::resolve(std::string_view path) const {
@@ -259,8 +307,8 @@ std::vector<std::size_t> Machine::resolve(std::string_view path) const {
             if (s.path.starts_with(std::string(g.member_prefix) + "1."))
                 known.push_back(std::string(g.name) + s.path.substr(s.path.find('.')));
     for (const auto& e : effects_)
-        if (type_of(e).structural())
-            for (const Declaration& own : type_of(e).parameters) known.push_back(e.label + "." + own.name);
+        if (effect_type(e.name).structural())
+            for (const Declaration& own : effect_type(e.name).parameters) known.push_back(e.label + "." + own.name);
     refuse("parameter " + std::string(path) + ": unknown" + near_names(path, known));
 }
 
@@ -328,7 +376,7 @@ void Machine::validate() const {
     if (bodies_.empty()) refuse("machine: no bodies");
     for (const auto& e : effects_)
         for (const auto& m : e.members)
-            if (type_of(e).text.of_rating && !std::isfinite(get(m + ".T_rated")))
+            if (effect_type(e.name).text.of_rating && !std::isfinite(get(m + ".T_rated")))
                 refuse("effect " + e.label + ": it is measured against the rated torque; set " + m + ".T_rated");
     if (!controlled()) return;
     if (motors_.empty()) refuse("controller: the machine has no motor to command");
@@ -362,7 +410,7 @@ void Machine::validate() const {
     if (c.K_d > 0) filter(c.tau_d, c.position_sample, "tau_d", "position_sample");
     if (motors_.size() > 1) filter(c.tau_t, c.tension_sample, "tau_t", "tension_sample");
     for (const auto& e : effects_) {
-        const EffectText& text = type_of(e).text;
+        const EffectText& text = effect_type(e.name).text;
         if (!text.rounds) continue;
         for (const auto& m : e.members) {
             if (m == "table" && c.position_sample == 0)
@@ -377,7 +425,7 @@ void Machine::validate() const {
     }
     if (controller_.speed_samples > 0)
         for (const auto& e : effects_) {
-            const EffectType& type = type_of(e);
+            const EffectType& type = effect_type(e.name);
             if (!(type.hooks & (hook::reading | hook::delay)) || type.text.of_angle || type.text.rounds) continue;
             for (const auto& m : e.members)
                 if (motor(m) >= 0)

@@ -4,6 +4,7 @@
 #include <stdexcept>
 
 #include "dualdrive/effects.hpp"
+#include "model/curve.hpp"
 #include "model/formula.hpp"
 
 // The laws, by the part of the machine they belong to.

@@ -256,6 +256,11 @@ class EffectType:
 def effect_types() -> list[EffectType]:
     """Every registered effect, in registry order."""
 
+def user_laws() -> list[EffectType]:
+    """
+    Effects whose law a user writes without a compiler, in a machine file: expression and spline.
+    """
+
 def formula_unit(formula: str, units: Mapping[str, str]) -> str:
     """
     The unit of a formula whose names have these units (name -> SI unit; rad counts as a number).
@@ -270,7 +275,7 @@ def formula_names(formula: str) -> list[str]:
 
 def effect_type(name: str) -> EffectType:
     """
-    The effect of that name.
+    The effect of that name, users' laws included.
 
     Raises ValueError naming the nearest known effects.
     """
@@ -333,9 +338,18 @@ class Machine:
         Add an effect at a place or group of places; returns its label, the prefix of its parameters.
         """
 
-    def add_expression(self, place: str, formula: str, parameters: Sequence[tuple[str, str, float]] = []) -> str:
+    def add_expression(self, place: str, formula: str, parameters: Sequence[tuple[str, str, float]] = [], columns: Sequence[tuple[str, str]] = []) -> str:
         """
-        Add a user's formula as a torque on a body. parameters: (name, unit, value).
+        Add a user's formula as a torque on a body. parameters: (name, unit, value); columns: recorded ones that it
+        reads, (name, unit).
+        """
+
+    def add_spline(self, place: str, axes: Sequence[tuple[str, float, float, int, bool]], values: Sequence[float], size: float = 300.0, columns: Sequence[tuple[str, str]] = []) -> str:
+        """
+        Add a learned curve as a torque on a body, N m, over one coordinate or two; returns its label.
+
+        axes: (coordinate, low, high, knots, periodic); a coordinate is t, angle, speed, a signal, or in.NAME of a
+        recorded column. values: at the knots, the last axis first. size: usual size of a value. Raises ValueError.
         """
 
     def remove_effect(self, label: str) -> None: ...

@@ -9,7 +9,7 @@ from typing import Any
 
 from dualdrive import _core
 from dualdrive.machine import Machine, MachineError, Parameter
-from dualdrive.machine_file import group_of
+from dualdrive.machine_file import LAW_KEYS, group_of
 from dualdrive.units import human
 
 __all__ = ["bounds", "effect", "effects", "machine", "reading", "tied", "value_and_unit"]
@@ -85,12 +85,14 @@ def machine(m: Machine) -> dict[str, Any]:
 
 
 def effects() -> list[dict[str, Any]]:
-    """Every effect of the registry, as `effect` has it."""
-    return [_of(kind) for kind in _core.effect_types()]
+    """Every effect of the registry, and the laws that users write, as `effect` has them."""
+    return [_of(kind) for kind in (*_core.effect_types(), *_core.user_laws())]
 
 
 def effect(name: str) -> dict[str, Any]:
     """One effect: equation, places, parameters with units and bounds, source, validity, rivals.
+
+    Of a law that its user writes, `keys` says what an entry of a machine file takes.
 
     Raises MachineError naming the nearest effects.
     """
@@ -107,6 +109,7 @@ def _of(kind: Any) -> dict[str, Any]:
         "acts_on": kind.acts_on,
         "places": kind.places.split(","),
         "parameters": [_declared(p) for p in kind.parameters],
+        "keys": LAW_KEYS.get(kind.name, {}),
         "source": kind.source,
         "validity": kind.validity,
         "confused_with": [name.strip() for name in kind.confused_with.split(",") if name.strip()],

@@ -228,8 +228,10 @@ class Machine:
     def add(self, effect: str, place: str | None = None, /, **parameters: Any) -> str:
         """Add an effect; returns its label. ``add("coulomb", "table", torque="2 kN*m")``.
 
-        effect may carry its place: ``coulomb@table``. An expression takes `formula` and
-        `parameters` (name -> number or {value, unit}). Raises MachineError.
+        effect may carry its place: ``coulomb@table``. An expression takes `formula`,
+        `parameters` (name -> number or {value, unit}) and `columns` (recorded column -> unit); a
+        spline `coordinate`, `low`, `high` and `values` at evenly spaced knots, or `knots`, how
+        many, for a curve of zeros (two of each for a surface). Raises MachineError.
         """
         name, _, at = effect.partition("@")
         entry = {"effect": name, "place": place or at or _usual_place(name), **parameters}
@@ -300,8 +302,6 @@ class Machine:
 
 def _usual_place(effect: str) -> str:
     """The first place that an effect names for itself."""
-    if effect == "expression":
-        return "table"
     try:
         return str(_core.effect_type(effect).places.split(",")[0])
     except ValueError as error:

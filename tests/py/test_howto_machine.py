@@ -24,7 +24,7 @@ def blocks(language: str) -> list[str]:
 
 
 def test_every_file_is_a_machine() -> None:
-    whole, two_gaps, formula = (Machine.from_toml(text, "rig") for text in blocks("toml"))
+    whole, two_gaps, formula, curve = (Machine.from_toml(text, "rig") for text in blocks("toml"))
     assert whole.get("motor_1.J") == pytest.approx(0.28e-4)
     assert whole.get("motors.T_max") == pytest.approx(3.81)
     assert whole.get("motors.omega_max") == pytest.approx(100 * math.pi)
@@ -33,18 +33,21 @@ def test_every_file_is_a_machine() -> None:
     assert two_gaps.core.kind("gearbox_2") == "gap"
     assert two_gaps.get("table.J") == 4.95e6
     assert formula.effects[-1] == "expression@table"
+    assert curve.get("spline@table.value_1") == pytest.approx(5e-3)
+    assert curve.core.effects[-1]["axes"] == [("angle", 0.0, pytest.approx(2 * math.pi), 4, True)]
 
 
 def test_every_command_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     lines = [line for block in blocks("") for line in block.splitlines()]
     commands = [shlex.split(line)[1:] for line in lines if line.startswith("dualdrive ")]
-    assert len(commands) == 8
+    assert len(commands) == 9
     for words in commands:
         done = CliRunner().invoke(main, words)
         assert done.exit_code == 0, (words, done.output)
     assert Machine.load("rig3.toml").effects[-2:] == ["cogging@motors", "expression@table"]
     assert Machine.load("rig2-again.toml").effects == Machine.load("rig2.toml").effects
+    assert Machine.load("rig4.toml").effects[-1] == "spline@table"
 
 
 def test_the_python_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

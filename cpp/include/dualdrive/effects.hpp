@@ -81,7 +81,11 @@ using Registry = EffectList<
 // Every registered effect, in the order of the registry.
 const std::vector<EffectType>& effect_types();
 
-// The effect of that name; std::invalid_argument names the nearest known ones if there is none.
+// Effects whose law a user writes without a compiler: no parameters are declared of them, and make_effect knows none.
+const std::vector<EffectType>& user_laws();
+bool is_user_law(const EffectType& type);
+
+// The effect of that name, users' laws included; std::invalid_argument names the nearest known ones if there is none.
 const EffectType& effect_type(std::string_view name);
 
 // A new effect whose parameters are read from consecutive `values`, in the order of effect_type(name).parameters.

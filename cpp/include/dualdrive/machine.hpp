@@ -50,12 +50,31 @@ struct MotorEntry {
     std::size_t first;
 };
 
+// One coordinate of a learned curve and its knots, evenly spaced from low to high, in the coordinate's SI unit.
+struct CurveAxis {
+    std::string coordinate;  // t, angle or speed of the body, a signal, or in.NAME for a recorded column
+    double low, high;
+    int knots;
+    bool periodic = false;  // high is low again: the last knot stands one step before it
+};
+
+// A recorded column that a user's law reads, and its unit.
+struct Column {
+    std::string name, unit;
+};
+
 struct EffectEntry {
     std::string name, place, label;    // label: name@place, the prefix of its parameters
     std::vector<std::string> members;  // the places it sits at, groups resolved
     std::string formula;               // of an expression effect
     std::size_t first, count;
+    std::vector<CurveAxis> axes = {};  // of a spline effect
+    std::vector<Column> columns = {};  // of a user's law
+    bool of_user() const { return !formula.empty() || !axes.empty(); }
 };
+
+// The names that a user's law reads: signals, recorded columns, own parameters; none for an effect of the registry.
+std::vector<std::string> names_read(const EffectEntry& effect);
 
 // A parameter of a user's formula.
 struct FormulaParameter {
@@ -76,7 +95,12 @@ class Machine {
     void set_controller(const ControllerOptions& options);
     const std::string& add_effect(const std::string& name, const std::string& place);
     const std::string& add_expression(const std::string& place, const std::string& formula,
-                                      const std::vector<FormulaParameter>& parameters);
+                                      const std::vector<FormulaParameter>& parameters,
+                                      const std::vector<Column>& columns = {});
+    // A torque on a body as a curve over one coordinate or two; values, N·m at the knots, run along the last axis first.
+    const std::string& add_spline(const std::string& place, const std::vector<CurveAxis>& axes,
+                                  const std::vector<double>& values, double usual_size,
+                                  const std::vector<Column>& columns = {});
     void remove_effect(const std::string& label);
 
     // Parameters by path or tie group: `meshes.gap` is mesh_1.gap, mesh_2.gap, ...; `current_limit@motors.T_max`, of an
@@ -110,6 +134,8 @@ class Machine {
     std::size_t declare(const std::string& prefix);
     std::vector<std::string> members_of(std::string_view group) const;
     const std::string& append_effect(EffectEntry entry);
+    EffectEntry user_law(const char* effect_name, const std::string& place, std::size_t count,
+                         const std::vector<Column>& columns) const;
     std::string unread(std::size_t slot) const;
     bool shapes_a_mesh(const std::string& place, bool with_play = false) const;
 

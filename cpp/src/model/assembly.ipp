@@ -53,10 +53,12 @@ void Model<S>::set_parameters(const S* values) {
     for (const auto& m : machine_.motors()) motor_.push_back(read_component<Motor<S>>(values + m.first));
     if (machine_.controlled()) controller_ = read_component<Controller<S>>(values + machine_.controller_first());
     for (const auto& e : machine_.effects()) {
-        if (e.formula.empty())
-            effect_.push_back(make_effect<S>(e.name, values + e.first));
-        else
+        if (!e.formula.empty())
             effect_.push_back(std::make_unique<FormulaEffect<S>>(e, machine_, layout_, values + e.first));
+        else if (!e.axes.empty())
+            effect_.push_back(std::make_unique<CurveEffect<S>>(e, layout_, values + e.first));
+        else
+            effect_.push_back(make_effect<S>(e.name, values + e.first));
     }
     delay_.clear();
     for (const DelayLine& line : layout_.delays) delay_.push_back(values[line.slot]);

@@ -11,7 +11,7 @@ namespace dualdrive {
 namespace {
 
 bool is_affine(const Machine& machine, const EffectEntry& effect) {
-    if (effect.formula.empty()) return effect_type(effect.name).text.affine;
+    if (effect.formula.empty()) return effect_type(effect.name).text.affine;  // a spline is not
     using Growth = Expression::Growth;
     const auto slots = machine.slots().begin() + static_cast<std::ptrdiff_t>(effect.first);
     return Expression::parse(effect.formula).is_affine([&](std::string_view name) {

@@ -3,7 +3,6 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "dualdrive/expression.hpp"
 #include "instant.hpp"
 #include "simulation.hpp"
 
@@ -73,7 +72,7 @@ void Simulation::read_options() {
         if (!is_read(name))
             refuse("simulate: input " + name +
                    " is read by nothing in this machine: a motor takes U_n (armature) or T_n (direct) only without a "
-                   "controller, other columns belong to a formula" +
+                   "controller, other columns belong to a user's law" +
                    near_names(name, {"theta_ref", "T_load"}));
 }
 
@@ -84,8 +83,7 @@ bool Simulation::is_read(const std::string& input) const {
         if (!machine_.controlled() && input == (m.kind == MotorKind::armature ? "U_" : "T_") + channel_suffix(m.name))
             return true;
     return std::any_of(machine_.effects().begin(), machine_.effects().end(), [&](const EffectEntry& e) {
-        if (e.formula.empty()) return false;
-        const auto names = Expression::parse(e.formula).names();
+        const auto names = names_read(e);
         return std::any_of(names.begin(), names.end(),
                            [&](const std::string& name) { return name == input || name == "in." + input; });
     });

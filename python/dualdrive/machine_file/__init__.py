@@ -12,10 +12,12 @@ from .history import history_of
 from .layers import DEFAULT, SCHEMA, Layer, MachineError, parse_layer, preset_names, read_layers
 from .numbers import set_value
 from .trains import GROUPS, Structure, group_of
+from .user_laws import LAW_KEYS
 
 __all__ = [
     "DEFAULT",
     "GROUPS",
+    "LAW_KEYS",
     "SCHEMA",
     "Layer",
     "MachineError",

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Any
 
 from dualdrive import _core
-from dualdrive.units import UnitError, parse
 
 from .layers import Layer, MachineError, expect
 from .numbers import set_value
 from .trains import Structure
+from .user_laws import OWN_KEYS, USER_LAWS, add_user_law
 
 __all__ = ["add_effect", "add_effects"]
-
-_NUMBER: Final = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
 def add_effects(core: _core.Machine, s: Structure, layer: Layer) -> None:
@@ -30,7 +27,7 @@ def add_effects(core: _core.Machine, s: Structure, layer: Layer) -> None:
     for row, entry in enumerate(entries, 1):
         where = f"{layer.where}: effects {row}"
         label = f"{entry.get('effect')}@{entry.get('place')}"
-        if label in inherited and entry["effect"] != "expression":
+        if label in inherited and entry["effect"] not in USER_LAWS:
             _set_values(core, s, label, entry, where)
         else:
             add_effect(core, s, entry, where)
@@ -39,8 +36,9 @@ def add_effects(core: _core.Machine, s: Structure, layer: Layer) -> None:
 def add_effect(core: _core.Machine, s: Structure, entry: Mapping[str, Any], where: str) -> str:
     """Add one effect, as a machine file states it; returns its label.
 
-    entry:  effect, place and its parameters; for an expression formula and parameters
-            {name = number or {value, unit}}
+    entry:  effect, place and its parameters; for an expression formula, parameters
+            {name = number or {value, unit}} and columns {name = unit}; for a spline coordinate,
+            low, high, and values or knots (each once, or once per coordinate)
 
     Raises MachineError naming file, key, value and rule; nothing is added then.
     """
@@ -50,11 +48,8 @@ def add_effect(core: _core.Machine, s: Structure, entry: Mapping[str, Any], wher
         expect(entry[key], str, where, key, "text")
     before = {p.path: p.value for p in core.parameters()}
     try:
-        if entry["effect"] == "expression":
-            parameters = _formula_parameters(entry, where)
-            formula = expect(entry.get("formula"), str, where, "formula", "text, e.g. 'c*omega_m'")
-            _check_units(core, s, formula, parameters)
-            label = core.add_expression(entry["place"], formula, parameters)
+        if entry["effect"] in USER_LAWS:
+            label = add_user_law(core, s, entry, where)
         else:
             label = core.add_effect(entry["effect"], entry["place"])
     except MachineError:
@@ -83,55 +78,7 @@ def _restore(core: _core.Machine, before: Mapping[str, float]) -> None:
 def _set_values(
     core: _core.Machine, s: Structure, label: str, entry: Mapping[str, Any], where: str
 ) -> None:
-    own = {"effect", "place"}
-    if entry["effect"] == "expression":
-        own |= {"formula", "parameters"}
+    own = {"effect", "place"} | OWN_KEYS.get(entry["effect"], set())
     for key, value in entry.items():
         if key not in own:
             set_value(core, s, f"{label}.{key}", value, where)
-
-
-def _stated(value: Any) -> dict[str, Any]:
-    """A parameter of a formula has the unit that it is given in: ``"3 N*m*s/rad"``."""
-    match = _NUMBER.match(value) if isinstance(value, str) else None
-    if match is None:
-        return {"value": value}
-    return {"value": match[0], "unit": value[match.end() :].strip()}
-
-
-def _check_units(
-    core: _core.Machine, s: Structure, formula: str, parameters: list[tuple[str, str, float]]
-) -> None:
-    """Refuse a formula that is no torque, where every unit is known.
-
-    A bare number has no unit to check by, nor has a recorded column; a linear axis counts its table
-    side in other units than the core declares.
-    """
-    known = {"t": "s", "angle": "rad", "speed": "rad/s"}
-    known |= {name: unit for name, unit, _ in core.signals()}
-    known |= {name: unit for name, unit, _ in parameters}
-    bare = {name for name, unit, _ in parameters if not unit}
-    names = set(_core.formula_names(formula))
-    if s.axis != "rotary" or names & bare or not names <= known.keys():
-        return
-    found = _core.formula_unit(formula, {name: known[name] for name in names})
-    if found != "N*m":
-        raise ValueError(f"formula = {formula!r} gives {found}, not a torque in N*m")
-
-
-def _formula_parameters(entry: Mapping[str, Any], where: str) -> list[tuple[str, str, float]]:
-    table = expect(entry.get("parameters", {}), Mapping, where, "parameters", "a table")
-    found = []
-    for name, value in table.items():
-        item = value if isinstance(value, Mapping) else _stated(value)
-        for key in item:
-            if key not in ("value", "unit"):
-                raise MachineError(f"{where}: parameters.{name}.{key}: unknown; give value, unit")
-        if "value" not in item:
-            raise MachineError(f"{where}: parameters.{name}: value is missing; give value, unit")
-        unit = expect(item.get("unit", ""), str, where, f"parameters.{name}.unit", "text")
-        try:
-            found.append((name, unit, parse(item["value"], unit, key=f"parameters.{name}")))
-        except UnitError as error:
-            raise MachineError(f"{where}: {error}") from None
-    return found

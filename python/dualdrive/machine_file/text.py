@@ -18,6 +18,7 @@ from dualdrive import _core
 from .build import build
 from .layers import SCHEMA, Layer, parse_layer
 from .trains import GROUPS, group_of
+from .user_laws import USER_LAWS, curve_entry
 
 __all__ = ["choose", "compose"]
 
@@ -84,7 +85,7 @@ def _drop_member_values(document: tomlkit.TOMLDocument, section: str, key: str) 
 def _merge_effect(document: tomlkit.TOMLDocument, entry: Mapping[str, Any]) -> None:
     for known in document["effects"]:
         same = known["effect"] == entry["effect"] and known["place"] == entry["place"]
-        if same and entry["effect"] != "expression":
+        if same and entry["effect"] not in USER_LAWS:
             known.update(entry)
             return
     document["effects"].append(entry)
@@ -136,7 +137,15 @@ def _write_effects(document: tomlkit.TOMLDocument, core: _core.Machine) -> None:
 
 def _states(entry: Mapping[str, Any], effect: Mapping[str, Any]) -> bool:
     known = (entry["effect"], entry["place"], entry.get("formula", ""))
-    return known == (effect["effect"], effect["place"], effect["formula"])
+    if known != (effect["effect"], effect["place"], effect["formula"]):
+        return False
+    return not effect["axes"] or _is_plain_curve(entry, effect)
+
+
+def _is_plain_curve(entry: Mapping[str, Any], effect: Mapping[str, Any]) -> bool:
+    """Whether a spline's text has the machine's axes in plain numbers; others are rewritten."""
+    wanted = curve_entry(effect["axes"])
+    return all(entry.get(key, False) == wanted[key] for key in wanted) and "values" in entry
 
 
 def _entry(core: _core.Machine, effect: Mapping[str, Any]) -> dict[str, Any]:
@@ -149,7 +158,11 @@ def _entry(core: _core.Machine, effect: Mapping[str, Any]) -> dict[str, Any]:
         entry["parameters"] = {
             p.path.rpartition(".")[2]: _inline({"value": p.value, "unit": p.unit}) for p in own
         }
-        return entry
+        return entry | _columns(effect)
+    if effect["axes"]:
+        values = _by_row([p.value for p in own], effect["axes"])
+        curve = {**curve_entry(effect["axes"]), "values": values, "size": own[0].typical}
+        return entry | curve | _columns(effect)
     return entry | {p.path.rpartition(".")[2]: p.value for p in own}
 
 
@@ -161,6 +174,17 @@ def _lent(core: _core.Machine, effect: Mapping[str, Any]) -> dict[str, float]:
         if len({p.value for p in members}) == 1 and math.isfinite(members[0].value):
             found[name] = members[0].value
     return found
+
+
+def _columns(effect: Mapping[str, Any]) -> dict[str, Any]:
+    return {"columns": _inline(dict(effect["columns"]))} if effect["columns"] else {}
+
+
+def _by_row(values: list[float], axes: Sequence[Any]) -> list[Any]:
+    if len(axes) == 1:
+        return values
+    width = axes[1][3]
+    return [values[k : k + width] for k in range(0, len(values), width)]
 
 
 def _inline(values: Mapping[str, Any]) -> tomlkit.items.InlineTable:
@@ -237,7 +261,11 @@ def _write_effect_value(
 ) -> None:
     row = [e["label"] for e in core.effects].index(label)
     entry = document["effects"][row]
-    if "formula" in entry:
+    if core.effects[row]["axes"]:
+        *rows, last = (int(k) for k in key.split("_")[1:])
+        values = entry["values"][rows[0]] if rows else entry["values"]
+        values[last] = value
+    elif "formula" in entry:
         unit = core.parameter(f"{label}.{key}").unit
         entry["parameters"][key] = _inline({"value": value, "unit": unit})
     else:

@@ -136,9 +136,7 @@ def records(
         left_out = len(trace) - sum(len(part) for part in parts)
         for k, part in enumerate(parts, 1):
             label = name if len(parts) == 1 else f"{name} ({k})"
-            record = _record(
-                with_settings(core, own), label, part, motion, interpolation, start
-            )
+            record = _record(with_settings(core, own), label, part, motion, interpolation, start)
             found.append(replace(record, left_out=left_out if k == 1 else 0, settings=own))
     return found
 
@@ -260,7 +258,7 @@ def _first(t: Array, values: Array, moving: bool) -> tuple[float, float]:
 
 
 def _inputs(core: Any, name: str, trace: Trace, motion: Any, interpolation: str) -> dict[str, Any]:
-    """Commanded motion, recorded load, and the columns that a formula may read."""
+    """Commanded motion, recorded load, and the columns that a user's law reads."""
     inputs: dict[str, Any] = {}
     if motion is not None:
         inputs["theta_ref"] = getattr(motion, "waveform", motion)
@@ -271,9 +269,9 @@ def _inputs(core: Any, name: str, trace: Trace, motion: Any, interpolation: str)
             f"{name}: no commanded motion; record theta_ref, give a motion, or use the torque "
             "balance"
         )
-    formulas = any(effect["formula"] for effect in core.effects)
+    read = {name.removeprefix("in.") for effect in core.effects for name in effect["reads"]}
     for channel in trace:
-        if channel == "T_load" or (formulas and channel not in CHANNELS):
+        if channel == "T_load" or (channel in read and channel not in CHANNELS):
             inputs[channel] = _core.sampled(trace.t, trace[channel], _core.Interpolation.linear)
     return inputs
 
