@@ -176,6 +176,22 @@ def test_it_travels() -> None:
         assert again.parameter("spline@table.value_1").typical == 7.0
 
 
+def test_it_is_taken_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """To the machine before it, and a curve that was changed to the curve before."""
+    monkeypatch.chdir(tmp_path)
+    words = ["add", "bench", "spline@table", "--curve", "speed=-4:4:9", "-o", "one.toml"]
+    more = ["add", "one.toml", "coulomb@table", "--set", "spline@table.value_4=3", "-o", "two.toml"]
+    for line in (words, more):
+        assert CliRunner().invoke(main, line).exit_code == 0
+    machine = Machine.load("two.toml")
+    assert machine.get("spline@table.value_4") == 3.0
+    machine.undo()
+    assert machine.get("spline@table.value_4") == 0.0
+    assert machine.core.effects == Machine.load("one.toml").core.effects
+    machine.undo()
+    assert machine.effects == Machine.load("bench").effects
+
+
 def test_the_command_line_adds_a_curve_of_zeros(tmp_path: Path) -> None:
     target = str(tmp_path / "m.toml")
     words = ["add", "bench", "spline@table", "--curve", "speed=-4:4:9", "-o", target]

@@ -45,8 +45,14 @@ class State:
 def fingerprint(state: State) -> str:
     """A short name of everything that decides how the machine behaves; wording and notes do not."""
     core = state.core
-    numbers = {p.path: p.value.hex() for p in core.parameters() if not _same(p.value, p.standard)}
-    effects = [(e["label"], e["formula"]) for e in core.effects]
+    # the default of a number of a user's law is what its file says, and moves with it
+    own = {e["label"] for e in core.effects if e["formula"] or e["axes"]}
+    numbers = {
+        p.path: p.value.hex()
+        for p in core.parameters()
+        if not _same(p.value, p.standard) or p.path.rpartition(".")[0] in own
+    }
+    effects = [(e["label"], e["formula"] or e["axes"] or "") for e in core.effects]
     spoken = repr((core.name, state.title, sorted(numbers.items()), effects, state.structure))
     return hashlib.sha256(spoken.encode()).hexdigest()[:16]
 

@@ -37,10 +37,10 @@ struct CuttingTorque {
         return fields<E, S>({
             {&E::mean, {"mean", "N*m", any, 0.0, 1e3, "mean, against positive motion"}},
             {&E::amplitude, {"amplitude", "N*m", non_negative, 0.0, 300.0, "of the tooth-passing harmonic"}},
-            {&E::frequency, {"frequency", "Hz", positive, 10.0, 10.0, "spindle speed times teeth"}},
+            {&E::frequency, {"frequency", "Hz", positive, 10.0, 10.0, "spindle speed times teeth", true}},
             {&E::start, {"start", "s", any, 0.0, 1.0, "when the tool enters"}},
             {&E::duration, {"duration", "s", positive, 1.0, 1.0, "until the tool has left"}},
-            {&E::rise, {"rise", "s", positive, 0.02, 0.01, "time of entry, and of exit"}},
+            {&E::rise, {"rise", "s", positive, 0.02, 0.01, "time of entry, and of exit", true}},
         });
     }
 

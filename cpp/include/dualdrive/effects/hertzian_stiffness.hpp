@@ -34,7 +34,7 @@ struct HertzianStiffness {
         using E = HertzianStiffness;
         return fields<E, S>({
             {&E::growth, {"growth", "", non_negative, 0.0, 0.3, "excess of the stiffness at the reference overlap"}},
-            {&E::overlap, {"overlap", "rad", positive, 1e-3, 1e-3, "reference overlap, pinion's frame"}},
+            {&E::overlap, {"overlap", "rad", positive, 1e-3, 1e-3, "reference overlap, pinion's frame", true}},
         });
     }
 

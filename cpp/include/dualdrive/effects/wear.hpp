@@ -36,7 +36,7 @@ struct Wear {
             {&E::depth, {"depth", "rad", non_negative, 0.0, 5e-4, "added HALF play at the centre, pinion's frame"}},
             {&E::centre, {"centre", "rad", any, 0.0, 1.0, "angle of the worst place"}},
             {&E::width, {"width", "rad", positive, 0.5, 0.3, "standard deviation of the worn range"}},
-            {&E::places_per_turn, {"places", "", positive, 1.0, 1.0, "worn places per revolution of the wheel"}},
+            {&E::places_per_turn, {"places", "", positive, 1.0, 1.0, "worn places per revolution of the wheel", true}},
         });
     }
 
