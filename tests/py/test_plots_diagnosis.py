@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from diagnosed import Ladder, diagnosis
+import diagnosed as example
+from diagnosed import diagnosis
 from dualdrive.plots import (
     PlotError,
     Step,
@@ -125,4 +126,4 @@ def test_a_ladder_without_a_known_floor_or_held_out_record_is_drawn_all_the_same
     [axes] = ladder(steps, noise_floor=math.nan).axes
     assert [line.get_label() for line in axes.lines] == ["fitted records"]
     assert [t.get_text() for t in axes.get_xticklabels()][1].count("\n") >= 1
-    assert len(ladder(Ladder.steps, noise_floor=0.03).axes[0].lines) == 3
+    assert len(ladder(example.ladder().steps, noise_floor=0.03).axes[0].lines) == 3

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosed import NASTY, Ladder, diagnosis
+from diagnosed import NASTY, diagnosis, ladder
 from dualdrive.report import Provenance, Source, page
 from recorded import DEMO
 
@@ -30,7 +30,7 @@ def written() -> str:
     found = Provenance.of(
         d.refitted, sources, improved=d.improved, commands=("dualdrive report x",)
     )
-    return page(d, ladder=Ladder(), provenance=found)
+    return page(d, ladder=ladder(), provenance=found)
 
 
 class Outline(HTMLParser):
@@ -114,7 +114,7 @@ def test_figures_are_those_of_the_diagnosis() -> None:
     for shown in ("41%", "3.3%", "2010 N·m (1950 … 2070)", "0.61", "controller.T_ten = 0", "93%"):
         assert shown in words, shown
     assert "coulomb@table or stribeck@table" in words
-    assert "nothing that can be named is left" in words
+    assert "nothing is left that these records could show" in words
 
 
 def test_provenance_names_the_file_by_its_hash() -> None:

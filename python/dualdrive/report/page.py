@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from dualdrive.diagnose.result import VERDICTS, Diagnosis
 from dualdrive.report import evidence, origin, remedies
@@ -13,17 +13,20 @@ from dualdrive.report.pictures import Gallery
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from dualdrive.diagnose.improve import Ladder
     from dualdrive.report.provenance import Provenance
 
 __all__ = ["page"]
 
 
-def page(diagnosis: Diagnosis, *, ladder: Any = None, provenance: Provenance | None = None) -> str:
+def page(
+    diagnosis: Diagnosis, *, ladder: Ladder | None = None, provenance: Provenance | None = None
+) -> str:
     """The report as the text of one HTML file.
 
     Args:
         diagnosis: what was found.
-        ladder: steps with ``label``, ``fitted``, ``held_out``, and why it ``stopped``.
+        ladder: how the error fell, of :func:`dualdrive.diagnose.improve`.
         provenance: what it was made from.
 
     """
@@ -55,7 +58,7 @@ def page(diagnosis: Diagnosis, *, ladder: Any = None, provenance: Provenance | N
 
 
 def _plan(
-    d: Diagnosis, ladder: Any, provenance: Provenance | None, hung: Gallery
+    d: Diagnosis, ladder: Ladder | None, provenance: Provenance | None, hung: Gallery
 ) -> list[tuple[str, str, Callable[[], Html | None]]]:
     """Every section in its order; one with nothing to say returns None and is left out."""
     return [

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from dualdrive.diagnose.result import Candidate, Diagnosis, Interval
 from dualdrive.report.markup import Html, join, number, percent, table, tag
 
 if TYPE_CHECKING:
+    from dualdrive.diagnose.improve import Ladder
     from dualdrive.report.pictures import Gallery
 
 __all__ = ["candidates", "experiment", "ladder", "moved"]
@@ -63,30 +63,34 @@ def _groups(d: Diagnosis) -> Html | None:
 
 
 def _sizes(c: Candidate) -> str:
-    if not c.resolved:
-        return c.note or "not refitted"
     sizes = "; ".join(
         f"{path.rpartition('.')[2]} {_interval(v)}" for path, v in c.parameters.items()
     )
-    return "; ".join(filter(None, (sizes, c.note)))
+    doubt = "" if c.resolved or c.note else "not refitted"
+    return "; ".join(filter(None, (sizes, c.note, doubt)))
 
 
 def _interval(v: Interval) -> str:
+    if v.low == v.high:  # counted, not fitted
+        return number(v.value, v.unit)
     return f"{number(v.value, v.unit)} ({number(v.low)} … {number(v.high)})"
 
 
-def ladder(found: Any, hung: Gallery) -> Html | None:
+def _steps(found: Ladder) -> Html | None:
+    """The commands behind the steps, where a step has one."""
+    commands = [step.command for step in found.steps if step.command]
+    return tag("pre", "\n".join(commands), tabindex="0") if commands else None
+
+
+def ladder(found: Ladder | None, hung: Gallery) -> Html | None:
     """How the error fell, step by step, and why it stopped."""
     from dualdrive.plots import ladder as draw
 
     if found is None or not found.steps:
         return None
-    steps = list(found.steps)
-    floors = [getattr(step, "noise_floor", math.nan) for step in steps]
-    floor = floors[-1] if floors[-1] is not None else math.nan
+    steps, floor = list(found.steps), found.steps[-1].noise_floor
     rows = [
-        (s.label, percent(s.fitted), percent(_known(s.held_out)), percent(_known(f)))
-        for s, f in zip(steps, floors, strict=True)
+        (s.label, percent(s.fitted), percent(s.held_out), percent(s.noise_floor)) for s in steps
     ]
     first, last = steps[0], steps[-1]
     alt = (
@@ -95,18 +99,14 @@ def ladder(found: Any, hung: Gallery) -> Html | None:
     )
     caption = "Error after each step, on fitted and on held-out records, down to the noise floor."
     head = ("step", "fitted", "held out", "noise floor")
-    stopped = getattr(found, "stopped", "")
     return join(
         [
             hung.hang(draw(steps, noise_floor=floor), caption, alt),
             table(head, rows, "The ladder", numbers=(1, 2, 3), marked=len(rows) - 1),
-            tag("p", f"It stopped there: {stopped}.") if stopped else None,
+            tag("p", f"Held out: {found.held}. It stopped there: {found.stopped}."),
+            _steps(found),
         ]
     )
-
-
-def _known(value: float | None) -> float:
-    return math.nan if value is None else value
 
 
 def experiment(d: Diagnosis, hung: Gallery) -> Html | None:

@@ -1,4 +1,4 @@
-"""Trying the menu with two rivals: each motion sized to the machine, its distance, the best first."""
+"""Trying the menu with two rivals: each motion as large as the machine can do, the best first."""
 
 from __future__ import annotations
 

@@ -1,0 +1,211 @@
+"""What the verbs diagnose, improve and report share: settings of single traces, and tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.markup import escape
+from rich.table import Table
+
+from dualdrive.diagnose import VERDICTS, Candidate, Diagnosis, Experiment, Interval, Ladder
+from dualdrive.machine import Machine
+from dualdrive.motion import parse_motion
+from dualdrive.units import human
+from dualdrive_cli._shared import command_line, console
+from dualdrive_cli._traces import (
+    interpolation_option,
+    mode_option,
+    motion_option,
+    start_option,
+)
+
+set_for_option = click.option(
+    "--set-for",
+    "set_for",
+    multiple=True,
+    metavar="TRACE:KEY=VALUE",
+    help="Set while this trace was recorded: --set-for two.csv:controller.T_ten=0",
+)
+
+
+def budget_option(seconds: float) -> Callable[..., Any]:
+    """Time for computing, with its default."""
+    return click.option(
+        "--budget",
+        type=click.FloatRange(0, min_open=True),
+        default=seconds,
+        show_default=True,
+        metavar="SECONDS",
+        help="Time for computing; what is not done then is told.",
+    )
+
+
+def confronting(function: Callable[..., Any]) -> Callable[..., Any]:
+    """How a machine meets recordings while it is diagnosed; see `how`."""
+    shared = (set_for_option, mode_option, motion_option, start_option, interpolation_option)
+    for option in reversed(shared):
+        function = option(function)
+    return function
+
+
+def how(
+    machine: Machine, *, mode: str, motion: str | None, start: str, interpolation: str
+) -> dict[str, Any]:
+    """Keywords that diagnose and improve take alike."""
+    return {
+        "mode": mode,
+        "motion": parse_motion(motion, axis=machine.axis) if motion else None,
+        "start": start,
+        "interpolation": interpolation,
+    }
+
+
+_MOST = 8  # rows of a table
+
+
+def settings_for(
+    machine: Machine, texts: Sequence[str], traces: Iterable[str]
+) -> dict[str, dict[str, float]]:
+    """Trace -> parameter path -> SI value, from TRACE:KEY=VALUE; TRACE with or without its ending.
+
+    Raises click.BadParameter for a trace that is not there, MachineError for a path or value.
+    """
+    names, found = list(traces), dict[str, dict[str, float]]()
+    for text in texts:
+        trace, colon, setting = text.rpartition(":")
+        path, sign, value = setting.partition("=")
+        if not colon or not sign or not trace:
+            rule = "is not TRACE:KEY=VALUE, e.g. two.csv:controller.T_ten=0"
+            raise click.BadParameter(f"--set-for {text!r} {rule}")
+        name = next((n for n in (trace, Path(trace).stem) if n in names), None)
+        if name is None:
+            there = ", ".join(names)
+            raise click.BadParameter(f"--set-for {text!r}: no trace {trace}; there are {there}")
+        trial = machine.copy()
+        trial.set(path.strip(), value.strip())
+        found.setdefault(name, {})[path.strip()] = trial.get(path.strip())
+    return found
+
+
+def told(status: Any) -> Callable[[str], None]:
+    """Show what is being tried, a line that replaces the one before."""
+    return lambda what: status.update(escape(what))
+
+
+# --- tables ---------------------------------------------------------------------------------------
+
+
+def show(d: Diagnosis) -> None:
+    """A diagnosis as a person reads it."""
+    screen = console()
+    for line in d.warnings:
+        screen.print(f"warning: {line}", style="yellow", markup=False)
+    best = f": {d.best.label}" if d.best else ""
+    screen.print(f"{d.verdict}{best}", style="bold", markup=False)
+    screen.print(f"{d.paragraph or VERDICTS[d.verdict]}\n", markup=False)
+    screen.print(_errors(d))
+    if d.candidates:
+        screen.print(_candidates(d.candidates[:_MOST]))
+    for line in _remarks(d):
+        screen.print(line, markup=False)
+
+
+def _errors(d: Diagnosis) -> Table:
+    table = Table(title="Error (RMS residual / RMS signal)", title_justify="left")
+    table.add_column("machine")
+    table.add_column("fitted", justify="right")
+    table.add_column("held out", justify="right")
+    for label, fitted, held_out in (
+        ("as given", "nominal", ""),
+        ("refitted", "refitted", "held_out_refitted"),
+        ("with the best explanation", "best", "held_out_best"),
+    ):
+        if fitted in d.error:
+            table.add_row(label, _share(d.error[fitted]), _share(d.error.get(held_out, math.nan)))
+    if "noise_floor" in d.error:
+        table.add_row("noise floor", _share(d.error["noise_floor"]), "")
+    return table
+
+
+def _candidates(shown: Sequence[Candidate]) -> Table:
+    table = Table(title="What could explain it", title_justify="left")
+    for head, side in (
+        ("effect", "left"),
+        ("probability", "right"),
+        ("held out", "right"),
+        ("explains", "right"),
+        ("size", "left"),
+    ):
+        table.add_column(head, justify=side)  # type: ignore[arg-type]
+    for c in shown:
+        size = next((_interval(p) for p in c.parameters.values()), "")
+        shares = (f"{c.probability:.2f}", _share(c.held_out), _share(c.explained))
+        table.add_row(escape(c.label), *shares, escape("; ".join(filter(None, (size, c.note)))))
+    return table
+
+
+def _remarks(d: Diagnosis) -> list[str]:
+    lines = [f"can't be told apart here: {', '.join(group)}" for group in d.groups]
+    if d.equation is not None:
+        lines.append(
+            f"the equation that fails: {d.equation.name} ({d.equation.probability:.0%} sure)"
+        )
+    worst = sorted((c for c in d.where if c.excess > 1.2), key=lambda c: -c.excess)[:4]
+    if worst:
+        found = "; ".join(f"{c.condition} ×{c.excess:.2g}" for c in worst)
+        lines.append(f"where it fails most: {found}")
+    if d.moved:
+        found = "; ".join(f"{path} {_interval(v)}" for path, v in list(d.moved.items())[:_MOST])
+        lines.append(f"numbers that moved: {found}")
+    if d.next_experiment is not None:
+        lines += _experiment(d.next_experiment)
+    lines += [f"left undone: {line}" for line in d.cut]
+    return lines
+
+
+def _experiment(best: Experiment) -> list[str]:
+    apart = " from ".join(best.separates)
+    head = f"next: {best.name}, to tell {apart} (expected distance {best.expected_distance:.3g})"
+    return [head, *(f"  {command}" for command in best.commands)]
+
+
+def show_ladder(found: Ladder) -> None:
+    """The steps of an improvement, their errors, and why it stopped."""
+    table = Table(title="Error (RMS residual / RMS signal)", title_justify="left")
+    table.add_column("model")
+    for head in ("fitted", "held out", "noise floor"):
+        table.add_column(head, justify="right")
+    for step in found.steps:
+        shares = (step.fitted, step.held_out, step.noise_floor)
+        table.add_row(escape(step.label), *map(_share, shares))
+    screen = console()
+    screen.print(table)
+    screen.print(f"held out: {found.held}", markup=False)
+    screen.print(f"stopped: {found.stopped}", markup=False)
+
+
+def _share(value: float) -> str:
+    return f"{value:.2%}" if math.isfinite(value) else "–"
+
+
+def _interval(v: Interval) -> str:
+    if v.low == v.high:  # counted, not fitted
+        return human(v.value, v.unit)
+    return f"{human(v.value, v.unit)} [{human(v.low, v.unit)} .. {human(v.high, v.unit)}]"
+
+
+# --- files ----------------------------------------------------------------------------------------
+
+
+def save(machine: Machine, path: Path, change: str, *, overwrite: bool) -> None:
+    """Write a machine file; the last line of its history gets the command if it has none."""
+    if machine.history and not machine.history[-1].get("command"):
+        last = {**machine.history[-1], "command": command_line()}
+        machine.history = (*machine.history[:-1], last)
+    else:
+        machine.note(change, command_line())
+    machine.save(path, overwrite=overwrite)

@@ -1,0 +1,131 @@
+"""dualdrive diagnose: where a machine fails, which effect is missing, what to measure next."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from dualdrive import diagnose
+from dualdrive.diagnose import Diagnosis
+from dualdrive.files import refuse_existing, write_atomically
+from dualdrive.identify import FitError
+from dualdrive_cli._diagnosis import (
+    budget_option,
+    confronting,
+    how,
+    save,
+    settings_for,
+    show,
+    told,
+)
+from dualdrive_cli._shared import (
+    FAILED,
+    console,
+    give_up,
+    json_option,
+    load,
+    overwrite_option,
+    picture,
+    set_option,
+    verb,
+    write_json,
+)
+from dualdrive_cli._traces import (
+    map_option,
+    part_option,
+    read_all,
+    traces_argument,
+)
+
+
+@click.command(
+    epilog="Example: dualdrive diagnose machine.toml fit.csv --budget 40 -o improved.toml",
+)
+@click.argument("machine")
+@traces_argument
+@map_option
+@part_option
+@set_option
+@confronting
+@budget_option(60)
+@click.option(
+    "-o", "--output", type=Path, help="The machine with the best explanation in it, fitted."
+)
+@click.option(
+    "--plot", type=Path, callback=picture, help="Draw what was found on one sheet (png, pdf, svg)."
+)
+@json_option
+@overwrite_option
+@verb
+def command(
+    machine: str,
+    traces: tuple[Path, ...],
+    mapping: Path | None,
+    wanted: tuple[str, ...],
+    settings: tuple[str, ...],
+    set_for: tuple[str, ...],
+    budget: float,
+    output: Path | None,
+    plot: Path | None,
+    json_to: str | None,
+    overwrite: bool,
+    **replay: Any,
+) -> None:
+    """Say where a machine fails, which effect is missing, and what to measure next.
+
+    The numbers of the data sheet are refitted under every explanation, so that a drifted inertia
+    does not pose as an effect. What the record can't tell apart is named as a group, with the
+    experiment that would. Ctrl-C ends the search with what is known so far.
+    """
+    for path in filter(None, (output, plot)):
+        refuse_existing(path, overwrite=overwrite)
+    m = load(machine, settings)
+    recorded = read_all(traces, mapping, wanted)
+    own = settings_for(m, set_for, recorded)
+    with console(err=True).status("diagnosing") as status:
+        try:
+            found = diagnose.diagnose(
+                m,
+                recorded,
+                settings=own,
+                budget=budget,
+                progress=told(status),
+                **how(m, **replay),
+            )
+        except FitError as error:
+            give_up(f"{m.name}: {error}", FAILED)
+    if plot:
+        _draw(found, plot)
+    change = _save(found, output, overwrite=overwrite) if output and found.refitted else ""
+    write_json(json_to, found.figures())
+    if json_to != "-":
+        show(found)
+        if change:
+            click.echo(f"written: {output}: {change}")
+        if plot:
+            click.echo(f"written: {plot}")
+
+
+def _save(found: Diagnosis, path: Path, *, overwrite: bool) -> str:
+    """Write the improved machine, or the refitted one where nothing is named; says which."""
+    records = ", ".join(found.records)
+    if found.improved is not None and found.best is not None:
+        change = f"added {found.best.label}, fitted to {records}"
+        save(found.improved, path, change, overwrite=overwrite)
+    else:
+        change = f"fitted to {records}"
+        save(found.refitted, path, change, overwrite=overwrite)
+    return change
+
+
+def _draw(found: Diagnosis, path: Path) -> None:
+    from dualdrive.plots import PlotError, diagnosed
+
+    try:
+        figure = diagnosed(found)
+    except PlotError as error:
+        give_up(error, FAILED)
+    with write_atomically(path) as temporary:
+        figure.savefig(temporary)

@@ -1,0 +1,125 @@
+"""dualdrive improve: diagnose, add, refit, again, until nothing nameable is left."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from dualdrive import diagnose
+from dualdrive.diagnose import Ladder
+from dualdrive.diagnose.improve import MOST
+from dualdrive.files import refuse_existing, write_atomically
+from dualdrive.identify import FitError
+from dualdrive_cli._diagnosis import (
+    budget_option,
+    confronting,
+    how,
+    save,
+    settings_for,
+    show_ladder,
+    told,
+)
+from dualdrive_cli._shared import (
+    FAILED,
+    console,
+    give_up,
+    json_option,
+    load,
+    overwrite_option,
+    picture,
+    set_option,
+    verb,
+    write_json,
+)
+from dualdrive_cli._traces import (
+    map_option,
+    part_option,
+    read_all,
+    traces_argument,
+)
+
+
+@click.command(
+    epilog="Example: dualdrive improve machine.toml fit.csv --held-out held_out.csv --budget 60 "
+    "-o improved.toml",
+)
+@click.argument("machine")
+@traces_argument
+@click.option(
+    "--held-out", type=click.Path(path_type=Path), multiple=True, help="A trace to test on."
+)
+@click.option("--ambiguous", is_flag=True, help="Add the leader of a group that stays unparted.")
+@click.option("--most", type=click.IntRange(0), default=MOST, show_default=True, help="Effects.")
+@map_option
+@part_option
+@set_option
+@confronting
+@budget_option(180)
+@click.option("-o", "--output", type=Path, help="The improved machine file.")
+@click.option("--plot", type=Path, callback=picture, help="Draw the ladder (png, pdf, svg).")
+@json_option
+@overwrite_option
+@verb
+def command(
+    machine: str,
+    traces: tuple[Path, ...],
+    held_out: tuple[Path, ...],
+    ambiguous: bool,
+    most: int,
+    mapping: Path | None,
+    wanted: tuple[str, ...],
+    settings: tuple[str, ...],
+    set_for: tuple[str, ...],
+    budget: float,
+    output: Path | None,
+    plot: Path | None,
+    json_to: str | None,
+    overwrite: bool,
+    **replay: Any,
+) -> None:
+    """Diagnose, add the missing effect, refit, and again, until nothing nameable is left.
+
+    Prints the ladder: the error of every step beside the noise floor, on the records fitted and on
+    those held out. Every step stands in the machine file's history and can be taken back. Ctrl-C
+    ends with the steps so far.
+    """
+    for path in filter(None, (output, plot)):
+        refuse_existing(path, overwrite=overwrite)
+    m = load(machine, settings)
+    recorded, unseen = read_all(traces, mapping, wanted), read_all(held_out, mapping)
+    own = settings_for(m, set_for, [*recorded, *unseen])
+    with console(err=True).status("improving") as status:
+        try:
+            found = diagnose.improve(
+                m,
+                recorded,
+                unseen or None,
+                settings=own,
+                budget=budget,
+                ambiguous=ambiguous,
+                most=most,
+                progress=told(status),
+                **how(m, **replay),
+            )
+        except FitError as error:
+            give_up(f"{m.name}: {error}", FAILED)
+    if not found.steps:
+        give_up(f"{m.name}: {found.stopped}: {' '.join(found.diagnoses[0].warnings)}", FAILED)
+    if plot:
+        _draw(found, plot)
+    if output:
+        save(found.machine, output, f"improved on {', '.join(recorded)}", overwrite=overwrite)
+    write_json(json_to, found.figures())
+    if json_to != "-":
+        show_ladder(found)
+        for path in filter(None, (output, plot)):
+            click.echo(f"written: {path}")
+
+
+def _draw(found: Ladder, path: Path) -> None:
+    from dualdrive.plots import ladder
+
+    with write_atomically(path) as temporary:
+        ladder(found.steps, noise_floor=found.steps[-1].noise_floor).savefig(temporary)

@@ -1,0 +1,114 @@
+"""dualdrive report: a diagnosis as one self-contained HTML page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from dualdrive import diagnose
+from dualdrive.files import refuse_existing, write_atomically
+from dualdrive.identify import FitError
+from dualdrive.report import Provenance, page
+from dualdrive_cli._diagnosis import (
+    budget_option,
+    confronting,
+    how,
+    settings_for,
+    told,
+)
+from dualdrive_cli._shared import (
+    FAILED,
+    command_line,
+    console,
+    give_up,
+    json_option,
+    load,
+    overwrite_option,
+    set_option,
+    verb,
+    write_json,
+)
+from dualdrive_cli._traces import (
+    map_option,
+    part_option,
+    read_all,
+    traces_argument,
+)
+
+
+@click.command(
+    epilog="Example: dualdrive report machine.toml fit.csv --held-out held_out.csv --budget 60 "
+    "-o report.html",
+)
+@click.argument("machine")
+@traces_argument
+@click.option(
+    "--held-out", type=click.Path(path_type=Path), multiple=True, help="A trace to test on."
+)
+@click.option("--no-ladder", is_flag=True, help="Diagnose only: add nothing, diagnose not again.")
+@map_option
+@part_option
+@set_option
+@confronting
+@budget_option(180)
+@click.option(
+    "-o", "--output", type=Path, default=Path("report.html"), show_default=True, help="The page."
+)
+@json_option
+@overwrite_option
+@verb
+def command(
+    machine: str,
+    traces: tuple[Path, ...],
+    held_out: tuple[Path, ...],
+    no_ladder: bool,
+    mapping: Path | None,
+    wanted: tuple[str, ...],
+    settings: tuple[str, ...],
+    set_for: tuple[str, ...],
+    budget: float,
+    output: Path,
+    json_to: str | None,
+    overwrite: bool,
+    **replay: Any,
+) -> None:
+    """Diagnose a machine against measured traces and write it all into one HTML page.
+
+    Measured and simulated before and after, where it fails, what is missing and what could explain
+    it, the ladder of errors, the next experiment, and all it takes to make the page again. The
+    page opens without a network and prints well. Without --held-out the second half of every trace
+    is held out.
+    """
+    refuse_existing(output, overwrite=overwrite)
+    m = load(machine, settings)
+    recorded, unseen = read_all(traces, mapping, wanted), read_all(held_out, mapping)
+    own = settings_for(m, set_for, [*recorded, *unseen])
+    given: dict[str, Any] = {"settings": own, "budget": budget, **how(m, **replay)}
+    steps = None
+    with console(err=True).status("diagnosing") as status:
+        given["progress"] = told(status)
+        try:
+            if no_ladder:
+                found = diagnose.diagnose(m, recorded, **given)
+            else:
+                steps = diagnose.improve(m, recorded, unseen or None, **given)
+                found = steps.diagnoses[0]
+        except FitError as error:
+            give_up(f"{m.name}: {error}", FAILED)
+        status.update("drawing")
+        origin = Provenance.of(
+            m,
+            [*traces, *held_out],
+            improved=steps.machine if steps and steps.steps else found.improved,
+            commands=(command_line(),),
+        )
+        text = page(found, ladder=steps, provenance=origin)
+    with write_atomically(output) as temporary:
+        temporary.write_text(text, "utf-8")
+    write_json(json_to, (steps or found).figures())
+    if json_to != "-":
+        best = f": {found.best.label}" if found.best else ""
+        click.echo(f"{found.verdict}{best}")
+        click.echo(f"written: {output}")
