@@ -11,6 +11,7 @@ import click
 from rich.markup import escape
 from rich.table import Table
 
+from dualdrive.compare import Condition
 from dualdrive.diagnose import VERDICTS, Candidate, Diagnosis, Experiment, Interval, Ladder
 from dualdrive.machine import Machine
 from dualdrive.motion import parse_motion
@@ -154,7 +155,7 @@ def _remarks(d: Diagnosis) -> list[str]:
         lines.append(
             f"the equation that fails: {d.equation.name} ({d.equation.probability:.0%} sure)"
         )
-    worst = sorted((c for c in d.where if c.excess > 1.2), key=lambda c: -c.excess)[:4]
+    worst = sorted((c for c in d.where if _stands_out(c)), key=lambda c: -c.excess)[:4]
     if worst:
         found = "; ".join(f"{c.condition} ×{c.excess:.2g}" for c in worst)
         lines.append(f"where it fails most: {found}")
@@ -165,6 +166,10 @@ def _remarks(d: Diagnosis) -> list[str]:
         lines += _experiment(d.next_experiment)
     lines += [f"left undone: {line}" for line in d.cut]
     return lines
+
+
+def _stands_out(c: Condition) -> bool:
+    return c.excess > 1.2 if math.isnan(c.p) else c.excess > 1.0 and c.significant
 
 
 def _experiment(best: Experiment) -> list[str]:

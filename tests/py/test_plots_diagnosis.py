@@ -127,3 +127,16 @@ def test_a_ladder_without_a_known_floor_or_held_out_record_is_drawn_all_the_same
     assert [line.get_label() for line in axes.lines] == ["fitted records"]
     assert [t.get_text() for t in axes.get_xticklabels()][1].count("\n") >= 1
     assert len(ladder(example.ladder().steps, noise_floor=0.03).axes[0].lines) == 3
+
+
+def test_two_directions_are_two_points_with_bars_and_no_line_between() -> None:
+    [speed] = diagnosis().shapes
+    way = replace(
+        speed, coordinate="direction", coordinate_unit="", at=np.array([-1.0, 1.0]),
+        value=np.array([-90.0, 110.0]), low=np.array([-95.0, 100.0]), high=np.array([-80.0, 120.0]),
+    )  # fmt: skip
+    [axes] = missing_torque(way).axes
+    points, *_ = axes.lines
+    assert points.get_linestyle() == "None"
+    ends = [segment[:, 1].tolist() for segment in axes.collections[0].get_segments()]  # type: ignore[attr-defined]
+    assert ends == [[-95.0, -80.0], [100.0, 120.0]]

@@ -111,7 +111,14 @@ def test_pictures_have_words_and_tables_have_scopes() -> None:
 
 def test_figures_are_those_of_the_diagnosis() -> None:
     words = " ".join(Outline(written()).words)
-    for shown in ("41%", "3.3%", "2010 N·m (1950 … 2070)", "0.61", "controller.T_ten = 0", "93%"):
+    for shown in (
+        "41%",
+        "3.3%",
+        "2.01 kN·m (1.95 kN·m … 2.07 kN·m)",
+        "0.610",
+        "controller.T_ten = 0",
+        "93%",
+    ):
         assert shown in words, shown
     assert "coulomb@table or stribeck@table" in words
     assert "nothing is left that these records could show" in words

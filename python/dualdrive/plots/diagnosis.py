@@ -42,6 +42,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 _MOST: Final = 10  # bars
+_FEW: Final = 3  # points of a shape that are no line
 _TELLS_APART: Final = 11.0  # squared distance at which two explanations are told apart in 95 %
 
 
@@ -56,10 +57,18 @@ def missing_torque(shape: Shape, *, axes: Axes | None = None) -> Figure:
     axes = single(axes, 7.0, 3.2)
     across, up = scale(shape.coordinate_unit, shape.at), scale(shape.unit, shape.value)
     x = across(shape.at)
-    axes.fill_between(x, up(shape.low), up(shape.high), color=NOISE, alpha=0.6, lw=0, label="95 %")
-    axes.plot(x, up(shape.value), color=FIRST, lw=1.6, label="missing")
+    if len(x) > _FEW:
+        edges = up(shape.low), up(shape.high)
+        axes.fill_between(x, *edges, color=NOISE, alpha=0.6, lw=0, label="95 %")
+        axes.plot(x, up(shape.value), color=FIRST, lw=1.6, label="missing")
+        axes.margins(y=0.08)
+    else:  # a few places, such as the two directions, and nothing in between
+        reach = [up(shape.value - shape.low), up(shape.high - shape.value)]
+        look = {"color": FIRST, "ecolor": COMMAND, "marker": "o", "ls": "none", "capsize": 4}
+        axes.errorbar(x, up(shape.value), reach, label="missing, 95 %", **look)  # type: ignore[arg-type]
+        axes.margins(x=0.3, y=0.15)
+        axes.set_xticks(x)
     axes.axhline(0, color=LIMIT, lw=0.8)
-    axes.margins(y=0.08)
     axes.set_xlabel(across.label(shape.coordinate))
     axes.set_ylabel(up.label("missing"))
     axes.set_title(

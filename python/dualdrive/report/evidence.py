@@ -24,6 +24,7 @@ _ERRORS = {
     "noise_floor": "noise floor: what the sensors alone leave",
 }
 _MOST = 12  # rows of a table
+_TELLING = 0.05  # share of what is missing from which a coordinate says something of it
 
 
 def errors(d: Diagnosis) -> Html | None:
@@ -82,6 +83,10 @@ def where(d: Diagnosis, hung: Gallery) -> Html | None:
 
     parts: list[Html] = []
     worst = sorted((c for c in d.where if c.excess > 1.0), key=lambda c: -c.excess)
+    sure = [c for c in worst if c.significant]
+    if worst and not sure and not any(math.isnan(c.p) for c in worst):
+        words = "Beyond chance the error is larger nowhere: what is wrong is wrong all over."
+        parts.append(tag("p", words))
     if worst:
         try:
             alt = "Bars of the error under each condition over that of the whole record."
@@ -98,7 +103,7 @@ def where(d: Diagnosis, hung: Gallery) -> Html | None:
                 f"{c.square:.0%}",
                 _chance(c.p),
             )
-            for c in worst[:_MOST]
+            for c in (sure or worst)[: _MOST if sure else _MOST // 2]
         ]
         head = ("condition", "kind", "× average", "of the time", "of the squares", "by chance")
         text = "Where the error is larger than on average, the worst first"
@@ -123,7 +128,7 @@ def shapes(d: Diagnosis, hung: Gallery) -> Html | None:
     """The missing torque along each coordinate that says something of it."""
     from dualdrive.plots import missing_torque
 
-    shown = [s for s in d.shapes if len(s.at) > 1]
+    shown = sorted((s for s in d.shapes if len(s.at) > 1), key=lambda s: -s.explained)
     parts = [
         hung.hang(
             missing_torque(s),
@@ -133,6 +138,11 @@ def shapes(d: Diagnosis, hung: Gallery) -> Html | None:
             f"{s.unit} along {s.coordinate} from {min(s.at):.3g} to {max(s.at):.3g} "
             f"{s.coordinate_unit}.",
         )
-        for s in sorted(shown, key=lambda s: -s.explained)
+        for s in shown
     ]
-    return tag("div", *parts, class_="gallery") if parts else None
+    telling = sum(s.explained >= _TELLING for s in shown) or 1
+    first, rest = join(parts[:telling]), parts[telling:]
+    if not rest:
+        return first if parts else None
+    words = tag("summary", "Coordinates that explain next to nothing")
+    return join([first, tag("details", words, *rest)])

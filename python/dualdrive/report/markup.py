@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterable, Sequence
 from html import escape
 
+from dualdrive.units import human
+
 __all__ = ["Html", "join", "number", "percent", "table", "tag"]
 
 _EMPTY = ("meta", "br")
@@ -74,12 +76,8 @@ def table(
 
 
 def number(value: float, unit: str = "") -> str:
-    """Four digits and a unit as people write it."""
-    if not math.isfinite(value):
-        return "–"
-    for written, shown in (("*", "·"), ("^2", "²"), ("^3", "³"), ("ohm", "Ω")):
-        unit = unit.replace(written, shown)
-    return f"{value:.4g} {unit}".strip().replace("-", "−", 1 if value < 0 else 0)
+    """Four digits and a unit as people read it."""
+    return human(value, unit) if math.isfinite(value) else "–"
 
 
 def percent(share: float) -> str:

@@ -27,10 +27,10 @@ def candidates(d: Diagnosis, hung: Gallery) -> Html | None:
     rows = [
         (
             c.label,
-            f"{c.probability:.3g}",
+            f"{c.probability:.3f}" if c.probability >= 1e-3 else "< 0.001",
             percent(c.held_out),
             percent(c.explained),
-            number(c.gain),
+            f"{c.gain:,.0f}".replace(",", " "),
             _sizes(c),
         )
         for c in list(d.candidates)[:_MOST]
@@ -73,7 +73,7 @@ def _sizes(c: Candidate) -> str:
 def _interval(v: Interval) -> str:
     if v.low == v.high:  # counted, not fitted
         return number(v.value, v.unit)
-    return f"{number(v.value, v.unit)} ({number(v.low)} … {number(v.high)})"
+    return f"{number(v.value, v.unit)} ({number(v.low, v.unit)} … {number(v.high, v.unit)})"
 
 
 def _steps(found: Ladder) -> Html | None:
@@ -145,7 +145,7 @@ def moved(d: Diagnosis) -> Html | None:
     if not d.moved:
         return None
     rows = [
-        (path, number(v.value, v.unit), f"{number(v.low)} … {number(v.high)}")
+        (path, number(v.value, v.unit), f"{number(v.low, v.unit)} … {number(v.high, v.unit)}")
         for path, v in d.moved.items()
     ]
     return table(("number", "refitted", "95 % interval"), rows, "Refitted numbers", numbers=(1, 2))
