@@ -27,12 +27,14 @@ from dualdrive.replay.record import with_settings
 from dualdrive.traces import Trace
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 #: keeps twice the filter's pass band
 PROCESSING = Processing(decimate=4)
 #: constant torque of an equation, as a share of the spread of its measured torque
 CONSTANT = 0.5
-_STEP = 1e-4  # of an encoder's zero, as a share of the play or of its noise
+_GAPS = (0.7, 0.85, 1.0, 1.15, 1.3)  # of the nominal play: where contact may change
+_REACH = 4  # samples on either side that the filter smears a change over
 
 
 class TorqueBalance:
@@ -249,7 +251,8 @@ class TorqueBalance:
             plain, measured = self._evaluate(core, held, held.samples)
             speed = np.abs(next(held.samples[r] for r, _ in ANGLES.values() if r in held.samples))
             for e, name in enumerate(self.equations):
-                own = (noisy - plain)[e][held.keep]
+                keep = held.keep & self._calm(k, name)
+                own = (noisy - plain)[e][keep]
                 floor = float(np.sqrt(np.median(own**2)) / 0.6745) if len(own) else 0.0
                 found.append(
                     Series(
@@ -261,11 +264,40 @@ class TorqueBalance:
                         measured[e],
                         floor,
                         speed,
-                        held.keep,
+                        keep,
                         np.zeros(len(held.t), dtype=bool),
                     )
                 )
         return found
+
+    def _calm(self, k: int, equation: str) -> Flags:
+        """Samples further from a change of contact than the filter reaches, (n,).
+
+        A contact law on filtered motion is not the filtered law: where a flank meets or parts, a
+        drive's own equation shows a spike that is no torque. The sum at the table has none.
+        """
+        held, n = self.held[k], equation[-1]
+        mesh = f"mesh_{n}"
+        every = np.ones(len(held.t), dtype=bool)
+        if equation == "total" or mesh not in self.core.connections:
+            return every
+        zeros = {a: zero for record, a, zero in self.zeros if record == k and a[-1] == n}
+        if not zeros or self.core.kind(mesh) != "gap":
+            return every
+        [(angle, zero)] = zeros.items()
+        ratio = self.core.get(f"{mesh}.ratio")
+        geared = angle == f"theta_{n}" and f"gearbox_{n}" in self.core.connections
+        own = (held.samples[angle] - zero) / (
+            self.core.get(f"gearbox_{n}.ratio") if geared else 1.0
+        )
+        twist, gap = own - ratio * held.samples["theta_m"], self.core.get(f"{mesh}.gap")
+        near = np.zeros(len(twist), dtype=bool)
+        for share in _GAPS:
+            side = np.sign(twist) * (np.abs(twist) > share * gap)
+            changes = np.flatnonzero(np.diff(side) != 0)
+            for c in changes:
+                near[max(0, c - _REACH) : c + 2 + _REACH] = True
+        return ~near
 
 
 def _chosen(held: Held) -> tuple[str, ...]:

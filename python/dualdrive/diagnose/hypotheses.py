@@ -87,14 +87,17 @@ class Hypothesis:
         return unknowns(grown, free, None, usual)
 
 
-def candidates(core: Any, channels: Sequence[str] = ()) -> list[Hypothesis]:
+def candidates(
+    core: Any, channels: Sequence[str] = (), *, balance: bool = False
+) -> list[Hypothesis]:
     """Every effect at every usual place or group of this machine that does not carry it there.
 
     channels: recorded channels at which a recorder's effects are tried, too
+    balance:  only what a torque balance shows; a loose joint hides a motion that it would need
     """
     found = []
     for kind in _core.effect_types():
-        if kind.name in NOT_TRIED:
+        if kind.name in NOT_TRIED or (balance and (kind.structural or not kind.in_balance)):
             continue
         places = [p for p in kind.places.split(",") if not _twin_of_motors(core, kind, p)]
         if {"sensor reading", "sensor delay"} & set(kind.acts_on.split(", ")):

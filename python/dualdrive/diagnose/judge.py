@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 #: fall of the criterion below which nothing is named: odds of 1 to e^10 before the library's size
 NAMED = 20.0
+#: the same for a second effect beside a first
+SECOND = 12.0
 #: of twice the log evidence: how sure differences between good fits are (see the blind suite)
 TEMPER = 2.0
 #: probability of the leader that makes it the only name
@@ -71,7 +73,16 @@ def judge(found: Survey) -> Judgement:
 def _probabilities(found: Survey) -> tuple[list[tuple[Refit, float]], float]:
     """Of every refitted hypothesis, the best of those that differ in counted numbers alone."""
     by_label: dict[str, Refit] = {}
+    singles = {
+        r.hypothesis.effects[0]: _value(found, r)
+        for r in reversed(found.refits)
+        if len(r.hypothesis.effects) == 1
+    }
     for r in found.refits:
+        if len(r.hypothesis.effects) > 1:
+            alone = min(singles.get(e, math.inf) for e in r.hypothesis.effects)
+            if _value(found, r) > alone - SECOND:
+                continue  # its second effect earns nothing
         label = r.hypothesis.label
         if label not in by_label or _value(found, r) < _value(found, by_label[label]):
             by_label[label] = r

@@ -123,7 +123,8 @@ def survey(
     tell("refitting the nominal numbers")
     seen, base = _refitted(c, nominal.u, clock)
     scorer = Scorer(seen.rows(base.u, base.left, base.slopes))
-    every = list(candidates(c.core, c.channels) if wanted is None else wanted)
+    known = candidates(c.core, c.channels, balance=c.mode == "balance")
+    every = list(known if wanted is None else wanted)
     scores, untried = _scored(c, seen, base, scorer, every, clock, threads, tell)
     single, twins = _without_twins(seen, scorer, scores)
     chosen = _shortlist(single, shortlist)
@@ -256,10 +257,12 @@ def with_pairs(found: Survey, clock: Clock, threads: int, tell: Callable[[str], 
     )
     scorer = Scorer(whole)
     taken = first.hypothesis.effects[0]
+    same = {label for twins in found.twins.values() for label in twins}
     others = [
         replace(s, gain=scorer(seen.white(s.signature.columns)))
         for s in found.scores
-        if s.signature.hypothesis.effects[0] != taken
+        if s.label not in same
+        and s.signature.hypothesis.effects[0] != taken
         and (
             s.signature.hypothesis.effects[0][0] not in CONTAINS
             or s.signature.hypothesis.effects[0][1] != taken[1]
@@ -341,12 +344,13 @@ def _spare(seen: Evidence, r: Refit, inflation: float) -> list[float]:
     rows = seen.rows(r.u, r.left, r.slopes)
     own = Scorer(rows).rest(seen.white(r.columns))
     information = np.diag(np.linalg.pinv(np.linalg.pinv(own.T @ own, hermitian=True)))
-    found, first = [], True
+    found, strong = [], set()
     for j, p in enumerate(r.free):
-        strength = is_strength(r.grown, p.path)
-        if p.path.endswith(".asymmetry") or (strength and not first):
+        label, strength = p.path.rpartition(".")[0], is_strength(r.grown, p.path)
+        if p.path.endswith(".asymmetry") or (strength and label in strong):
             found.append(float(r.v[j] ** 2 * information[j] / inflation))
-        first = first and not strength
+        if strength:
+            strong.add(label)
     return found
 
 

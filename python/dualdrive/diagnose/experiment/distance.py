@@ -135,21 +135,20 @@ def misfit(
 
 
 def unrepeatable(core: Any, record: Trace, motion: Motion, noise: Noise) -> float:
-    """What machines with slightly other numbers leave of their twin's record, refitted.
+    """What a machine with slightly other numbers leaves of its twin's record, refitted.
 
     Zero where the experiment can be told from its numbers; large where the motion is chaotic, as
     that of a drive loose in its play: there no fit follows, and a distance says nothing.
     """
-    twins = (_shifted(core, sign) for sign in (1, -1))
-    return max(misfit(twin, record, motion, noise, steps=_TWIN_STEPS)[0] for twin in twins)
+    return misfit(_shifted(core), record, motion, noise, steps=_TWIN_STEPS)[0]
 
 
-def _shifted(core: Any, sign: int) -> Any:
+def _shifted(core: Any) -> Any:
     """A copy with every nominal number off by part of its tolerance, up and down in turn."""
     own = core.copy()
     nominal = [p for p in beliefs(core) if "@" not in p.path]
     for k, p in enumerate(nominal):
-        own.set(p.path, p.value(p.coordinate(p.nominal) + sign * (-1) ** k * _SHIFT * p.sigma))
+        own.set(p.path, p.value(p.coordinate(p.nominal) + (-1) ** k * _SHIFT * p.sigma))
     return own
 
 
