@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from dualdrive.compare.clocks import in_time
 from dualdrive.compare.excuses import Point, cautious, first_point, left, noise_alone, refitted
-from dualdrive.compare.laws import hold
+from dualdrive.compare.laws import alike_in_rows, hold
 from dualdrive.compare.likelihood import Free, blocks, likelihood, without
 from dualdrive.identify import Processing, with_torques
 from dualdrive.replay import core_of, named
@@ -76,11 +76,11 @@ def equation_at_fault(
     core = core_of(machine).copy()
     process = processing or Processing(decimate=_DECIMATE)
     known = {n: in_time(core, with_torques(core, t)) for n, t in named(traces).items()}
-    held = [hold(core, trace, name, process) for name, trace in known.items()]
+    held = alike_in_rows([hold(core, trace, name, process) for name, trace in known.items()])
     point = refitted(first_point(core, held), cautious, _STEPS)
-    whole = _whitened(point, noise_alone(point))
-    if np.mean(whole) < _NOISE * len(point.equations):
+    if _closes(point):
         return None
+    whole = _whitened(point, noise_alone(point))
     guesses = _hypotheses(point)
     names = list(dict.fromkeys(name for name, _ in guesses))
     if len(names) < 2:
@@ -97,6 +97,20 @@ def equation_at_fault(
     if name.startswith("mesh") and _is_late(point, whole, shares[name]):
         shares["sensors"], name = shares[name], "sensors"
     return EquationAtFault(name, float((wins[best] + 0.5) / (_DRAWS + 1)), shares)
+
+
+def _closes(point: Point) -> bool:
+    """Whether equations of motion and the controller's law both close within the sensors' noise."""
+    weight, bodies = noise_alone(point), len(point.rows[0].held.equations)
+    rest = left(point, weight)
+    for rows in (slice(0, bodies), slice(bodies, None)):
+        squares = [
+            np.einsum("an,nab,bn->n", e[rows], w[r.keep][:, rows, rows], e[rows])
+            for e, w, r in zip(rest, weight, point.rows, strict=True)
+        ]
+        if np.mean(np.concatenate(squares)) >= _NOISE * max(1, len(rest[0][rows])):
+            return False
+    return True
 
 
 def _whitened(point: Point, weight: Sequence[Array], *, late: bool = False) -> Array:
@@ -129,18 +143,21 @@ def _hypotheses(point: Point) -> list[tuple[str, Free]]:
     """Every equation by itself, then those of both drives, alike and each for itself; sensors."""
     unit = np.eye(len(point.equations))
     single = {_spoken(e): unit[k] for k, e in enumerate(point.equations)}
+    laws = [single.pop(name) for name in list(single) if name.startswith("controller")]
     if len(single) > 1:
         single |= {c: d for r in point.rows for c, d in r.directions.items()}
     found = [(name, _constant(d[:, None])) for name, d in single.items()]
     for group, stem in (("motors", "motor_"), ("meshes", "mesh_")):
         members = [d for name, d in single.items() if name.startswith(stem)]
-        if len(members) < 2:
-            continue
-        if group == "motors":
-            found.append((group, _constant(np.sum(members, axis=0)[:, None])))
-        else:  # an error of the table's encoder is one of both meshes
-            found.append(("sensors", lambda p: [r.table.T[:, :, None] for r in p.rows]))
-        found.append((group, _constant(np.stack(members, axis=1))))
+        if len(members) > 1:
+            if group == "motors":
+                found.append((group, _constant(np.sum(members, axis=0)[:, None])))
+            else:  # an error of the table's encoder is one of both meshes
+                found.append(("sensors", lambda p: [r.table.T[:, :, None] for r in p.rows]))
+            found.append((group, _constant(np.stack(members, axis=1))))
+    if laws:
+        found.append(("controller", _constant(np.sum(laws, axis=0)[:, None])))
+        found.append(("controller", _constant(np.stack(laws, axis=1))))
     return found
 
 
@@ -150,6 +167,8 @@ def _constant(directions: Array) -> Free:
 
 def _spoken(equation: str) -> str:
     """The core names equations after the angles they govern; people after the body."""
+    if equation.startswith("controller"):
+        return equation
     if equation in ("m", "total"):
         return "table" if equation == "m" else "total"
     return f"motor_{equation[-1]}"

@@ -38,8 +38,8 @@ class Point:
 
     @property
     def equations(self) -> tuple[str, ...]:
-        """Names of the equations, the same in all records."""
-        return self.rows[0].held.equations
+        """Names of the rows, the same in all records."""
+        return self.rows[0].held.rows
 
 
 #: inverse covariances of a point's residuals, per record (n, m, m)

@@ -10,13 +10,14 @@ per motor, and the unknown zeros of the encoders.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
+from dualdrive.compare.controller import asked_torques, commanded_record
 from dualdrive.compare.noise import like_noise
 from dualdrive.compare.where import standing
 from dualdrive.identify import Processing, Standstill
@@ -31,6 +32,8 @@ Samples = Mapping[str, Array]
 
 #: no equation is believed better than this share of the torque measured in it
 BELIEF = 0.01
+#: and no controller's law, which answers smoothed motion, better than this
+LAW = 0.03
 DRIVES = tuple(angle for angle in ANGLES if angle != "theta_m")
 
 
@@ -51,11 +54,18 @@ class Held:
     keep: Flags
     equations: tuple[str, ...]
     encoders: tuple[str, ...]
+    asked: Array
+    doubt: Array
+
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """Names of all rows of a residual: equations of motion, then one of the law per motor."""
+        return (*self.equations, *(f"controller_{k + 1}" for k in range(len(self.asked))))
 
 
 @dataclass(frozen=True, eq=False)
 class Laws:
-    """What a machine's equations leave on one record: m equations, n samples.
+    """What a machine's equations, and its controller's law, leave: m rows, n samples.
 
     residual:   shape (m, n), N*m in each equation's own frame
     slopes:     by the model's parameters, shape (m, n, parameters)
@@ -63,7 +73,7 @@ class Laws:
     table:      by the angle that the table's encoder reads, shape (m, n)
     directions: mesh -> how a torque of it enters the equations, shape (m,)
     noise:      covariance that the sensors alone leave, shape (n, m, m)
-    driven:     equations with a motor's torque, which may have a constant
+    driven:     equations with a motor's torque, which may have a constant; the law has none
     """
 
     held: Held
@@ -103,6 +113,7 @@ def hold(core: Any, trace: Trace, record: str, processing: Processing) -> Held:
     equations = _equations(core, trace)
     limits = Standstill().limits(parts)
     apart = equations != ("total",) and "theta_m" in trace
+    asked, doubt = _asked(core, trace, record, parts, noisy, processing)
     return Held(
         record,
         np.concatenate([p.t[processing.kept(len(p), p.step)] for p in parts]),
@@ -111,7 +122,45 @@ def hold(core: Any, trace: Trace, record: str, processing: Processing) -> Held:
         np.concatenate([_moving(p, equations, limits, processing) for p in parts]),
         equations,
         tuple(angle for angle in DRIVES if angle in trace) if apart else (),
+        asked,
+        doubt,
     )
+
+
+def alike_in_rows(held: Sequence[Held]) -> list[Held]:
+    """Records that can be weighed together: the law counts where all of them have it."""
+    if len({h.rows for h in held}) == 1:
+        return list(held)
+    return [replace(h, asked=h.asked[:0], doubt=h.doubt[:0]) for h in held]
+
+
+def _asked(
+    core: Any,
+    trace: Trace,
+    name: str,
+    parts: Sequence[Piece],
+    noisy: Sequence[Piece],
+    processing: Processing,
+) -> tuple[Array, Array]:
+    """The controller's law against the torques, filtered alike, and what noise leaves of that."""
+    torques = [f"T_{motor.rpartition('_')[2]}" for motor in core.motors]
+    count = sum(len(processing.kept(len(p), p.step)) for p in parts)
+    none = np.zeros((0, count)), np.zeros(0)
+    record = commanded_record(core, trace, name) if len(parts) == 1 else None
+    if record is None or not set(torques) <= set(trace):
+        return none
+    found = []
+    for p in (parts[0], noisy[0]):
+        law = asked_torques(core, record, p)
+        if law is None:
+            return none
+        measured = processing.low_pass(np.stack([p.samples[name] for name in torques]), p.step)
+        found.append(processing.reduce(law - measured, p.step))
+    size = np.std(
+        processing.reduce(np.stack([parts[0].samples[n] for n in torques]), p.step), axis=1
+    )
+    doubt = np.hypot(np.std(found[1] - found[0], axis=1), LAW * size)
+    return found[0], np.asarray(doubt + 1e-300)
 
 
 def _moving(
@@ -188,16 +237,28 @@ def laws(core: Any, held: Held, paths: Sequence[str], zeros: Mapping[str, float]
     errors = {a: held.noisy[a] - held.samples[a] for a in known}
     by_angle = {a: _by_angle(core, held, samples, residual, a) for a in known}
     angles = [by_angle[a] for a in held.encoders]
+    by_encoder = np.stack(angles, axis=2) if angles else np.zeros((*residual.shape, 0))
+    more, count = len(held.asked), len(residual)
+    noise = np.zeros((len(held.t), count + more, count + more))
+    noise[:, :count, :count] = _noise(core, held, zeros, residual, measured, errors)
+    noise[:, range(count, count + more), range(count, count + more)] = held.doubt**2
+    directions = _directions(core, held, samples)
+    driven = [k for k, row in enumerate(measured) if np.any(row != 0.0)]
     return Laws(
         held,
-        residual,
-        slopes,
-        np.stack(angles, axis=2) if angles else np.zeros((*residual.shape, 0)),
-        by_angle.get("theta_m", np.zeros(residual.shape)),
-        _directions(core, held, samples),
-        _noise(core, held, zeros, residual, measured, errors),
-        tuple(k for k, row in enumerate(measured) if np.any(row != 0.0)),
+        np.concatenate([residual, held.asked]),
+        _with_rows(slopes, more),
+        _with_rows(by_encoder, more),
+        _with_rows(by_angle.get("theta_m", np.zeros(residual.shape)), more),
+        {mesh: _with_rows(own, more) for mesh, own in directions.items()},
+        noise,
+        tuple(driven),
     )
+
+
+def _with_rows(values: Array, more: int) -> Array:
+    """The same with rows of zeros below: the controller's law knows no number of the plant."""
+    return np.concatenate([values, np.zeros((more, *values.shape[1:]))])
 
 
 def _by_angle(core: Any, held: Held, samples: Samples, residual: Array, angle: str) -> Array:
