@@ -22,7 +22,7 @@ def label(group: str, *hidden: tuple[str, str, str], **more: Any) -> dict[str, A
         {"effect": e, "place": p, "equation": q, "parameters": {"phase": 3.0}} for e, p, q in hidden
     ]
     own = {"case": "case-0000", "group": group, "family": "bench", "mode": "closed_loop"}
-    return {**own, "effects": effects, "floor": 0.02, "real": {"table.J": 2.0}, **more}
+    return {**own, "effects": effects, "floor": 0.02, "real": {}, "sheet": {}, **more}
 
 
 def answer(verdict: str, *named: tuple[str, str, float], **more: Any) -> dict[str, Any]:
@@ -88,6 +88,16 @@ def test_intervals_of_angles_go_round() -> None:
     assert match.covered("phase", near_pi, -math.pi + 0.1)
     assert not match.covered("phase", near_pi, 0.0)
     assert not match.covered("torque", {"low": 1.0, "high": 2.0}, 2.1)
+
+
+def test_motor_and_pinion_show_as_one_inertia() -> None:
+    """Bench, ratio 10: a pinion 1 kg m^2 heavier than its sheet is a motor 0.01 heavier."""
+    own = label("drifted", real={"motors.J": 0.5, "pinions.J": 3.0})
+    own["sheet"] = {"motors.J": 0.4, "pinions.J": 2.0}
+    assert match.real_numbers(own, {"motors.J": 0}) == pytest.approx({"motors.J": 0.51})
+    assert match.real_numbers(own, {"pinions.J": 0}) == pytest.approx({"pinions.J": 13.0})
+    both = {"motors.J": 0, "pinions.J": 0}
+    assert match.real_numbers(own, both) == own["real"]
 
 
 def test_held_out_error_is_over_the_known_floor() -> None:

@@ -149,10 +149,8 @@ def _effect_intervals(cases: Sequence[Judged]) -> Iterable[bool]:
 def _nominal_intervals(cases: Sequence[Judged]) -> Iterable[bool]:
     for c in of(cases, "none", "drifted"):
         moved = c.answer.get("parameters", {})
-        for name, value in c.label["real"].items():
-            path = match.NOMINAL_PATHS.get(name, name)
-            if path in moved:
-                yield match.covered(name, moved[path], value)
+        for path, value in match.real_numbers(c.label, moved).items():
+            yield match.covered(path, moved[path], value)
 
 
 def trust(cases: Sequence[Judged]) -> dict[str, Any]:

@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from tests.blind.generator import machines
+
 Json = Mapping[str, Any]
 #: with rigid gearboxes motor and pinion turn as one body; the ring is the table's gear
 _ONE = {"motor": "drive", "pinion": "drive", "gearbox": "drive", "ring": "table"}
@@ -83,8 +85,26 @@ def covered(parameter: str, interval: Json, truth: float) -> bool:
     return low <= truth <= high
 
 
-NOMINAL_PATHS = {
+_PATHS = {
     "mesh_damping": "mesh_damping@meshes.coefficient",
     "dry_table": "coulomb@table.torque",
     "dry_pinions": "coulomb@pinions.torque",
 }
+
+
+def real_numbers(label: Json, moved: Mapping[str, Any]) -> dict[str, float]:
+    """True values of the numbers that were refitted, by their paths.
+
+    A rigid drive shows the sum of motor and pinion. Where only one of them was free it has to
+    take what the other's sheet lacks.
+    """
+    real, sheet = label["real"], label["sheet"]
+    numbers = {_PATHS.get(name, name): float(value) for name, value in real.items()}
+    ratio = float(machines.FAMILIES[label["family"]]["gearboxes"]["ratio"]) ** 2
+    for key in ("J", "b"):
+        motor, pinion = f"motors.{key}", f"pinions.{key}"
+        if pinion not in moved and motor in numbers and pinion in numbers:
+            numbers[motor] += (real[pinion] - sheet[pinion]) / ratio
+        elif motor not in moved and motor in numbers and pinion in numbers:
+            numbers[pinion] += (real[motor] - sheet[motor]) * ratio
+    return {path: value for path, value in numbers.items() if path in moved}
