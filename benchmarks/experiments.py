@@ -40,7 +40,7 @@ DECIDED = 2 * math.log(20.0)
 #: RMS noise: 0.4 arcsec at the table, 10 arcsec at the motors, 0.5 A
 RMS = {"theta_m": 2e-6, "theta_1": 5e-5, "theta_2": 5e-5, "I_1": 0.5, "I_2": 0.5}
 SPACING = 4e-3
-SECONDS = 20.0
+SECONDS = 15.0
 BUDGET = 120.0  # s of computing per suggestion, so that a busy computer does not cut it short
 OFF = 0.05  # of the numbers that data sheets state
 

@@ -14,7 +14,7 @@ from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.diagnose import diagnose
 from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.loop import ClosedLoop
-from dualdrive.diagnose.result import Diagnosis
+from dualdrive.diagnose.result import Diagnosis, plain
 from dualdrive.diagnose.survey import records_alone
 from dualdrive.identify import which_mode
 from dualdrive.replay import core_of, named, records
@@ -82,21 +82,25 @@ class Ladder:
         return "\n".join([*lines, f"held out: {self.held}", f"stopped: {self.stopped}"])
 
     def figures(self) -> dict[str, Any]:
-        """Plain JSON values."""
-        return {
-            "steps": [
+        """Plain JSON values; ``None`` where a number is not finite."""
+        return dict(
+            plain(
                 {
-                    k: getattr(s, k)
-                    for k in ("label", "fitted", "held_out", "noise_floor", "command")
+                    "steps": [
+                        {
+                            k: getattr(s, k)
+                            for k in ("label", "fitted", "held_out", "noise_floor", "command")
+                        }
+                        for s in self.steps
+                    ],
+                    "stopped": self.stopped,
+                    "held_out": self.held,
+                    "gap_closed": self.gap_closed,
+                    "seconds": self.seconds,
+                    "diagnoses": [d.figures() for d in self.diagnoses],
                 }
-                for s in self.steps
-            ],
-            "stopped": self.stopped,
-            "held_out": self.held,
-            "gap_closed": self.gap_closed,
-            "seconds": self.seconds,
-            "diagnoses": [d.figures() for d in self.diagnoses],
-        }
+            )
+        )
 
 
 def improve(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
@@ -152,38 +153,55 @@ class Diagnosis:
         return self.candidates[0] if named else None
 
     def figures(self) -> dict[str, Any]:
-        """Plain JSON values."""
+        """Plain JSON values; ``None`` where a number is not finite."""
         best = self.next_experiment
-        return {
-            "verdict": self.verdict,
-            "machine": self.machine,
-            "mode": self.mode,
-            "records": list(self.records),
-            "candidates": [_candidate(c) for c in self.candidates],
-            "groups": [list(group) for group in self.groups],
-            "equation": None if self.equation is None else vars(self.equation),
-            "where": [
-                {"kind": c.kind, "condition": c.condition, "excess": c.excess} for c in self.where
-            ],
-            "error": dict(self.error),
-            "parameters": {path: vars(value) for path, value in self.moved.items()},
-            "shapes": [
-                {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(s).items()}
-                for s in self.shapes
-            ],
-            "next_experiment": None
-            if best is None
-            else {
-                **vars(best),
-                "separates": list(best.separates),
-                "commands": list(best.commands),
-            },
-            "warnings": list(self.warnings),
-            "cut": list(self.cut),
-            "paragraph": self.paragraph,
-            "command": self.command,
-            "seconds": self.seconds,
-        }
+        return dict(
+            plain(
+                {
+                    "verdict": self.verdict,
+                    "machine": self.machine,
+                    "mode": self.mode,
+                    "records": list(self.records),
+                    "candidates": [_candidate(c) for c in self.candidates],
+                    "groups": [list(group) for group in self.groups],
+                    "equation": None if self.equation is None else vars(self.equation),
+                    "where": [
+                        {"kind": c.kind, "condition": c.condition, "excess": c.excess}
+                        for c in self.where
+                    ],
+                    "error": dict(self.error),
+                    "parameters": {path: vars(value) for path, value in self.moved.items()},
+                    "shapes": [
+                        {
+                            k: v.tolist() if isinstance(v, np.ndarray) else v
+                            for k, v in vars(s).items()
+                        }
+                        for s in self.shapes
+                    ],
+                    "next_experiment": None
+                    if best is None
+                    else {
+                        **vars(best),
+                        "separates": list(best.separates),
+                        "commands": list(best.commands),
+                    },
+                    "warnings": list(self.warnings),
+                    "cut": list(self.cut),
+                    "paragraph": self.paragraph,
+                    "command": self.command,
+                    "seconds": self.seconds,
+                }
+            )
+        )
+
+
+def plain(value: Any) -> Any:
+    """The same with None for every number that is not finite, and plain containers."""
+    if isinstance(value, Mapping):
+        return {key: plain(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _candidate(c: Candidate) -> dict[str, Any]:

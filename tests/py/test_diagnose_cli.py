@@ -1,0 +1,224 @@
+"""The verbs diagnose, improve and report, as a user types them.
+
+What they show is tested on a diagnosis made up for it; what they find is tested elsewhere. One test
+goes all the way, and one interrupts it.
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+import dualdrive.diagnose
+from diagnosed import diagnosis, ladder
+from dualdrive import Machine
+from dualdrive.identify import FitError
+from dualdrive_cli.main import main
+from recorded import DEMO
+
+Asked = dict[str, Any]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Hold the demo's machine and records."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("machine.toml", "fit.csv", "held_out.csv"):
+        shutil.copy(DEMO / name, tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def asked(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Asked:
+    """What the library was asked for; it answers with what was made up."""
+    heard: Asked = {}
+
+    def diagnose(machine: Any, traces: Any, **options: Any) -> Any:
+        heard.update(options, machine=machine, traces=traces)
+        options["progress"]("[bold]trying coulomb@table")
+        return diagnosis()
+
+    def improve(machine: Any, traces: Any, held_out: Any = None, **options: Any) -> Any:
+        heard.update(options, machine=machine, traces=traces, held_out=held_out)
+        return ladder()
+
+    monkeypatch.setattr(dualdrive.diagnose, "diagnose", diagnose)
+    monkeypatch.setattr(dualdrive.diagnose, "improve", improve)
+    return heard
+
+
+def run(line: str) -> Result:
+    return CliRunner().invoke(main, shlex.split(line))
+
+
+def refused(result: Result, code: int, words: str) -> None:
+    assert result.exit_code == code, result.output
+    assert words in result.stderr, result.stderr
+
+
+@pytest.mark.parametrize("verb", ["diagnose", "improve", "report"])
+def test_help_has_an_example_that_works(verb: str, asked: Asked) -> None:
+    shown = " ".join(run(f"{verb} --help").output.split())
+    example = shown.partition("Example: dualdrive ")[2]
+    assert example.startswith(verb)
+    done = run(example)
+    assert done.exit_code == 0, done.output
+    output = Path(shlex.split(example)[-1])
+    assert output.exists()
+    assert str(output) in done.stdout
+
+
+def test_a_diagnosis_is_shown_whole(asked: Asked) -> None:
+    done = run("diagnose machine.toml fit.csv")
+    assert done.exit_code == 0, done.output
+    for words in (
+        "ambiguous: coulomb@table",
+        "closes 96 % of the gap",
+        "warning: the clock jitters",
+        "22.00%",
+        "2.01 kN·m [1.95 kN·m .. 2.07 kN·m]",
+        "can't be told apart here: coulomb@table, stribeck@table",
+        "the equation that fails: table (99% sure)",
+        "slow two-way ramps, no tension, to tell coulomb@table from stribeck@table",
+        "--motion 'cycle:",
+        "left undone: pairs of effects",
+        "table.J 5.02e+06 kg·m²",
+    ):
+        assert words in done.stdout, words
+    assert list(asked["traces"]) == ["fit"]
+
+
+def test_figures_are_those_of_the_library(asked: Asked) -> None:
+    done = run("diagnose machine.toml fit.csv --json -")
+    assert json.loads(done.stdout)["verdict"] == "ambiguous"
+    done = run("improve machine.toml fit.csv --json figures.json")
+    assert done.exit_code == 0, done.output
+    figures = json.loads(Path("figures.json").read_text())
+    assert [step["held_out"] for step in figures["steps"]] == [0.43, 0.24, 0.033]
+
+
+def test_settings_of_single_traces_are_told_apart_and_read_with_units(asked: Asked) -> None:
+    line = "diagnose machine.toml fit.csv held_out.csv --set table.J=6e6"
+    done = run(
+        f"{line} --set-for held_out.csv:controller.T_ten=50% --set-for fit:meshes.gap=20arcsec"
+    )
+    assert done.exit_code == 0, done.output
+    # 50 % of the rated 100 N·m; the frame of a gap is that of the mesh's own declaration
+    assert asked["settings"]["held_out"] == {"controller.T_ten": pytest.approx(50.0)}
+    machine = Machine.load("machine.toml")
+    machine.set("meshes.gap", "20arcsec")
+    assert asked["settings"]["fit"] == {"meshes.gap": machine.get("meshes.gap")}
+    assert asked["machine"].get("table.J") == 6e6
+    assert asked["machine"].get("controller.T_ten") == 28.0
+    wrong = "diagnose machine.toml fit.csv --set-for"
+    refused(run(f"{wrong} other.csv:table.J=1"), 2, "no trace other.csv; there are fit")
+    refused(run(f"{wrong} controller.T_ten=0"), 2, "is not TRACE:KEY=VALUE")
+    refused(run(f"{wrong} fit.csv:table.j=1"), 2, "table.J")
+
+
+def test_options_reach_the_library(asked: Asked) -> None:
+    done = run("diagnose machine.toml fit.csv --budget 7 --mode balance --start rest")
+    assert done.exit_code == 0, done.output
+    assert asked["budget"] == 7
+    assert (asked["mode"], asked["start"], asked["motion"]) == ("balance", "rest", None)
+    done = run("improve machine.toml fit.csv --held-out held_out.csv --ambiguous --most 2")
+    assert done.exit_code == 0, done.output
+    assert list(asked["held_out"]) == ["held_out"]
+    assert asked["ambiguous"]
+    assert asked["most"] == 2
+    refused(run("diagnose machine.toml fit.csv --budget 0"), 2, "--budget")
+
+
+def test_the_machine_file_has_what_was_found_and_says_how(asked: Asked) -> None:
+    done = run("diagnose machine.toml fit.csv -o better.toml --plot found.svg")
+    assert done.exit_code == 0, done.output
+    better = Machine.load("better.toml")
+    assert "coulomb@table" in better.effects
+    assert better.history[-1]["change"] == "added coulomb@table, fitted to fit"
+    assert Path("found.svg").read_text().count("coulomb@table") >= 1
+    refused(run("diagnose machine.toml fit.csv -o better.toml"), 1, "exists already")
+
+
+def test_where_nothing_is_named_the_refitted_machine_is_written(
+    asked: Asked, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = replace(diagnosis(), verdict="parameters", improved=None)
+    monkeypatch.setattr(dualdrive.diagnose, "diagnose", lambda *_, **__: plain)
+    done = run("diagnose machine.toml fit.csv -o refitted.toml")
+    assert done.exit_code == 0, done.output
+    assert "coulomb@table" not in Machine.load("refitted.toml").effects
+    assert "refitted.toml: fitted to fit" in done.stdout
+
+
+def test_a_ladder_tells_every_step_and_why_it_stopped(asked: Asked) -> None:
+    done = run("improve machine.toml fit.csv --held-out held_out.csv --plot ladder.png")
+    assert done.exit_code == 0, done.output
+    for words in ("+ coulomb@table", "3.30%", "2.90%", "stopped: nothing is left", "ladder.png"):
+        assert words in done.stdout, words
+
+
+def test_records_that_can_not_be_judged_end_in_one_line(
+    asked: Asked, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    none = replace(ladder(), steps=[], stopped="the records can not be judged")
+    monkeypatch.setattr(dualdrive.diagnose, "improve", lambda *_, **__: none)
+    refused(run("improve machine.toml fit.csv"), 1, "the records can not be judged: the clock")
+
+    def fails(*_: Any, **__: Any) -> None:
+        raise FitError("the simulation fails at the starting point")
+
+    monkeypatch.setattr(dualdrive.diagnose, "diagnose", fails)
+    refused(run("diagnose machine.toml fit.csv"), 1, "demo-table: the simulation fails")
+
+
+def test_a_report_holds_the_command_and_the_hashes(asked: Asked) -> None:
+    done = run("report machine.toml fit.csv --held-out held_out.csv -o page.html --json page.json")
+    assert done.exit_code == 0, done.output
+    text = Path("page.html").read_text()
+    assert text.startswith("<!DOCTYPE html>")
+    for words in ("fit.csv", "held_out.csv", "How the error fell", "coulomb@table"):
+        assert words in text, words
+    assert json.loads(Path("page.json").read_text())["stopped"]
+    bare = run("report machine.toml fit.csv --no-ladder -o bare.html")
+    assert bare.exit_code == 0, bare.output
+    assert "How the error fell" not in Path("bare.html").read_text()
+
+
+# --- all the way ----------------------------------------------------------------------------------
+
+
+def test_the_demos_missing_effect_is_found(folder: Path) -> None:
+    done = run("diagnose machine.toml fit.csv --budget 60 --json -")
+    assert done.exit_code == 0, done.output
+    figures = json.loads(done.stdout)
+    names = [f"{c['effect']}@{c['place']}" for c in figures["candidates"]]
+    assert "coulomb@table" in names[:3]
+    assert figures["equation"]["name"] == "table"
+
+
+def test_ctrl_c_keeps_what_is_known(folder: Path) -> None:
+    command = [sys.executable, "-m", "dualdrive_cli.main", "diagnose", "machine.toml", "fit.csv"]
+    with subprocess.Popen(
+        [*command, "--budget", "300", "--json", "found.json"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as child:
+        time.sleep(12)
+        child.send_signal(signal.SIGINT)
+        out, err = child.communicate(timeout=120)
+    assert "Traceback" not in err
+    assert Path("found.json").exists(), err
+    assert json.loads(Path("found.json").read_text())["error"]["nominal"] > 0
+    assert out
