@@ -139,7 +139,8 @@ def _told(
     tell: Callable[[str], None],
 ) -> Diagnosis:
     verdict = judge(found)
-    candidates = [_candidate(c, found, verdict, r, p) for r, p in verdict.ranked[:_TOLD]]
+    candidates = [_candidate(c, found, r, p) for r, p in verdict.ranked[:_TOLD]]
+    candidates += _scored_only(c, found, candidates)
     groups = _groups(found, verdict)
     refitted = _machine(machine, c, found.base)
     best = verdict.ranked[0][0] if verdict.ranked else found.base
@@ -197,9 +198,7 @@ def _told(
     )
 
 
-def _candidate(
-    c: Confrontation, found: Survey, verdict: Judgement, r: Refit, p: float
-) -> Candidate:
+def _candidate(c: Confrontation, found: Survey, r: Refit, p: float) -> Candidate:
     from dualdrive.diagnose.judge import explained_by
 
     known = intervals(found.evidence, r, found.inflation)
@@ -222,6 +221,20 @@ def _candidate(
         r.resolved,
         "; ".join(notes),
     )
+
+
+def _scored_only(c: Confrontation, found: Survey, known: Sequence[Candidate]) -> list[Candidate]:
+    """The best by score alone, of those that were not refitted: a shortlist, no more."""
+    labels = {x.label for x in known}
+    rest = {s.label: s for s in reversed(found.scores) if s.label not in labels}
+    best = sorted(rest.values(), key=lambda s: -s.gain.gain)[: max(0, _TOLD - len(known))]
+    now = c.headline(found.base.left)
+    note = "by its score alone, not refitted"
+    return [
+        Candidate(s.signature.hypothesis.effects, 0.0, {}, now, now, s.gain.gain, 0.0, False, note)
+        for s in best
+        if s.gain.gain > 0.0
+    ]
 
 
 def _groups(found: Survey, verdict: Judgement) -> list[tuple[str, ...]]:

@@ -25,6 +25,9 @@ _ASYMMETRY = 0.3  # probe of a number without a usual size of its own
 _PRESLIDING = 1e-4  # rad at the table
 
 
+#: effects that in a balance are one with a common factor of all inertias and frictions
+SCALES = ("thermal_drift",)
+
 #: path -> SI value of an effect's numbers
 Setting = dict[str, float]
 
@@ -97,7 +100,8 @@ def candidates(
     """
     found = []
     for kind in _core.effect_types():
-        if kind.name in NOT_TRIED or (balance and (kind.structural or not kind.in_balance)):
+        hidden = kind.structural or not kind.in_balance or kind.name in SCALES
+        if kind.name in NOT_TRIED or (balance and hidden):
             continue
         places = [p for p in kind.places.split(",") if not _twin_of_motors(core, kind, p)]
         if {"sensor reading", "sensor delay"} & set(kind.acts_on.split(", ")):

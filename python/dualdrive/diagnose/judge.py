@@ -26,7 +26,8 @@ SURE = 0.9
 #: share of what a free input could explain, below which a name explains too little
 EXPLAINED = 0.75
 #: residual over floor, RMS, from which something is surely left
-LEFT_OVER = 1.35
+LEFT_OVER = 1.12
+FAR_OVER = 1.25  # in one series alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,7 @@ def judge(found: Survey) -> Judgement:
     if best is base or gain < needed:
         verdict: Verdict = "unknown" if _too_much(before) else _sound(found)
         return Judgement(verdict, ranked, nothing, (), *figures)
-    if explained < EXPLAINED and _too_much(after):
+    if (explained < EXPLAINED and _too_much(after)) or best.beyond():
         return Judgement("unknown", ranked, nothing, (), *figures)
     group = _group(ranked, found)
     verdict = "effect" if ranked[0][1] >= SURE and len(group) == 1 else "ambiguous"
@@ -115,7 +116,7 @@ def _too_much(ratios: Array) -> bool:
     """Whether more is left than the sensors leave, in more than one series or by far in one."""
     ordered = np.sort(ratios)[::-1]
     second = ordered[1] if len(ordered) > 1 else 0.0
-    return bool(ordered[0] > 2.0 * LEFT_OVER or second > LEFT_OVER)
+    return bool(ordered[0] > FAR_OVER or second > LEFT_OVER)
 
 
 def _sound(found: Survey) -> Verdict:

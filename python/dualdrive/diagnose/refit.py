@@ -7,6 +7,7 @@ hardly move); those of the effects are secants, so that every law can be fitted.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,12 +17,12 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.diagnose.evidence import Evidence
-from dualdrive.diagnose.hypotheses import Hypothesis
+from dualdrive.diagnose.hypotheses import Hypothesis, is_strength
 from dualdrive.identify.unknowns import Unknown
 
 Array = NDArray[np.float64]
 
-_ROUNDS = 8
+_ROUNDS, _MANY = 8, 30  # of steps: simulated, and in a balance, which costs next to nothing
 _REJECTED = 4  # growing dampings tried before a descent ends
 _SETTLED = 0.3  # a fall of chi^2 that tells nothing
 _RENEW = 0.03  # fall of chi^2, relative, that makes slopes worth renewing
@@ -58,6 +59,13 @@ class Refit:
     def machine(self) -> Any:
         """The core's machine with the effects at their values; its nominal numbers untouched."""
         return _at(self.grown, self.free, self.v)
+
+    def beyond(self) -> bool:
+        """Whether an effect would have to be larger than it can be: a strength on its upper bound."""
+        return any(
+            is_strength(self.grown, p.path) and math.isfinite(p.high) and x > p.bounds[1] - 1e-6
+            for p, x in zip(self.free, self.v, strict=True)
+        )
 
     def at_bound(self) -> list[str]:
         """Effects' numbers that stand on a bound."""
@@ -109,6 +117,14 @@ class Fitter:
         chord = None if self._cheap(grown) else base.slopes
         return self._descend(hypothesis, grown, free, base.u, best[1], chord)
 
+    def afresh(self, known: Refit, u: Array) -> Refit | None:
+        """The same hypothesis from other nuisances: a wrong machine may have dragged them away."""
+        at = _at(known.grown, known.free, known.v)
+        chord = self.evidence.confrontation.slopes(at, u) if not self._late(known.grown) else None
+        return self._descend(
+            known.hypothesis, known.grown, known.free, u, known.v, chord or known.slopes
+        )
+
     def again(self, known: Refit, *, fresh: bool = False) -> Refit:
         """A refit continued from where it stands, under this evidence.
 
@@ -153,8 +169,8 @@ class Fitter:
         if columns is None:
             return None
         found = Refit(hypothesis, grown, free, u, v, left, slopes, columns, seen.chi(u, left))
-        damping = 1e-4
-        for _ in range(_ROUNDS):
+        damping, cheap = 1e-4, c.mode == "balance"
+        for _ in range(_MANY if cheap else _ROUNDS):
             if self.stop():
                 return replace(found, resolved=False, note="cut by the time limit")
             better, damping = self._step(found, damping)
@@ -162,7 +178,7 @@ class Fitter:
                 break
             gained = found.chi - better.chi
             v_moved = bool(len(free)) and bool(np.any(better.v != found.v))
-            if chord is None and gained > _RENEW * found.chi:
+            if chord is None and gained > (0.0 if cheap else _RENEW) * found.chi:
                 slopes = c.slopes(better.machine, better.u) or found.slopes
             moved = self._secants(grown, free, better.u, better.v, better.left) if v_moved else None
             found = replace(better, slopes=slopes, columns=moved or found.columns)

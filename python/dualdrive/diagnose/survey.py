@@ -209,7 +209,7 @@ def settle(found: Survey, clock: Clock, tell: Callable[[str], None]) -> Survey:
         ]
         found = replace(found, base=again[0])
         least = int(np.argmin([r.chi for r in again]))
-        again[least] = _polished(fitter, again[least])
+        again[least] = _polished(fitter, again[least], found.nominal.u)
         settled = _same_noise(seen, now)
         seen, every = now, again
         criterion, inflation = _criterion(seen, every)
@@ -227,8 +227,14 @@ def settle(found: Survey, clock: Clock, tell: Callable[[str], None]) -> Survey:
     )
 
 
-def _polished(fitter: Fitter, best: Refit) -> Refit:
-    """The leader with slopes of its own until they gain nothing: all others are judged by it."""
+def _polished(fitter: Fitter, best: Refit, nominal: Array) -> Refit:
+    """The leader with slopes of its own until they gain nothing: all others are judged by it.
+
+    It begins again from the nominal numbers, too, where the machine without it had moved them.
+    """
+    if len(best.free) and not fitter.stop():
+        other = fitter.afresh(best, nominal)
+        best = other if other is not None and other.chi < best.chi else best
     for _ in range(_POLISH):
         if fitter.stop():
             break

@@ -97,6 +97,7 @@ def _evidence(
             f"The missing torque of the {s.equation} is a function of {s.coordinate} to "
             f"{100 * s.explained:.0f} %."
         )
+    others = [c for c in others if c.resolved]
     rivals = [c for c in others if c.probability > 0.01]
     if rivals:
         named = ", ".join(f"{c.label} ({c.probability:.2f})" for c in rivals[:3])
@@ -117,7 +118,7 @@ def _unexplained(
     candidates: Sequence[Candidate], equation: EquationAtFault | None, shapes: Sequence[Shape]
 ) -> list[str]:
     said = []
-    if candidates:
+    if candidates and candidates[0].resolved:
         best = candidates[0]
         said.append(
             f"The best of them, {best.label}, takes {100 * best.explained:.0f} % of it, which is "
