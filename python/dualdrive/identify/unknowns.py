@@ -113,9 +113,13 @@ def default_free(core: Any) -> list[str]:
 
 
 def seen_in_balance(core: Any, path: str) -> bool:
-    """Whether a torque balance contains a number: a sensor's or a limit's it does not."""
+    """Whether the torques of the whole machine contain a number.
+
+    Those of a sensor or a limit are in no balance; a joint's torque cancels in the total.
+    """
     label = path.rpartition(".")[0]
-    return all(effect["in_balance"] for effect in core.effects if effect["label"] == label)
+    own = [effect for effect in core.effects if effect["label"] == label]
+    return all(effect["in_balance"] and not effect["structural"] for effect in own)
 
 
 def default_tolerances(core: Any, free: Sequence[str]) -> dict[str, float]:
