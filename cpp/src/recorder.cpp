@@ -17,7 +17,13 @@ bool is_sensor_effect(const EffectEntry& effect) {
                        [&](const EffectType& type) { return effect.name == type.text.name && (type.hooks & sensing); });
 }
 
-// The effects at a channel, with slopes along up to `directions` parameters.
+// Whether an effect changes the angle that the sensor of a place reads: at a motor an offset is one of the speed.
+bool changes_angle(const EffectEntry& effect, bool at_motor) {
+    const EffectType& type = effect_type(effect.name);
+    return !at_motor || type.text.of_angle || type.text.rounds || (type.hooks & hook::delay);
+}
+
+// The effects at a channel or sensor, with slopes along up to `directions` parameters.
 std::vector<std::unique_ptr<Effect<Gradient>>> effects_at(const Machine& machine, const std::string& channel,
                                                           const std::vector<std::vector<std::size_t>>& slots,
                                                           std::size_t first) {
@@ -25,8 +31,10 @@ std::vector<std::unique_ptr<Effect<Gradient>>> effects_at(const Machine& machine
     for (std::size_t d = 1; d < directions && first + d - 1 < slots.size(); ++d)
         for (const auto slot : slots[first + d - 1]) values[slot].slope[d] = 1.0;
     std::vector<std::unique_ptr<Effect<Gradient>>> found;
+    const bool at_motor = machine.motor(channel) >= 0;
     for (const auto& e : machine.effects())
-        if (is_sensor_effect(e) && std::find(e.members.begin(), e.members.end(), channel) != e.members.end())
+        if (is_sensor_effect(e) && changes_angle(e, at_motor) &&
+            std::find(e.members.begin(), e.members.end(), channel) != e.members.end())
             found.push_back(make_effect<Gradient>(e.name, values.data() + e.first));
     return found;
 }
@@ -37,8 +45,9 @@ std::vector<std::vector<std::size_t>> slots_of(const Machine& machine, const std
     return slots;
 }
 
-Measures measures(const std::string& channel) {
-    return channel.starts_with("theta_") ? Measures::angle : Measures::other;
+Measures measures(const Machine& machine, const std::string& channel) {
+    const bool angle = channel.starts_with("theta_") || channel == "table" || machine.motor(channel) >= 0;
+    return angle ? Measures::angle : Measures::other;
 }
 
 constexpr std::size_t at_once = directions - 1;  // the first direction is the signal's own
@@ -87,7 +96,7 @@ Recording record(const Machine& machine, const std::string& channel, const std::
         const auto effects = effects_at(machine, channel, slots, first);
         for (std::size_t row = 0; row < rows; ++row) {
             Gradient y = Gradient::variable(signal[row], 0);
-            for (const auto& effect : effects) y = effect->reading(y, {Gradient(t[row]), measures(channel)});
+            for (const auto& effect : effects) y = effect->reading(y, {Gradient(t[row]), measures(machine, channel)});
             out.values[row] = y.value;
             out.by_signal[row] = y.slope[0];
             for (std::size_t d = 0; d < at_once && first + d < np; ++d)

@@ -8,9 +8,10 @@ import numpy
 import numpy.typing
 from numpy.typing import NDArray
 
-__sundials_version__: str = "6.4.1"
 
-__kernels__: str = "avx512"
+__sundials_version__: str = '6.4.1'
+
+__kernels__: str = 'avx512'
 
 class Waveform:
     """
@@ -31,7 +32,9 @@ class Waveform:
         """
 
     def __getstate__(self) -> tuple[Any, ...]: ...
+
     def __setstate__(self, state: tuple[Any, ...], /) -> None: ...
+
     def value(self, times: numpy.typing.ArrayLike) -> Any:
         """
         The signal at times in s: a float for a float, else an array of the same shape.
@@ -61,7 +64,9 @@ class Waveform:
         """
 
     def __add__(self, arg: Waveform, /) -> Waveform: ...
+
     def __mul__(self, factor: float) -> Waveform: ...
+
     def __rmul__(self, factor: float) -> Waveform: ...
 
 def constant(value: float) -> Waveform:
@@ -70,18 +75,12 @@ def constant(value: float) -> Waveform:
 def step(height: float, at: float = 0.0) -> Waveform:
     """Zero before `at` (s), `height` from there on."""
 
-def ramp(rate: float, start: float = 0.0, end: float = float("inf")) -> Waveform:
+def ramp(rate: float, start: float = 0.0, end: float = float('inf')) -> Waveform:
     """
     Zero before `start` (s), rising by `rate` per s until `end`, then held. Raises ValueError unless end > start.
     """
 
-def sine(
-    amplitude: float,
-    frequency_hz: float,
-    phase: float = 0.0,
-    offset: float = 0.0,
-    start: float = 0.0,
-) -> Waveform:
+def sine(amplitude: float, frequency_hz: float, phase: float = 0.0, offset: float = 0.0, start: float = 0.0) -> Waveform:
     """
     offset + amplitude sin(2 pi f (t - start) + phase) from `start` (s) on, before it the offset alone.
 
@@ -97,12 +96,7 @@ def scale(waveform: Waveform, factor: float) -> Waveform:
 def shift(waveform: Waveform, delay: float) -> Waveform:
     """The same signal, later by `delay` s."""
 
-def multisine(
-    amplitudes: numpy.typing.ArrayLike,
-    frequencies_hz: numpy.typing.ArrayLike,
-    phases: numpy.typing.ArrayLike,
-    start: float = 0.0,
-) -> Waveform:
+def multisine(amplitudes: numpy.typing.ArrayLike, frequencies_hz: numpy.typing.ArrayLike, phases: numpy.typing.ArrayLike, start: float = 0.0) -> Waveform:
     """
     Sum of amplitudes[k] sin(2 pi frequencies_hz[k] (t - start) + phases[k]) from `start` (s) on, zero before.
 
@@ -118,15 +112,7 @@ class Phases(enum.Enum):
     schroeder = 1
     """a low peak for the same RMS value"""
 
-def odd_multisine(
-    rms: float,
-    base_frequency_hz: float,
-    lines: int,
-    seed: int = 0,
-    phases: Phases = Phases.random,
-    start: float = 0.0,
-    from_zero: bool = False,
-) -> Waveform:
+def odd_multisine(rms: float, base_frequency_hz: float, lines: int, seed: int = 0, phases: Phases = Phases.random, start: float = 0.0, from_zero: bool = False) -> Waveform:
     """
     A flat multisine on `lines` odd harmonics f, 3f, 5f, ... of the base frequency, with the given RMS value.
 
@@ -135,14 +121,7 @@ def odd_multisine(
     Raises ValueError unless rms, base_frequency_hz and lines are positive.
     """
 
-def jerk_limited_move(
-    distance: float,
-    speed: float,
-    acceleration: float,
-    jerk: float,
-    start: float = 0.0,
-    from_: float = 0.0,
-) -> Waveform:
+def jerk_limited_move(distance: float, speed: float, acceleration: float, jerk: float, start: float = 0.0, from_: float = 0.0) -> Waveform:
     """
     The fastest move from rest at `from_` to rest at `from_ + distance`, beginning at `start` (s).
 
@@ -151,16 +130,7 @@ def jerk_limited_move(
     Raises ValueError naming argument, value and rule. Source: Biagiotti & Melchiorri 2008, section 3.4.
     """
 
-def cycle_of_moves(
-    targets: numpy.typing.ArrayLike,
-    speed: float,
-    acceleration: float,
-    jerk: float,
-    dwell: float = 0.0,
-    start: float = 0.0,
-    repeats: int = 1,
-    from_: float = 0.0,
-) -> Waveform:
+def cycle_of_moves(targets: numpy.typing.ArrayLike, speed: float, acceleration: float, jerk: float, dwell: float = 0.0, start: float = 0.0, repeats: int = 1, from_: float = 0.0) -> Waveform:
     """
     Moves from `from_` to each target in turn, a dwell (s) after each, all `repeats` times.
 
@@ -168,25 +138,14 @@ def cycle_of_moves(
     Raises ValueError naming argument, value and rule.
     """
 
-def dwells_of_cycle(
-    targets: numpy.typing.ArrayLike,
-    speed: float,
-    acceleration: float,
-    jerk: float,
-    dwell: float = 0.0,
-    start: float = 0.0,
-    repeats: int = 1,
-    from_: float = 0.0,
-) -> numpy.typing.NDArray[numpy.float64]:
+def dwells_of_cycle(targets: numpy.typing.ArrayLike, speed: float, acceleration: float, jerk: float, dwell: float = 0.0, start: float = 0.0, repeats: int = 1, from_: float = 0.0) -> numpy.typing.NDArray[numpy.float64]:
     """
     When that cycle stands at its targets: shape (moves, 3), columns target, begin (s), end (s).
 
     Arguments and errors as for cycle_of_moves.
     """
 
-def bidirectional_targets(
-    positions: numpy.typing.ArrayLike, overrun: float
-) -> numpy.typing.NDArray[numpy.float64]:
+def bidirectional_targets(positions: numpy.typing.ArrayLike, overrun: float) -> numpy.typing.NDArray[numpy.float64]:
     """
     Targets of one bidirectional cycle after ISO 230-2, for cycle_of_moves.
 
@@ -206,11 +165,7 @@ class Interpolation(enum.Enum):
     cubic = 2
     """a not-a-knot spline with continuous acceleration"""
 
-def sampled(
-    times: numpy.typing.ArrayLike,
-    values: numpy.typing.ArrayLike,
-    interpolation: Interpolation = ...,
-) -> Waveform:
+def sampled(times: numpy.typing.ArrayLike, values: numpy.typing.ArrayLike, interpolation: Interpolation = ...) -> Waveform:
     """
     A recorded signal through `values` at increasing `times` (s), even or not; shapes (n,), n >= 2 (hold: 1).
 
@@ -226,14 +181,19 @@ class Parameter:
 
     @property
     def path(self) -> str: ...
+
     @property
     def unit(self) -> str: ...
+
     @property
     def doc(self) -> str: ...
+
     @property
     def low(self) -> float: ...
+
     @property
     def high(self) -> float: ...
+
     @property
     def low_excluded(self) -> bool:
         """True where the lower bound itself is not allowed."""
@@ -248,6 +208,7 @@ class Parameter:
 
     @property
     def value(self) -> float: ...
+
     @property
     def counted(self) -> bool:
         """Counted, chosen or read off: not fitted unless it is named."""
@@ -257,20 +218,28 @@ class EffectType:
 
     @property
     def name(self) -> str: ...
+
     @property
     def equation(self) -> str: ...
+
     @property
     def source(self) -> str: ...
+
     @property
     def validity(self) -> str: ...
+
     @property
     def confused_with(self) -> str: ...
+
     @property
     def places(self) -> str: ...
+
     @property
     def affine(self) -> bool: ...
+
     @property
     def acts_on(self) -> str: ...
+
     @property
     def structural(self) -> bool:
         """
@@ -320,38 +289,36 @@ class Machine:
     """
 
     def __init__(self) -> None: ...
+
     def __getstate__(self) -> tuple[Any, ...]: ...
+
     def __setstate__(self, state: tuple[Any, ...], /) -> None: ...
+
     @property
     def name(self) -> str: ...
+
     @name.setter
     def name(self, arg: str, /) -> None: ...
+
     def copy(self) -> Machine:
         """An independent copy."""
 
     def __copy__(self) -> Machine: ...
+
     def __deepcopy__(self, memo: object) -> Machine: ...
+
     def add_body(self, name: str, locked: bool = False) -> None:
         """Add a body with parameters J and b."""
 
-    def connect(
-        self, name: str, driver: str, driven: str, kind: str = "gap", frame: str = "driver"
-    ) -> None:
+    def connect(self, name: str, driver: str, driven: str, kind: str = 'gap', frame: str = 'driver') -> None:
         """
         Join two bodies: rigid, compliant or gap. frame says in whose angle twist, stiffness and gap are given.
         """
 
-    def add_motor(self, name: str, body: str = "", kind: str = "armature") -> None:
+    def add_motor(self, name: str, body: str = '', kind: str = 'armature') -> None:
         """Put a motor on a body (default: the body of the same name)."""
 
-    def set_controller(
-        self,
-        kind: str = "master_slave",
-        equaliser: str = "both",
-        tension: str = "constant",
-        current: str = "cascade",
-        speed_samples: int = 0,
-    ) -> None:
+    def set_controller(self, kind: str = 'master_slave', equaliser: str = 'both', tension: str = 'constant', current: str = 'cascade', speed_samples: int = 0) -> None:
         """
         Choose the controller's structure; its numbers are parameters controller.*.
 
@@ -361,6 +328,7 @@ class Machine:
 
     @property
     def controller_options(self) -> dict[str, Any]: ...
+
     @staticmethod
     def choices() -> dict[str, list[str]]:
         """What each choice may be set to."""
@@ -370,26 +338,13 @@ class Machine:
         Add an effect at a place or group of places; returns its label, the prefix of its parameters.
         """
 
-    def add_expression(
-        self,
-        place: str,
-        formula: str,
-        parameters: Sequence[tuple[str, str, float]] = [],
-        columns: Sequence[tuple[str, str]] = [],
-    ) -> str:
+    def add_expression(self, place: str, formula: str, parameters: Sequence[tuple[str, str, float]] = [], columns: Sequence[tuple[str, str]] = []) -> str:
         """
         Add a user's formula as a torque on a body. parameters: (name, unit, value); columns: recorded ones that it
         reads, (name, unit).
         """
 
-    def add_spline(
-        self,
-        place: str,
-        axes: Sequence[tuple[str, float, float, int, bool]],
-        values: Sequence[float],
-        size: float = 300.0,
-        columns: Sequence[tuple[str, str]] = [],
-    ) -> str:
+    def add_spline(self, place: str, axes: Sequence[tuple[str, float, float, int, bool]], values: Sequence[float], size: float = 300.0, columns: Sequence[tuple[str, str]] = []) -> str:
         """
         Add a learned curve as a torque on a body, N m, over one coordinate or two; returns its label.
 
@@ -398,8 +353,10 @@ class Machine:
         """
 
     def remove_effect(self, label: str) -> None: ...
+
     @property
     def effects(self) -> list[dict[str, Any]]: ...
+
     def get(self, path: str) -> float:
         """The value at a path, or that all members of a group agree on."""
 
@@ -407,6 +364,7 @@ class Machine:
         """Set a value (SI) by path or group; checks bounds."""
 
     def parameter(self, path: str) -> Parameter: ...
+
     def members(self, path: str) -> list[str]:
         """The paths that a path or tie group stands for."""
 
@@ -420,11 +378,15 @@ class Machine:
 
     @property
     def bodies(self) -> list[str]: ...
+
     @property
     def connections(self) -> list[str]: ...
+
     @property
     def motors(self) -> list[str]: ...
+
     def kind(self, name: str) -> str: ...
+
     def validate(self) -> None:
         """Check what no single parameter shows. Raises ValueError."""
 
@@ -445,10 +407,13 @@ class Trajectory:
 
     @property
     def names(self) -> list[str]: ...
+
     @property
     def units(self) -> list[str]: ...
+
     @property
     def long_names(self) -> list[str]: ...
+
     @property
     def values(self) -> Annotated[NDArray[numpy.float64], dict(writable=False)]:
         """Signals, shape (n, signals)."""
@@ -477,13 +442,7 @@ class Trajectory:
     def gradient_parameters(self) -> list[str]:
         """Of pull_back."""
 
-    def pull_back(
-        self,
-        seeds: Annotated[
-            NDArray[numpy.float64],
-            dict(shape=(None, None), order="C", device="cpu", writable=False),
-        ],
-    ) -> NDArray[numpy.float64]:
+    def pull_back(self, seeds: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
         """
         d cost / d parameter, shape (gradient_parameters,), from d cost / d value, shape (n, signals). Raises ValueError for another shape, and for a run without gradient or one that stopped early.
         """
@@ -499,10 +458,13 @@ class Trajectory:
 
     @property
     def state_names(self) -> list[str]: ...
+
     @property
     def final_state(self) -> Annotated[NDArray[numpy.float64], dict(writable=False)]: ...
+
     @property
     def status(self) -> str: ...
+
     @property
     def message(self) -> str:
         """What went wrong and what to try; empty on success."""
@@ -510,26 +472,7 @@ class Trajectory:
     @property
     def statistics(self) -> dict[str, Any]: ...
 
-def simulate(
-    machine: Machine,
-    inputs: Mapping[str, Waveform],
-    *,
-    end: float,
-    start: float = 0.0,
-    output_step: float = 0.001,
-    times: Sequence[float] = [],
-    engine: str = "auto",
-    rtol: float = 1e-10,
-    method: str = "auto",
-    long_double: bool = False,
-    longest_step: float = 0.0,
-    max_steps: int = 50000000,
-    signals: Sequence[str] = [],
-    sensitivities: Sequence[str] = [],
-    gradient: Sequence[str] = [],
-    initial: Mapping[str, float] = {},
-    energy: bool = True,
-) -> Trajectory:
+def simulate(machine: Machine, inputs: Mapping[str, Waveform], *, end: float, start: float = 0.0, output_step: float = 0.001, times: Sequence[float] = [], engine: str = 'auto', rtol: float = 1e-10, method: str = 'auto', long_double: bool = False, longest_step: float = 0.0, max_steps: int = 50000000, signals: Sequence[str] = [], sensitivities: Sequence[str] = [], gradient: Sequence[str] = [], initial: Mapping[str, float] = {}, energy: bool = True) -> Trajectory:
     """
     Integrate a machine with every switch located.
 
@@ -543,41 +486,19 @@ def recorded_channels(machine: Machine) -> list[str]:
     Channels that effects of this machine sit at, outside the loop: sensor_delay@theta_1 and its like.
     """
 
-def recorder_delay(
-    machine: Machine, channel: str, parameters: Sequence[str] = []
-) -> tuple[float, NDArray[numpy.float64]]:
+def recorder_delay(machine: Machine, channel: str, parameters: Sequence[str] = []) -> tuple[float, NDArray[numpy.float64]]:
     """
     How late the recorder of a channel is, s, and its derivatives by these parameter paths, shape (parameters,).
     """
 
-def record(
-    machine: Machine,
-    channel: str,
-    t: Annotated[
-        NDArray[numpy.float64], dict(shape=(None,), order="C", device="cpu", writable=False)
-    ],
-    signal: Annotated[
-        NDArray[numpy.float64], dict(shape=(None,), order="C", device="cpu", writable=False)
-    ],
-    parameters: Sequence[str] = [],
-) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64], NDArray[numpy.float64]]:
+def record(machine: Machine, channel: str, t: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], signal: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], parameters: Sequence[str] = []) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64], NDArray[numpy.float64]]:
     """
     What the recorder of a channel writes down of its signal, late as it is.
 
     Returns (values, d value / d signal, d value / d parameter), shapes (n,), (n,), (n, parameters). Raises ValueError.
     """
 
-def torque_balance(
-    machine: Machine,
-    channels: Mapping[
-        str,
-        Annotated[
-            NDArray[numpy.float64], dict(shape=(None,), order="C", device="cpu", writable=False)
-        ],
-    ],
-    parameters: Sequence[str] = [],
-    standstill: float = 0.0,
-) -> dict[str, Any]:
+def torque_balance(machine: Machine, channels: Mapping[str, Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]], parameters: Sequence[str] = [], standstill: float = 0.0) -> dict[str, Any]:
     """
     Evaluate the machine's laws on recorded motion, against recorded motor torque.
 
@@ -591,21 +512,7 @@ class Scenario:
     What a machine of an ensemble is put through, and what of it is summed up.
     """
 
-    def __init__(
-        self,
-        inputs: Mapping[str, Waveform],
-        *,
-        end: float,
-        start: float = 0.0,
-        engine: str = "auto",
-        rtol: float = 1e-10,
-        method: str = "auto",
-        longest_step: float = 0.0,
-        max_steps: int = 50000000,
-        initial: Mapping[str, float] = {},
-        energy: bool = True,
-        reductions: Sequence[tuple[str, str, float, float]] = [],
-    ) -> None:
+    def __init__(self, inputs: Mapping[str, Waveform], *, end: float, start: float = 0.0, engine: str = 'auto', rtol: float = 1e-10, method: str = 'auto', longest_step: float = 0.0, max_steps: int = 50000000, initial: Mapping[str, float] = {}, energy: bool = True, reductions: Sequence[tuple[str, str, float, float]] = []) -> None:
         """
         Inputs and options as of simulate. reductions: (signal, measure, begin, end), times in s, both included;
         measures: min, max, range, peak, mean, rms, final. Raises ValueError for an unknown measure or method.
@@ -616,6 +523,7 @@ class EnsembleRun:
 
     @property
     def number(self) -> int: ...
+
     @property
     def status(self) -> str:
         """Of the trajectory, or 'refused'."""
@@ -642,23 +550,7 @@ class EnsembleRun:
 class Ensemble:
     """Many runs of one machine on many threads, in bounded memory."""
 
-    def __init__(
-        self,
-        machine: Machine,
-        scenarios: Sequence[Scenario],
-        *,
-        paths: Sequence[str],
-        values: Annotated[
-            NDArray[numpy.float64],
-            dict(shape=(None, None), order="C", device="cpu", writable=False),
-        ],
-        times: Annotated[
-            NDArray[numpy.float64], dict(shape=(None,), order="C", device="cpu", writable=False)
-        ],
-        signals: Sequence[str] = [],
-        threads: int = 1,
-        ordered: bool = False,
-    ) -> None:
+    def __init__(self, machine: Machine, scenarios: Sequence[Scenario], *, paths: Sequence[str], values: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], times: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], signals: Sequence[str] = [], threads: int = 1, ordered: bool = False) -> None:
         """
         scenarios: one for all runs, or one for each. paths: parameters, tie groups or initial.<state>; values, SI,
         shape (runs, paths). times in s. signals: kept whole. The first runs begin at once. Raises ValueError.
@@ -683,13 +575,7 @@ class Ensemble:
     tallies: Final[list[str]] = ...
     """(arg: object, /) -> list[str]"""
 
-def reduce(
-    t: Annotated[
-        NDArray[numpy.float64], dict(shape=(None,), order="C", device="cpu", writable=False)
-    ],
-    x: Annotated[NDArray[numpy.float64], dict(shape=(None,), device="cpu", writable=False)],
-    windows: Sequence[tuple[str, float, float]],
-) -> list[float]:
+def reduce(t: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], x: Annotated[NDArray[numpy.float64], dict(shape=(None,), device='cpu', writable=False)], windows: Sequence[tuple[str, float, float]]) -> list[float]:
     """
     Sum up a signal x, shape (n,), at increasing times t: one number per (measure, begin, end), as a Scenario does.
     Raises ValueError.
@@ -707,8 +593,10 @@ class LinearSystem:
 
     @property
     def states(self) -> list[str]: ...
+
     @property
     def signals(self) -> list[str]: ...
+
     @property
     def A(self) -> Annotated[NDArray[numpy.float64], dict(writable=False)]:
         """Shape (states, states)."""
@@ -725,14 +613,7 @@ class LinearSystem:
     def c(self) -> Annotated[NDArray[numpy.float64], dict(writable=False)]:
         """Shape (signals,)."""
 
-def linearise(
-    machine: Machine,
-    inputs: Mapping[str, Waveform] = {},
-    *,
-    modes: Mapping[str, str] = {},
-    state: Mapping[str, float] = {},
-    t: float = 0.0,
-) -> LinearSystem:
+def linearise(machine: Machine, inputs: Mapping[str, Waveform] = {}, *, modes: Mapping[str, str] = {}, state: Mapping[str, float] = {}, t: float = 0.0) -> LinearSystem:
     """
     The machine as a linear system in given modes: exact where it is affine, else the tangent at `state`.
 
@@ -759,16 +640,7 @@ class FrozenLaws:
         Their derivatives along the flow, 1/s; empty where the model itself was asked.
         """
 
-def frozen_laws(
-    machine: Machine,
-    inputs: Mapping[str, Waveform] = {},
-    *,
-    modes: Mapping[str, str] = {},
-    state: Mapping[str, float] = {},
-    t: float = 0.0,
-    cell: tuple[float, float] = (float("-inf"), float("inf")),
-    matrices: bool = False,
-) -> FrozenLaws:
+def frozen_laws(machine: Machine, inputs: Mapping[str, Waveform] = {}, *, modes: Mapping[str, str] = {}, state: Mapping[str, float] = {}, t: float = 0.0, cell: tuple[float, float] = (float('-inf'), float('inf')), matrices: bool = False) -> FrozenLaws:
     """
     The laws of given modes, from the model or from the matrices that engines use where a machine is affine.
 

@@ -1,7 +1,8 @@
-"""Channels as a recorder writes them: effects that sit at a channel's name, outside the loop.
+"""Channels as they are written down: what the sensor reads, and what the recorder makes of it.
 
-``sensor_delay@theta_1`` is a late recorder, ``quantisation@I_2`` one that counts. The laws are
-those of the core; here they meet arrays.
+``sensor_delay@theta_1`` is a late recorder, ``quantisation@I_2`` one that counts; the loop knows
+nothing of either. ``sensor_delay@table`` is a late sensor: the loop feels it, and the record of
+theta_m shows what the sensor read. The laws are those of the core; here they meet arrays.
 """
 
 from __future__ import annotations
@@ -14,27 +15,46 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 
-__all__ = ["AsRecorded", "Recorded", "delays", "own_paths", "reading_times", "written"]
+__all__ = ["AsRecorded", "delays", "own_paths", "reading_times", "sources", "written"]
 
 Array = NDArray[np.float64]
 
 
-class Recorded(NamedTuple):
-    """A channel as written down, shape (n,), and its derivatives.
+class Source(NamedTuple):
+    """Where effects change a channel, in this order (``table``, ``theta_m``), and its delay, s."""
 
-    inside:  by what moves the signal, shape (n, parameters of the run)
-    own:     by the recorder's own numbers, shape (n, paths asked for)
-    """
-
-    values: Array
-    inside: Array
-    own: Array
+    places: tuple[str, ...]
+    delay: float
 
 
 def delays(core: _core.Machine) -> dict[str, float]:
     """Channels that a recorder's effects sit at, and how late each of them is, s."""
     channels = _core.recorded_channels(core)
     return {name: _core.recorder_delay(core, name)[0] for name in channels}
+
+
+def sources(core: _core.Machine) -> dict[str, Source]:
+    """Channels that are not the machine's own signals: by their recorder, or by their sensor.
+
+    The record of theta_m is what the table's sensor reads, that of theta_n what the motor's does.
+    """
+    late = delays(core)
+    found = {channel: Source((channel,), delay) for channel, delay in late.items()}
+    for effect in core.effects:
+        for sensor in effect["members"]:
+            channel = f"theta_{sensor.rpartition('_')[2]}" if sensor in core.motors else "theta_m"
+            if "sensor" not in _acts_on(effect) or not (sensor in core.motors or sensor == "table"):
+                continue
+            delay = _core.recorder_delay(core, sensor)[0] + late.get(channel, 0.0)
+            found[channel] = Source((sensor, channel), delay)
+    return found
+
+
+def _acts_on(effect: Mapping[str, Any]) -> str:
+    try:
+        return str(_core.effect_type(effect["effect"]).acts_on)
+    except ValueError:
+        return ""  # a user's formula
 
 
 def own_paths(core: _core.Machine, paths: Sequence[str]) -> list[str]:
@@ -52,28 +72,35 @@ def reading_times(t: Array, late: Mapping[str, float], begin: float) -> Array:
 
 def written(
     core: _core.Machine,
-    channel: str,
+    places: Sequence[str],
     t: Array,
     signal: Array,
-    inside: Array,
-    own: Sequence[str],
-) -> Recorded:
-    """What the recorder of a channel writes down at times t.
+    slopes: Array,
+    paths: Sequence[str],
+) -> tuple[Array, Array]:
+    """What is written down of a channel at times t, and its derivatives: shapes (n,), (n, k).
 
     Args:
         core: the core's machine.
-        channel: such as theta_1.
+        places: where effects change it, in this order.
         t: times of the record, s, shape (n,), increasing.
-        signal: the channel at those times less the recorder's delay, shape (n,).
-        inside: its derivatives by what moves it, shape (n, m).
-        own: parameter paths of recorders to derive by.
+        signal: the channel at those times less all delays, shape (n,).
+        slopes: its derivatives by the paths, as far as they move the machine, shape (n, k).
+        paths: parameter paths, those of recorders among them, and ``initial.<state>``.
 
     """
-    values, by_signal, slopes = _core.record(core, channel, t, signal, list(own))
-    late = _core.recorder_delay(core, channel, list(own))[1]
-    if late.any():
-        slopes = slopes - np.outer(by_signal * _rate(t, signal), late)
-    return Recorded(values, by_signal[:, None] * inside, slopes)
+    known = [k for k, path in enumerate(paths) if not path.startswith("initial.")]
+    names = [paths[k] for k in known]
+    late = {place: _core.recorder_delay(core, place, names)[1] for place in places}
+    rate = _rate(t, signal) if any(by.any() for by in late.values()) else np.zeros(len(t))
+    slopes = slopes.copy()
+    for place in places:
+        signal, by_signal, direct = _core.record(core, place, t, signal, names)
+        slopes[:, known] -= np.outer(rate, late[place])
+        slopes *= by_signal[:, None]
+        slopes[:, known] += direct
+        rate = by_signal * rate
+    return signal, slopes
 
 
 def _rate(t: Array, values: Array) -> Array:
@@ -102,7 +129,7 @@ class AsRecorded:
         late:   recorded channel -> delay, s
         paths:  parameters that the run was asked to derive by, recorders' own among them
         """
-        own = own_paths(core, paths)
+        own = set(own_paths(core, paths))
         begin = trajectory.t[0] if trajectory.t.size else 0.0
         self._trajectory = trajectory
         self.t = t[t <= trajectory.t[-1]] if trajectory.t.size else t[:0]
@@ -111,26 +138,20 @@ class AsRecorded:
         self.values = trajectory.values[rows]
         self.modes = trajectory.modes[rows]
         self.work = trajectory.work[rows] if trajectory.work.size else trajectory.work
-        shape = (len(rows) if paths else 0, len(trajectory.names), len(paths))
-        self.sensitivities = np.zeros(shape)
-        mine = np.array([path in own for path in paths], dtype=bool)
+        moving = [path not in own for path in paths]
+        whole = np.zeros((len(trajectory.t), len(trajectory.names), len(paths)))
         if trajectory.parameters:
-            self.sensitivities[:, :, ~mine] = trajectory.sensitivities[rows]
+            whole[:, :, moving] = trajectory.sensitivities
+        self.sensitivities = whole[rows] if paths else whole[:0]
         for column, channel in enumerate(trajectory.names):
             if channel not in late or not len(rows):
                 continue
             seen = np.searchsorted(trajectory.t, np.maximum(self.t - late[channel], begin))
-            inside = (
-                trajectory.sensitivities[seen, column]
-                if trajectory.parameters
-                else np.zeros((len(seen), 0))
-            )
-            signal = trajectory.values[seen, column]
-            found = written(core, channel, self.t, signal, inside, own)
-            self.values[:, column] = found.values
+            signal, slopes = trajectory.values[seen, column], whole[seen, column]
+            values, by = written(core, (channel,), self.t, signal, slopes, paths)
+            self.values[:, column] = values
             if paths:
-                self.sensitivities[:, column, ~mine] = found.inside
-                self.sensitivities[:, column, mine] = found.own
+                self.sensitivities[:, column] = by
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._trajectory, name)

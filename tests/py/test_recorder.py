@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -108,6 +109,55 @@ def test_a_replay_reads_as_simulate_does() -> None:
     assert (counts > 0.5).mean() < 0.02  # a count apart where the signal stands at its edge
     # the following error is made of channels, so it has the disc's error too
     assert np.abs(played.residual("e")).max() < 1e-7
+
+
+def replay(machine: Machine, seen: Any, paths: Sequence[str] = ()) -> Any:
+    names = ("theta_ref", "theta_m", "theta_1", "I_1")
+    trace = Trace(np.array(seen.t), {name: np.array(seen[name]) for name in names}, name="made")
+    played_from = records(machine, named(trace), motion=QUICK, start="rest")
+    (played,) = play_all(machine.core, played_from, paths)
+    assert played.ok
+    return played
+
+
+def test_a_record_shows_what_the_sensor_read() -> None:
+    machine = Machine.load("bench")
+    machine.add("sensor_delay", "table", time=4e-3)
+    machine.add("encoder_eccentricity", "motors", amplitude=2e-3, phase=np.pi / 2)
+    machine.add("sensor_delay", "theta_m", time=2e-3)  # and the recorder is later than that
+    seen = simulate(machine, QUICK)
+    played = replay(machine, seen)
+    late = np.concatenate([[0.0, 0.0], seen["sensed.table"][:-2]])
+    np.testing.assert_allclose(played.simulated["theta_m"], late, atol=1e-6)
+    eccentric = seen["theta_1"] + 2e-3 * np.cos(seen["theta_1"] + np.pi / 2)
+    np.testing.assert_allclose(played.simulated["theta_1"], eccentric, atol=1e-6)
+    # simulate tells them apart: its theta_m is the table's own, 2 ms late, 2 ms before the sensor's
+    assert np.abs(seen["theta_m"] - seen["sensed.table"]).max() > 1e-3
+
+
+def test_slopes_of_what_the_sensor_read() -> None:
+    paths = {
+        "sensor_delay@table.time": 1e-5,
+        "encoder_eccentricity@motors.amplitude": 1e-5,
+        "sensor_offset@theta_m.value": 1e-4,
+        "table.J": 1e-4,
+    }
+    machine = Machine.load("bench")
+    machine.add("sensor_delay", "table", time=4.3e-3)
+    machine.add("encoder_eccentricity", "motors", amplitude=2e-3, phase=np.pi / 2)
+    machine.add("sensor_offset", "theta_m", value=0.1)
+    seen = simulate(machine, QUICK)
+    base = replay(machine, seen, list(paths))
+    for k, (path, h) in enumerate(paths.items()):
+        ends = []
+        for sign in (1, -1):
+            moved = machine.copy()
+            moved.set(path, moved.get(path) + sign * h)
+            ends.append(replay(moved, seen).simulated)
+        for name in ("theta_m", "theta_1", "I_1"):
+            difference = (ends[0][name] - ends[1][name]) / (2 * h)
+            error = np.abs(base.slopes[name][:, k] - difference).max()
+            assert error < 3e-3 * np.abs(difference).max() + 1e-6, (path, name)
 
 
 def test_whose_paths_are_a_recorders() -> None:

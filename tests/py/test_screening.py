@@ -36,7 +36,14 @@ RIVALS = [
 
 
 def record_of(machine: dualdrive.Machine) -> Trace:
-    """What sensors of this machine would show of two moves."""
+    """What sensors of this machine would show of two moves; a late one is late in its record."""
+    for effect in machine.copy().core.effects if "sensor_delay@motors" in machine.effects else ():
+        if effect["label"] == "sensor_delay@motors":
+            machine = machine.copy()
+            for n in (1, 2):
+                machine.add(
+                    "sensor_delay", f"theta_{n}", time=machine.get("sensor_delay@motors.time")
+                )
     motion = dualdrive.motion.cycle([0.0, 0.02, 0.0], v=0.02, a=0.012, j=0.05, dwell=0.5, start=1.0)
     run = dualdrive.simulate(machine, motion, output_step=1e-2)
     assert run.ok

@@ -1,4 +1,5 @@
 // What a recorder makes of a channel: the effects that sit at its name, such as sensor_delay@theta_1, outside the loop.
+// In place of a channel the functions below take a sensor, table or motor_n: what its effects make of the body's angle.
 #pragma once
 
 #include <string>

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.mapper import Mapper, Threads, mapped
-from dualdrive.recorder import Recorded, delays, own_paths, reading_times, written
+from dualdrive.recorder import own_paths, reading_times, sources, written
 from dualdrive.replay.record import Record, with_settings
 
 Array = NDArray[np.float64]
@@ -78,7 +78,8 @@ def play(
     """
     core = with_settings(core, record.settings)
     raw = sorted({channel for c in record.channels for channel, _ in c.parts})
-    late = {name: delay for name, delay in delays(core).items() if name in raw}
+    read = {name: source for name, source in sources(core).items() if name in raw}
+    late = {name: source.delay for name, source in read.items()}
     times = reading_times(record.t, late, record.begin)
     own = own_paths(core, sensitivities)
     known = {name for name, _, _ in core.signals()}
@@ -103,20 +104,18 @@ def play(
     slopes: dict[str, Array] = {}
     for channel in raw:
         rows = np.searchsorted(times, np.maximum(record.t - late.get(channel, 0.0), record.begin))
-        values = run.values[rows, column[channel]]
-        inside = (
-            run.sensitivities[rows, column[channel]]
-            if run.parameters
-            else np.zeros((len(values), 0))
-        )
-        found = (
-            written(core, channel, record.t, values, inside, own)
-            if channel in late
-            else Recorded(values, inside, np.zeros((len(values), len(own))))
-        )
-        seen[channel] = found.values
+        moved = np.zeros((len(rows), len(sensitivities)))
+        if run.parameters:
+            moved[:, [path not in own for path in sensitivities]] = run.sensitivities[
+                rows, column[channel]
+            ]
+        seen[channel] = run.values[rows, column[channel]]
+        if channel in read:
+            seen[channel], moved = written(
+                core, read[channel].places, record.t, seen[channel], moved, list(sensitivities)
+            )
         if sensitivities:
-            slopes[channel] = _in_order(sensitivities, own, found)
+            slopes[channel] = moved
     whole = np.searchsorted(times, record.t)
     return Replay(
         record,
@@ -136,12 +135,6 @@ def _derived(record: Record, raw: Mapping[str, Array]) -> dict[str, Array]:
         first, *others = (factor * raw[name] for name, factor in c.parts)
         found[c.name] = sum(others, first)
     return found
-
-
-def _in_order(paths: Sequence[str], own: Sequence[str], found: Recorded) -> Array:
-    """Derivatives of a channel in the order of the paths that were asked for."""
-    inside, outside = iter(found.inside.T), iter(found.own.T)
-    return np.column_stack([next(outside if path in own else inside) for path in paths])
 
 
 def play_all(

@@ -8,7 +8,6 @@
 // 412.5″ × e in µm / diameter in mm.
 // Validity: one reading head; two heads opposite each other cancel it. At table or motor the loop follows the error; at
 // theta_n or theta_m of a record only the record shows it. With a delay at the same motor the phase is that of now.
-// A torque balance takes recorded angles as they are.
 #pragma once
 
 #include <cmath>
