@@ -5,10 +5,14 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from dualdrive import Machine
 from dualdrive.compare import EquationAtFault, equation_at_fault
+from dualdrive.compare.controller import asked_torques, commanded_record
+from dualdrive.identify import Processing, with_torques
+from dualdrive.identify.filtering import pieces
 from recorded import demo, sheet
 from simulated import drifted, nominal, record
 
@@ -55,3 +59,46 @@ def test_without_motor_angles_the_sum_alone_can_be_told() -> None:
     trace = demo("fit").without("theta_1", "theta_2")
     fault = equation_at_fault(sheet(), trace)
     assert fault == EquationAtFault("total", 1.0, {"total": 1.0})
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda m: m.set("controller.K_v", 5.6),
+        lambda m: m.set("controller.T_ten", 22.0),
+        lambda m: m.add("sensor_delay", "table", time=0.004),
+    ],
+    ids=["gain", "tension", "late sensor in the loop"],
+)
+def test_a_controller_that_is_another_is_told_from_the_plant(
+    change: Callable[[Machine], object],
+) -> None:
+    machine = nominal()
+    change(machine)
+    fault = equation_at_fault(drifted(), record(machine))
+    assert fault is not None
+    assert (fault.name, fault.probability > 0.9) == ("controller", True)
+
+
+def test_the_law_answers_recorded_motion_with_the_recorded_torque() -> None:
+    """Three records: of this loop, of one with dry friction more, of one with another gain."""
+    process = Processing(decimate=5)
+
+    def off(machine: Machine) -> float:
+        core, trace = nominal().core, record(machine)
+        trace = with_torques(core, trace)
+        played = commanded_record(core, trace, "record")
+        (part,) = pieces(trace, "record", process)
+        assert played is not None
+        asked = asked_torques(core, played, part)
+        assert asked is not None
+        measured = process.low_pass(part.samples["T_1"], part.step)
+        left = process.reduce(asked[0] - measured, part.step)
+        return float(np.std(left) / np.std(process.reduce(measured, part.step)))
+
+    rougher, quicker = nominal(), nominal()
+    rougher.add("coulomb", "motor_1", torque=4.0)
+    quicker.set("controller.K_v", 5.5)
+    assert off(nominal()) < 0.02
+    assert off(rougher) < 0.02
+    assert off(quicker) > 0.06

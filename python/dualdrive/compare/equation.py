@@ -8,7 +8,7 @@ residuals, which resemble each other, do not count as so many witnesses.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,7 +26,7 @@ from dualdrive.traces import Trace
 Array = NDArray[np.float64]
 
 _DRAWS = 1000
-_DECIMATE = 5
+_DECIMATE, _SAMPLES = 5, 2500
 _STEPS = 4
 #: mean square of the whitened residual beyond which something is wrong at all
 _NOISE = 2.0
@@ -74,29 +74,35 @@ def equation_at_fault(
 
     """
     core = core_of(machine).copy()
-    process = processing or Processing(decimate=_DECIMATE)
     known = {n: in_time(core, with_torques(core, t)) for n, t in named(traces).items()}
+    process = processing or Processing(decimate=_decimation(known.values()))
     held = alike_in_rows([hold(core, trace, name, process) for name, trace in known.items()])
-    point = refitted(first_point(core, held), cautious, _STEPS)
+    nominal = first_point(core, held)
+    point = refitted(nominal, cautious, _STEPS)
     if _closes(point):
         return None
-    whole = _whitened(point, noise_alone(point))
     guesses = _hypotheses(point)
     names = list(dict.fromkeys(name for name, _ in guesses))
     if len(names) < 2:
         return EquationAtFault(names[0], 1.0, {names[0]: 1.0})
-    likely = np.stack([blocks(likelihood(point, free), point) for _, free in guesses])
-    shares = {name: _share(point, whole, free) for name, free in guesses}
-    random = np.random.default_rng(1)
-    count = likely.shape[1]
-    drawn = random.multinomial(count, np.full(count, 1.0 / count), _DRAWS) @ likely.T
+    whole = _whitened(point)
+    likely = [likelihood((nominal, point), free) for _, free in guesses]
+    shares = {name: max(0.0, 1.0 - _whitened(point, free) / whole) for name, free in guesses}
+    sums = np.stack([blocks(log, point) for log in likely])
+    random, count = np.random.default_rng(1), sums.shape[1]
+    drawn = random.multinomial(count, np.full(count, 1.0 / count), _DRAWS) @ sums.T
     rank = np.array([names.index(name) for name, _ in guesses])
     wins = np.bincount(rank[np.argmax(drawn, axis=1)], minlength=len(names))
     best = int(np.argmax(wins))
     name = names[best]
-    if name.startswith("mesh") and _is_late(point, whole, shares[name]):
+    if name.startswith("mesh") and 1.0 - _whitened(point, late=True) / whole > _LATE * shares[name]:
         shares["sensors"], name = shares[name], "sensors"
     return EquationAtFault(name, float((wins[best] + 0.5) / (_DRAWS + 1)), shares)
+
+
+def _decimation(traces: Iterable[Trace]) -> int:
+    """Every fifth sample, or fewer of long records: a few thousand in all tell one from another."""
+    return max(_DECIMATE, sum(len(trace) for trace in traces) // _SAMPLES)
 
 
 def _closes(point: Point) -> bool:
@@ -113,27 +119,17 @@ def _closes(point: Point) -> bool:
     return True
 
 
-def _whitened(point: Point, weight: Sequence[Array], *, late: bool = False) -> Array:
-    """Squared residual of every counted sample in units of `weight`, all records end to end."""
+def _whitened(point: Point, free: Free | None = None, *, late: bool = False) -> float:
+    """Squared residual in units of the sensors' noise, but for free directions, summed."""
+    weight = noise_alone(point)
+    if free is not None:
+        weight = [without(w, d) for w, d in zip(weight, free(point), strict=True)]
     rest = left(point, weight, late=late)
-    return np.concatenate(
-        [
-            np.einsum("an,nab,bn->n", e, w[r.keep], e)
-            for e, w, r in zip(rest, weight, point.rows, strict=True)
-        ]
-    )
-
-
-def _share(point: Point, whole: Array, free: Free) -> float:
-    """Share of the squared residual that goes once the directions do not count."""
-    open_to = [without(w, d) for w, d in zip(noise_alone(point), free(point), strict=True)]
-    return max(0.0, 1.0 - float(_whitened(point, open_to).sum() / whole.sum()))
-
-
-def _is_late(point: Point, whole: Array, share: float) -> bool:
-    """Whether late readings of an encoder explain most of what a free mesh torque does."""
-    rest = _whitened(point, noise_alone(point), late=True)
-    return 1.0 - float(rest.sum() / whole.sum()) >= _LATE * share
+    squares = [
+        np.einsum("an,nab,bn->n", e, w[r.keep], e)
+        for e, w, r in zip(rest, weight, point.rows, strict=True)
+    ]
+    return float(np.sum(np.concatenate(squares)))
 
 
 # --- hypotheses -----------------------------------------------------------------------------------

@@ -144,7 +144,7 @@ def _free(core: Any, held: Sequence[Held]) -> list[Unknown]:
 
 
 def _first_zeros(core: Any, h: Held) -> dict[str, float]:
-    """The zero under which a drive's equation closes best, of those that its play allows."""
+    """The zero under which a drive's own equation closes best, of those that its play allows."""
     found = {}
     thin = max(1, len(h.t) // 400)
     samples = {name: np.ascontiguousarray(x[::thin]) for name, x in h.samples.items()}
@@ -158,8 +158,9 @@ def _first_zeros(core: Any, h: Held) -> dict[str, float]:
         gap = core.get(f"mesh_{n}.gap") if play else 0.0
         twist = samples[angle] / scale - ratio * samples["theta_m"]
         grid = scale * np.linspace(float(twist.min()) - gap, float(twist.max()) + gap, _GRID)
-        left = [balance(core, h, shifted(samples, {angle: z}))[0] for z in grid.tolist()]
-        sizes = [float(np.mean(np.abs(e[:, keep]))) if keep.any() else 0.0 for e in left]
+        row = next((k for k, e in enumerate(h.equations) if e.endswith(n)), 0)
+        left = [balance(core, h, shifted(samples, {angle: z}))[0][row] for z in grid.tolist()]
+        sizes = [float(np.mean(np.abs(e[keep]))) if keep.any() else 0.0 for e in left]
         found[angle] = float(grid[int(np.argmin(sizes))])
     return found
 
@@ -178,6 +179,8 @@ def _solve(point: Point, weight: Sequence[Array], *, late: bool = False) -> Arra
         which = np.r_[0:numbers, first : first + own]
         information[np.ix_(which, which)] += np.einsum("anp,anq->pq", kept, weighted)
         pull[which] -= np.einsum("anp,an->p", weighted, row.residual[:, row.keep])
+        at = first + len(row.held.encoders) + np.arange(len(row.driven))
+        information[at, at] += 1.0 / np.maximum(row.constants, 1e-300) ** 2
         first += own
     sigma = np.array([x.sigma for x in point.free])
     known = np.flatnonzero(np.isfinite(sigma))

@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Samples = Mapping[str, Array]
 
+#: constant of a torque sensor, as a share of its signal: more is a torque, not a sensor
+CONSTANT = 0.03
 #: no equation is believed better than this share of the torque measured in it
 BELIEF = 0.01
 #: and no controller's law, which answers smoothed motion, better than this
@@ -73,7 +75,8 @@ class Laws:
     table:      by the angle that the table's encoder reads, shape (m, n)
     directions: mesh -> how a torque of it enters the equations, shape (m,)
     noise:      covariance that the sensors alone leave, shape (n, m, m)
-    driven:     equations with a motor's torque, which may have a constant; the law has none
+    driven:     equations with a motor's torque, whose sensor may have a constant; the law has none
+    constants:  how large one is believed to be, one sigma, shape (len(driven),)
     """
 
     held: Held
@@ -84,6 +87,7 @@ class Laws:
     directions: Mapping[str, Array]
     noise: Array
     driven: tuple[int, ...]
+    constants: Array
 
     @property
     def keep(self) -> Flags:
@@ -253,6 +257,7 @@ def laws(core: Any, held: Held, paths: Sequence[str], zeros: Mapping[str, float]
         {mesh: _with_rows(own, more) for mesh, own in directions.items()},
         noise,
         tuple(driven),
+        CONSTANT * np.sqrt(np.mean(measured[driven] ** 2, axis=1)),
     )
 
 

@@ -29,12 +29,20 @@ _FEWEST = 20  # blocks
 Free = Callable[[Point], Sequence[Array]]
 
 
-def likelihood(point: Point, free: Free) -> list[Array]:
-    """Log likelihood of each counted sample under the likeliest torque, per record (n,).
+def likelihood(starts: Sequence[Point], free: Free) -> list[Array]:
+    """Log likelihood of each counted sample, per record (n,), under the likeliest torque.
 
-    Numbers, constants and zeros are refitted twice: with the torque wholly free, then with one of
-    the size that was found.
+    Args:
+        starts: where refits begin; the one that leads to the likeliest end counts.
+        free: directions of the torque.
+
     """
+    found = [_from(start, free) for start in starts]
+    return max(found, key=lambda log: float(sum(s.sum() for s in log)))
+
+
+def _from(point: Point, free: Free) -> list[Array]:
+    """Refit numbers, constants and zeros with the torque wholly free, then with one of its size."""
     same, m = alike(point), len(point.equations)
 
     def open_to(kappa: float, size: float) -> Callable[[Point], list[Array]]:
@@ -46,14 +54,18 @@ def likelihood(point: Point, free: Free) -> list[Array]:
     weigh = open_to(1.0, np.inf)
     for _ in range(_ROUNDS):
         point = refitted(point, weigh, _STEPS)
+        noise = noise_alone(point)
         rest = left(point, weigh(point))
         seen = [
             _seen(e, w[r.keep], d[r.keep])
-            for e, w, d, r in zip(rest, noise_alone(point), free(point), point.rows, strict=True)
+            for e, w, d, r in zip(rest, noise, free(point), point.rows, strict=True)
         ]
         typical = float(np.median(np.concatenate([s[2].ravel() for s in seen])))
         kappa, size = _likeliest(seen, 1.0 / max(typical, 1e-300), m)
-        found = [_log(s, kappa, size, m) for s in seen]
+        found = [
+            _log(s, kappa, size, m) + 0.5 * np.linalg.slogdet(w[r.keep])[1]
+            for s, w, r in zip(seen, noise, point.rows, strict=True)
+        ]
         weigh = open_to(kappa, size)
     return found
 
