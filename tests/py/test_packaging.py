@@ -57,5 +57,5 @@ def test_the_wheel_holds_every_python_file(tmp_path: Path) -> None:
         ("dualdrive_cli", ROOT / "cli"),
     ):
         for path in folder.rglob("*"):
-            if path.suffix in {".py", ".pyi", ".toml", ".typed"}:
+            if path.suffix in {".py", ".pyi", ".toml", ".typed", ".css"}:
                 assert f"{package}/{path.relative_to(folder).as_posix()}" in held
