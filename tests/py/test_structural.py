@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from dualdrive import Machine, MachineError, _core
-from dualdrive.identify import default_free, fit
-from dualdrive.identify.screening import candidates_of
+from dualdrive.identify import candidates_of, default_free, fit
 from dualdrive.identify.unknowns import unknowns
 from dualdrive.motion import move
 from dualdrive.simulation import simulate

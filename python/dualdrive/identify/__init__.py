@@ -1,6 +1,7 @@
 """Fits of a machine to measured traces."""
 
 from dualdrive.identify.balance import torque_balance
+from dualdrive.identify.candidates import candidates_of
 from dualdrive.identify.closed_loop import FitError
 from dualdrive.identify.evaluation import Evaluation, evaluate
 from dualdrive.identify.filtering import Processing
@@ -10,7 +11,7 @@ from dualdrive.identify.model import Balance, BalanceModel, Declared
 from dualdrive.identify.play import estimate_play
 from dualdrive.identify.play_result import PlayEstimate
 from dualdrive.identify.result import BalanceFit, Estimate
-from dualdrive.identify.screening import Candidate, candidates_of, screen
+from dualdrive.identify.screening import Candidate, screen
 from dualdrive.identify.search import Progress
 from dualdrive.identify.standstill import Standstill
 from dualdrive.identify.unknowns import default_free

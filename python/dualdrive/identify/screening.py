@@ -10,7 +10,6 @@ a refit decides.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -20,10 +19,10 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.distributed import mapper_for
+from dualdrive.identify.candidates import Probe, candidates_of, put_in
 from dualdrive.identify.closed_loop import Problem, channels_to_fit
 from dualdrive.identify.evaluation import state_unknowns
-from dualdrive.identify.parts import sizes_of_part
-from dualdrive.identify.unknowns import Unknown, default_free, unknowns
+from dualdrive.identify.unknowns import default_free, unknowns
 from dualdrive.mapper import Mapper, mapped
 from dualdrive.replay import RTOL, Record, core_of, named, records
 from dualdrive.traces import Trace
@@ -33,12 +32,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: laws that take the place of a simpler one already scored: no signature of their own at zero
-_WHOLE_LAWS = ("stribeck", "lugre")
 _TWIN = 1.0 - 1e-6  # squared cosine above which two signatures are one
 _EARNED = 0.1  # of the residual: what a second unknown must explain beyond the first
-_DELAY_PROBE = 2e-3  # s: a delay is part of the structure, so it is probed at a size, not at zero
-_SOFTER = 0.1  # of its nearly rigid stiffness: where a joint that gives is probed
 
 
 @dataclass(frozen=True)
@@ -61,51 +56,6 @@ class Candidate:
     def label(self) -> str:
         """``coulomb@table``."""
         return f"{self.effect}@{self.place}"
-
-
-def candidates_of(core: _core.Machine) -> list[tuple[str, str]]:
-    """Every effect at every usual place this machine has and does not carry it at yet."""
-    there = {(e["effect"], e["place"]) for e in core.effects}
-    whole = _stands(core)
-    found = []
-    for kind in _core.effect_types():
-        if kind.name in _WHOLE_LAWS:
-            continue
-        for place in kind.places.split(","):
-            if (kind.name, place) in there:
-                continue
-            trial = core.copy()
-            try:
-                label = trial.add_effect(kind.name, place)
-                trial.signals()  # compiles the machine, which knows the rest of the rules
-            except ValueError:
-                continue  # no such part here, or none that the effect can act on
-            if kind.structural and _is_on(core, trial, label):
-                continue  # a limit or lag that the machine has, whatever it is called
-            if whole and not _stands(trial):
-                continue  # a joint without inertia on one side
-            found.append((kind.name, place))
-    return found
-
-
-def _stands(core: _core.Machine) -> bool:
-    """Whether the machine's laws can be evaluated without any inputs."""
-    try:
-        _core.linearise(core)
-    except ValueError:
-        return False
-    return True
-
-
-def _is_on(core: _core.Machine, trial: _core.Machine, label: str) -> bool:
-    """Whether the part that a structural effect names works in this machine already."""
-    members = trial.members(
-        f"{label}.{_core.effect_type(label.partition('@')[0]).parameters[0].path}"
-    )
-    joint = members[0].rpartition(".")[0]
-    if joint in core.connections:
-        return core.kind(joint) != "rigid"
-    return any(core.get(path) != core.parameter(path).standard for path in members)
 
 
 def screen(
@@ -143,7 +93,7 @@ def screen(
     )
     wanted = list(candidates_of(core) if candidates is None else candidates)
     probed = core.copy()
-    probes = [probe for pair in wanted for probe in _put_in(probed, *pair, played)]
+    probes = [probe for pair in wanted for probe in put_in(probed, *pair, played)]
     wanted = [pair for pair in wanted if pair in {(p.effect, p.place) for p in probes}]
     with mapper_for(scheduler) as mapper:
         seen = _observed(core, probed, played, probes, mapper, rtol)
@@ -183,7 +133,7 @@ def _observed(
     core: Any,
     probed: Any,
     played: Sequence[Record],
-    probes: Sequence[_Probe],
+    probes: Sequence[Probe],
     mapper: Mapper,
     rtol: float,
 ) -> _Observed:
@@ -214,96 +164,11 @@ def _observed(
     return _Observed(left, signatures, others, sigma)
 
 
-@dataclass(frozen=True)
-class _Probe:
-    """One strength of a candidate: a second one where a phase is unknown, a quarter turn later.
-
-    size:  where it is probed in a machine of its own, for what is off at zero altogether (a delay)
-           or changes the machine (a joint that gives); 0 where the slope at zero tells
-    """
-
-    effect: str
-    place: str
-    path: str
-    unknown: Unknown
-    size: float = 0.0
-
-    @property
-    def key(self) -> str:
-        return self.path
-
-    @property
-    def apart(self) -> bool:
-        """Whether it takes a machine of its own."""
-        return self.size > 0.0
-
-    def expected(self, strength: float) -> float:
-        """The number it would have, SI, from the strength that the residual asks for."""
-        if not self.apart:
-            return strength * self.unknown.scale
-        if self.path.endswith(".stiffness"):  # what bends is its inverse
-            return self.size / strength if strength > 0 else math.inf
-        if self.path.endswith((".T_max", ".U_max")):
-            return self.size  # a limit is met or not; nothing grows with it
-        return strength * self.size
-
-
-def _put_in(core: _core.Machine, effect: str, place: str, played: Sequence[Record]) -> list[_Probe]:
-    kind = _core.effect_type(effect)
-    if kind.structural:
-        return _part_probe(core, kind, place, played)
-    names = [p.path for p in kind.parameters]
-    size = _DELAY_PROBE if "delay" in kind.acts_on else 0.0
-    probes = []
-    for phase in (0.0, 0.5 * math.pi) if "phase" in names else (0.0,):
-        label = core.add_effect(effect, place)
-        if "phase" in names:
-            core.set(f"{label}.phase", phase)
-        strength = kind.parameters[0]
-        path = f"{label}.{names[0]}"
-        free = Unknown(
-            path,
-            strength.unit,
-            0.0,
-            -math.inf,
-            math.inf,
-            strength.typical,
-            False,
-            0.0,
-            0.0,
-            math.inf,
-        )
-        probes.append(_Probe(effect, place, path, free, size))
-    return probes
-
-
-def _part_probe(
-    core: _core.Machine, kind: _core.EffectType, place: str, played: Sequence[Record]
-) -> list[_Probe]:
-    """How a part of the machine is probed; not at all where no record says what a limit limits."""
-    trial = core.copy()
-    label = trial.add_effect(kind.name, place)
-    (effect,) = (e for e in trial.effects if e["label"] == label)
-    name, declared = kind.parameters[0].path, kind.parameters[0]
-    path = f"{label}.{name}"
-    if name == "stiffness":
-        size = _SOFTER * trial.get(path)
-    elif math.isinf(declared.standard):
-        size = sizes_of_part(trial, effect, played).get(path, 0.0)
-    else:
-        size = declared.typical if declared.unit != "s" else _DELAY_PROBE
-        size = sizes_of_part(trial, effect, played).get(path, size)
-    if not size > 0.0:
-        return []
-    free = Unknown(path, declared.unit, 0.0, -math.inf, math.inf, size, False, 0.0, 0.0, math.inf)
-    return [_Probe(kind.name, place, path, free, size)]
-
-
 def _stack(problem: Problem, own: Mapping[tuple[int, str], Array]) -> Array:
     return np.concatenate([problem.weights[row] * own[row] for row in problem.rows])
 
 
-def _made_apart(problem: Problem, probe: _Probe, at: Array, left: Array) -> Array:
+def _made_apart(problem: Problem, probe: Probe, at: Array, left: Array) -> Array:
     """Signature of what is probed at a size: the difference it makes there."""
     core = problem.core.copy()
     if _core.effect_type(probe.effect).structural:
