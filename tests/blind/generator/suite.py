@@ -76,7 +76,7 @@ def generate(
         with (folder / "labels.jsonl").open("a") as labels:
             labels.write(json.dumps(case.label) + "\n")
         fresh.rename(place)
-        tell(f"{place.name} written, {number + 1} of {len(wanted)}")
+        tell(f"{place.name} written")
 
 
 def labels(folder: Path) -> dict[str, dict[str, Any]]:

@@ -180,6 +180,19 @@ def confusion(cases: Sequence[Judged]) -> dict[str, dict[str, int]]:
     return _table(of(cases, "single", "outside"), lambda c: match.truths(c.label)[0][0], leading)
 
 
+def by_kind(cases: Sequence[Judged], *keys: str) -> dict[str, dict[str, int]]:
+    """Group and kind of record or machine x right or wrong."""
+    return {
+        name: row
+        for key in keys
+        for name, row in _table(
+            cases,
+            lambda c, key=key: f"{c.group}, {c.label[key]}",  # type: ignore[misc]
+            lambda c: "right" if right(c) else "wrong",
+        ).items()
+    }
+
+
 def leading(c: Judged) -> str:
     """What a case's answer comes down to."""
     if c.verdict in ("effect", "ambiguous") and c.candidates:
@@ -241,5 +254,6 @@ def everything(cases: Sequence[Judged]) -> dict[str, Any]:
         "seconds": spread(c.seconds for c in cases),
         "verdicts": verdicts(cases),
         "confusion": confusion(cases),
+        "kinds": by_kind(cases, "mode", "family"),
         "failures": failures(cases),
     }

@@ -33,6 +33,7 @@ def page(figures: Mapping[str, Any]) -> str:
     lines += _trust(figures["trust"])
     lines += ["", "verdicts by group", *_table(figures["verdicts"])]
     lines += ["", "hidden effect: what was named", *_table(figures["confusion"])]
+    lines += ["", "by kind of record and machine", *_table(figures["kinds"])]
     lines += ["", f"{len(figures['failures'])} failures"]
     lines += [_failure(row) for row in figures["failures"]]
     return "\n".join(lines) + "\n"

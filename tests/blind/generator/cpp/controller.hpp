@@ -42,12 +42,10 @@ class Controller {
 
     // Once at the start of every step: samplers that are due, signals that are delayed later.
     void begin_step(std::size_t k, const Command& c, const Readings& r, State& x) {
-        if (due(k, p_.position_sample))
-            held_.position = position(c, r);
+        if (due(k, p_.position_sample)) held_.position = position(c, r);
         double master = p_.position_sample > 0 ? held_.position : position(c, r);
         late_.push(master);
-        if (late_.on())
-            master = late_.at(0);
+        if (late_.on()) master = late_.at(0);
         lag_.push(master);
         double slave = lag_.on() ? lag_.at(0) : master;
         if (due(k, p_.tension_sample)) {
@@ -55,8 +53,7 @@ class Controller {
             held_.tension = correction(r, x, rate);
             x[equaliser] += p_.tension_sample * rate[equaliser];
         }
-        if (!due(k, p_.speed_sample))
-            return;
+        if (!due(k, p_.speed_sample)) return;
         State rate{};
         double y = p_.tension_sample > 0 ? held_.tension : correction(r, x, rate);
         for (std::size_t n = 0; n < 2; ++n) {
@@ -78,7 +75,8 @@ class Controller {
     // The equaliser's speed correction.
     double correction(const Readings& r, const State& x, State& rate) const {
         double filtered = p_.tau_t > 0 ? x[tension] : p_.T_ten;
-        double T_1 = p_.K_d[0] * r.current[0] * (1 + p_.misread[0]), T_2 = p_.K_d[1] * r.current[1] * (1 + p_.misread[1]);
+        double T_1 = p_.K_d[0] * r.current[0] * (1 + p_.misread[0]),
+               T_2 = p_.K_d[1] * r.current[1] * (1 + p_.misread[1]);
         double error = 2 * (p_.w * T_1 - (1 - p_.w) * T_2) - filtered;
         double raw = p_.K_E * (error + x[equaliser]);
         bool outward = std::abs(raw) >= p_.Omega_E && raw * error > 0;
@@ -94,9 +92,11 @@ class Controller {
         return clamp(raw, p_.T_max);
     }
 
+    // Its compensation of the induced voltage knows the true speed, as the design has it (K_e ω_c).
     double current_loop(std::size_t n, double torque, const Readings& r, const State& x, State& rate) const {
         double error = clamp(torque / p_.K_d[n], p_.limit[n]) - r.current[n];
-        double raw = p_.omega_ci * (p_.L[n] * error + p_.R[n] * x[of(n, current_integral)]) + p_.i * p_.C_e[n] * r.speed[n];
+        double induced = p_.i * p_.C_e[n] * x[of(n, motor_speed)];
+        double raw = p_.omega_ci * (p_.L[n] * error + p_.R[n] * x[of(n, current_integral)]) + induced;
         rate[of(n, current_integral)] = std::abs(raw) < p_.U_max ? error : 0;
         return clamp(raw, p_.U_max);
     }
@@ -106,4 +106,4 @@ class Controller {
     Delay lag_, late_;
 };
 
-} // namespace blind
+}  // namespace blind

@@ -11,8 +11,7 @@ class Delay {
   public:
     Delay(double time, double step, double first)
         : steps_(time / step), ring_(static_cast<std::size_t>(std::ceil(steps_)) + 2, first) {
-        if (time > 0 && steps_ < 1)
-            steps_ = 1; // a shorter delay than a step can't be told from one step
+        if (time > 0 && steps_ < 1) steps_ = 1;  // a shorter delay than a step can't be told from one step
     }
 
     bool on() const { return steps_ > 0; }
@@ -39,4 +38,4 @@ class Delay {
     std::size_t head_ = 0;
 };
 
-} // namespace blind
+}  // namespace blind

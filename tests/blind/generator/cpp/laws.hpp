@@ -24,17 +24,14 @@ inline double dead_zone(double x, double gap) { return x > gap ? x - gap : (x < 
 
 // Spring and damper behind a play; a flank pushes and never pulls.
 inline double contact(double force, double damping, double beyond) {
-    if (beyond > 0)
-        return std::max(0.0, force + damping);
-    if (beyond < 0)
-        return std::min(0.0, force + damping);
+    if (beyond > 0) return std::max(0.0, force + damping);
+    if (beyond < 0) return std::min(0.0, force + damping);
     return 0;
 }
 
 // Level of dry friction while moving in direction `d` at speed w (Armstrong-Helouvry 1994).
 inline double dry_level(double torque, double asymmetry, double ratio, double speed, double d, double w) {
-    if (torque == 0)
-        return 0;
+    if (torque == 0) return 0;
     double rise = ratio > 1 ? (ratio - 1) * std::exp(-(w / speed) * (w / speed)) : 0;
     return torque * (1 + asymmetry * d) * (1 + rise);
 }
@@ -49,4 +46,4 @@ struct Lugre {
     double friction(double z, double w) const { return stiffness * z + damping * rate(z, w); }
 };
 
-} // namespace blind
+}  // namespace blind

@@ -19,8 +19,7 @@ void read(std::istream& in, blind::Parameters& p, blind::Reference& reference) {
         else
             p.set(name, value);
     }
-    if (!in.eof())
-        throw std::invalid_argument("no number after " + name);
+    if (!in.eof()) throw std::invalid_argument("no number after " + name);
 }
 
 void write(const blind::Simulation& s, const blind::Reference& reference) {
@@ -29,13 +28,23 @@ void write(const blind::Simulation& s, const blind::Reference& reference) {
     State rate{};
     double t = s.time();
     Torques q = s.plant().torques(t, x, rate);
-    std::array<double, 13> row = {t, reference.at(t).angle, s.table_shown(), s.motor_shown(0), s.motor_shown(1),
-                                  x[of(0, current)], x[of(1, current)], q.deflection[0], q.deflection[1],
-                                  q.mesh[0], q.mesh[1], q.flank[0], q.flank[1]};
+    std::array<double, 13> row = {t,
+                                  reference.at(t).angle,
+                                  s.table_shown(),
+                                  s.motor_shown(0),
+                                  s.motor_shown(1),
+                                  x[of(0, current)],
+                                  x[of(1, current)],
+                                  q.deflection[0],
+                                  q.deflection[1],
+                                  q.mesh[0],
+                                  q.mesh[1],
+                                  q.flank[0],
+                                  q.flank[1]};
     std::fwrite(row.data(), sizeof(double), row.size(), stdout);
 }
 
-} // namespace
+}  // namespace
 
 int main() try {
     blind::Parameters p;
@@ -46,10 +55,8 @@ int main() try {
     auto lead = std::lround(-p.begin / p.step);
     for (long k = 0; k <= steps; ++k) {
         simulation.begin_step();
-        if (k >= lead && (k - lead) % every == 0)
-            write(simulation, reference);
-        if (k < steps)
-            simulation.step();
+        if (k >= lead && (k - lead) % every == 0) write(simulation, reference);
+        if (k < steps) simulation.step();
     }
     return 0;
 } catch (const std::exception& error) {

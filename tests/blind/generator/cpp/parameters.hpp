@@ -63,19 +63,17 @@ struct Parameters {
     // Set by name; a drive's number is `name_1`, `name_2`, or `name` for both. An unknown name is refused.
     void set(const std::string& key, double value) {
 #define X(name, standard) \
-    if (key == #name) { \
-        name = value; \
-        return; \
+    if (key == #name) {   \
+        name = value;     \
+        return;           \
     }
         BLIND_COMMON(X)
 #undef X
-#define X(name, standard) \
+#define X(name, standard)                                         \
     if (key == #name || key == #name "_1" || key == #name "_2") { \
-        if (key != #name "_2") \
-            name[0] = value; \
-        if (key != #name "_1") \
-            name[1] = value; \
-        return; \
+        if (key != #name "_2") name[0] = value;                   \
+        if (key != #name "_1") name[1] = value;                   \
+        return;                                                   \
     }
         BLIND_DRIVE(X)
 #undef X
@@ -83,4 +81,4 @@ struct Parameters {
     }
 };
 
-} // namespace blind
+}  // namespace blind

@@ -32,8 +32,7 @@ class Plant {
     }
 
     double half_gap(std::size_t n, const State& x) const {
-        if (p_.wear == 0)
-            return p_.gap[n];
+        if (p_.wear == 0) return p_.gap[n];
         double off = std::remainder(x[table_angle] - p_.wear_at, 2 * M_PI) / p_.wear_width;
         return p_.gap[n] + p_.wear * std::exp(-off * off / 2);
     }
@@ -49,7 +48,8 @@ class Plant {
         extra(at_table, q, x, rate);
         double angle = p_.inertia_order * x[table_angle] + p_.inertia_phase;
         q.inertia[table_body] = (p_.J_m - (p_.second_J > 0 ? p_.second_J : 0)) * (1 + cowave(p_.inertia, angle));
-        q.net[table_body] = at_table + p_.J_m * wave(p_.inertia, angle) * p_.inertia_order / 2 * x[table_speed] * x[table_speed];
+        q.net[table_body] =
+            at_table + p_.J_m * wave(p_.inertia, angle) * p_.inertia_order / 2 * x[table_speed] * x[table_speed];
         return q;
     }
 
@@ -62,8 +62,7 @@ class Plant {
         std::size_t n = (body - motor_body) % 2;
         bool motor = body < pinion_body, pinion = body >= pinion_body || p_.chain == 0;
         double level = 0;
-        if (motor)
-            level += p_.i * dry_level(p_.m_dry[n], p_.m_asymmetry[n], p_.m_ratio[n], p_.m_speed[n], d, p_.i * w);
+        if (motor) level += p_.i * dry_level(p_.m_dry[n], p_.m_asymmetry[n], p_.m_ratio[n], p_.m_speed[n], d, p_.i * w);
         if (pinion)
             level += dry_level(p_.p_dry[n], p_.p_asymmetry[n], p_.p_ratio[n], p_.p_speed[n], d, w) +
                      p_.loss[n] * std::abs(q.mesh[n]);
@@ -71,12 +70,10 @@ class Plant {
     }
 
     bool has_dry(std::size_t body) const {
-        if (body == table_body)
-            return p_.t_dry > 0 || p_.t_angle_dry > 0;
+        if (body == table_body) return p_.t_dry > 0 || p_.t_angle_dry > 0;
         std::size_t n = (body - motor_body) % 2;
         bool pinion = p_.p_dry[n] > 0 || p_.loss[n] > 0;
-        if (p_.chain == 0)
-            return body < pinion_body && (p_.m_dry[n] > 0 || pinion);
+        if (p_.chain == 0) return body < pinion_body && (p_.m_dry[n] > 0 || pinion);
         return body < pinion_body ? p_.m_dry[n] > 0 : pinion;
     }
 
@@ -110,10 +107,8 @@ class Plant {
             sum += l.friction(x[table_bristle], w);
         }
         sum += p_.drag * w * std::abs(w) + p_.cubic * w * w * w - cowave(p_.unbalance, a + p_.unbalance_phase);
-        if (p_.cut_to > p_.cut_from)
-            sum += cut(t);
-        if (p_.disturbed == 0)
-            sum += disturbance(t);
+        if (p_.cut_to > p_.cut_from) sum += cut(t);
+        if (p_.disturbed == 0) sum += disturbance(t);
         if (p_.spot != 0) {
             double u = (a - p_.spot_at) / p_.spot_width;
             sum += p_.spot * u * std::exp((1 - u * u) / 2);
@@ -126,12 +121,11 @@ class Plant {
         double beyond = dead_zone(value, half_gap(n, x));
         double angle = x[of(n, p_.chain > 0 ? pinion_angle : motor_angle)];
         double K = p_.K_t[n] * (1 + cowave(p_.breathing[n], p_.breathing_order[n] * angle + p_.breathing_phase[n]));
-        if (p_.hertz[n] > 0)
-            K *= 1 + p_.hertz[n] * std::sqrt(std::abs(beyond) / p_.hertz_scale[n]);
+        if (p_.hertz[n] > 0) K *= 1 + p_.hertz[n] * std::sqrt(std::abs(beyond) / p_.hertz_scale[n]);
         q.deflection[n] = value;
         q.flank[n] = sign(beyond);
         q.mesh[n] = contact(K * beyond, p_.c_t[n] * speed, beyond);
-        if (p_.hysteresis > 0) { // Dahl element across the mesh
+        if (p_.hysteresis > 0) {  // Dahl element across the mesh
             double z = x[of(n, flank_state)];
             rate[of(n, flank_state)] = (speed - std::abs(speed) * z) / p_.hysteresis_length;
             q.mesh[n] += p_.hysteresis * z;
@@ -142,17 +136,18 @@ class Plant {
         double w = x[of(n, motor_speed)], angle = p_.i * x[of(n, motor_angle)];
         double cog = wave(p_.cog[n], p_.cog_order[n] * angle + p_.cog_phase[n]);
         double motor = p_.i * (motor_torque(n, x) + cog - p_.i * p_.b_d[n] * w);
-        if (p_.disturbed > 0 && n == 0)
-            motor -= p_.i * disturbance(t);
+        if (p_.disturbed > 0 && n == 0) motor -= p_.i * disturbance(t);
         if (p_.m_lugre[n] > 0) {
-            Lugre l{p_.m_lugre[n], p_.m_lugre_ratio[n], p_.m_lugre_speed[n], p_.m_lugre_stiffness[n], p_.m_lugre_damping[n]};
+            Lugre l{p_.m_lugre[n], p_.m_lugre_ratio[n], p_.m_lugre_speed[n], p_.m_lugre_stiffness[n],
+                    p_.m_lugre_damping[n]};
             rate[of(n, motor_bristle)] = l.rate(x[of(n, motor_bristle)], p_.i * w);
             motor -= p_.i * l.friction(x[of(n, motor_bristle)], p_.i * w);
         }
         double v = p_.chain > 0 ? x[of(n, pinion_speed)] : w;
         double pinion = -q.mesh[n] - p_.b_c[n] * v;
         if (p_.p_lugre[n] > 0) {
-            Lugre l{p_.p_lugre[n], p_.p_lugre_ratio[n], p_.p_lugre_speed[n], p_.p_lugre_stiffness[n], p_.p_lugre_damping[n]};
+            Lugre l{p_.p_lugre[n], p_.p_lugre_ratio[n], p_.p_lugre_speed[n], p_.p_lugre_stiffness[n],
+                    p_.p_lugre_damping[n]};
             rate[of(n, pinion_bristle)] = l.rate(x[of(n, pinion_bristle)], v);
             pinion -= l.friction(x[of(n, pinion_bristle)], v);
         }
@@ -165,7 +160,8 @@ class Plant {
         double twist = x[of(n, motor_angle)] - x[of(n, pinion_angle)];
         double beyond = dead_zone(twist, p_.shaft_gap[n]);
         double damping = p_.shaft_c[n] * (w - v);
-        double shaft = p_.shaft_gap[n] > 0 ? contact(p_.shaft_k[n] * beyond, damping, beyond) : p_.shaft_k[n] * twist + damping;
+        double shaft =
+            p_.shaft_gap[n] > 0 ? contact(p_.shaft_k[n] * beyond, damping, beyond) : p_.shaft_k[n] * twist + damping;
         q.net[motor_body + n] = motor - shaft;
         q.inertia[motor_body + n] = J_motor;
         q.net[pinion_body + n] = pinion + shaft;
@@ -175,7 +171,8 @@ class Plant {
     // A second mass on the table, or the foundation that carries the motors.
     void extra(double& at_table, const Torques& q, const State& x, State& rate) const {
         if (p_.second_J > 0) {
-            double pull = p_.second_k * (x[table_angle] - x[extra_angle]) + p_.second_c * (x[table_speed] - x[extra_speed]);
+            double pull =
+                p_.second_k * (x[table_angle] - x[extra_angle]) + p_.second_c * (x[table_speed] - x[extra_speed]);
             at_table -= pull;
             rate[extra_speed] = pull / p_.second_J;
         } else if (p_.base_J > 0) {
@@ -190,4 +187,4 @@ class Plant {
     const Parameters& p_;
 };
 
-} // namespace blind
+}  // namespace blind

@@ -26,9 +26,9 @@ class Reference {
     }
 
     Command at(double t) const {
-        auto after = std::upper_bound(pieces_.begin(), pieces_.end(), t, [](double v, const Piece& p) { return v < p.t; });
-        if (after == pieces_.begin())
-            return {0, 0};
+        auto after =
+            std::upper_bound(pieces_.begin(), pieces_.end(), t, [](double v, const Piece& p) { return v < p.t; });
+        if (after == pieces_.begin()) return {0, 0};
         const Piece& p = *(after - 1);
         double u = t - p.t;
         return {p.angle + u * (p.speed + u * (p.rate / 2 + u * p.jerk / 6)), p.speed + u * (p.rate + u * p.jerk / 2)};
@@ -41,4 +41,4 @@ class Reference {
     std::vector<Piece> pieces_;
 };
 
-} // namespace blind
+}  // namespace blind

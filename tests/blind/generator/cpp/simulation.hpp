@@ -9,7 +9,11 @@ namespace blind {
 class Simulation {
   public:
     Simulation(const Parameters& p, const Reference& reference)
-        : p_(p), reference_(reference), plant_(p), controller_(p), late_table_(p.table_delay, p.step, 0),
+        : p_(p),
+          reference_(reference),
+          plant_(p),
+          controller_(p),
+          late_table_(p.table_delay, p.step, 0),
           late_motor_{Delay(p.motor_delay[0], p.step, 0), Delay(p.motor_delay[1], p.step, 0)},
           late_angle_{Delay(p.motor_delay[0], p.step, 0), Delay(p.motor_delay[1], p.step, 0)} {
         for (std::size_t n = 0; n < 2; ++n) {
@@ -34,15 +38,14 @@ class Simulation {
             late_motor_[n].push(speed_reading(n, x_));
             late_angle_[n].push(angle_reading(n));
         }
-        if (p_.open == 0)
-            controller_.begin_step(k_, reference_.at(time()), readings(x_, 0), x_);
+        if (p_.open == 0) controller_.begin_step(k_, reference_.at(time()), readings(x_, 0), x_);
     }
 
     void step() {
         double h = p_.step;
-        State a = slope(x_, 0), b = slope(moved(a, h / 2), 0.5), c = slope(moved(b, h / 2), 0.5), d = slope(moved(c, h), 1);
-        for (std::size_t i = 0; i < state_size; ++i)
-            x_[i] += h / 6 * (a[i] + 2 * b[i] + 2 * c[i] + d[i]);
+        State a = slope(x_, 0), b = slope(moved(a, h / 2), 0.5), c = slope(moved(b, h / 2), 0.5),
+              d = slope(moved(c, h), 1);
+        for (std::size_t i = 0; i < state_size; ++i) x_[i] += h / 6 * (a[i] + 2 * b[i] + 2 * c[i] + d[i]);
         ++k_;
         catch_and_release();
     }
@@ -77,8 +80,7 @@ class Simulation {
 
     State moved(const State& rate, double h) const {
         State x = x_;
-        for (std::size_t i = 0; i < state_size; ++i)
-            x[i] += h * rate[i];
+        for (std::size_t i = 0; i < state_size; ++i) x[i] += h * rate[i];
         return x;
     }
 
@@ -86,8 +88,7 @@ class Simulation {
         State rate{};
         double t = time() + part * p_.step;
         std::array<double, 2> U = {0, 0};
-        if (p_.open == 0)
-            U = controller_.act(reference_.at(t), readings(x, part), x, part, rate);
+        if (p_.open == 0) U = controller_.act(reference_.at(t), readings(x, part), x, part, rate);
         Torques q = plant_.torques(t, x, rate);
         rate[table_angle] = x[table_speed];
         for (std::size_t n = 0; n < 2; ++n) {
@@ -95,8 +96,7 @@ class Simulation {
             rate[of(n, pinion_angle)] = x[of(n, pinion_speed)];
             rate[of(n, current)] = p_.open > 0 ? 0 : armature(n, x, U[n]);
         }
-        for (std::size_t body = 0; body < body_count; ++body)
-            rate[speed_of(body)] = acceleration(body, x, q);
+        for (std::size_t body = 0; body < body_count; ++body) rate[speed_of(body)] = acceleration(body, x, q);
         return rate;
     }
 
@@ -108,8 +108,7 @@ class Simulation {
     }
 
     double acceleration(std::size_t body, const State& x, const Torques& q) const {
-        if (q.inertia[body] == 0 || sliding_[body] == 0)
-            return 0;
+        if (q.inertia[body] == 0 || sliding_[body] == 0) return 0;
         double d = sliding_[body];
         double friction = sliding_[body] == nothing ? 0 : d * plant_.dry(body, d, x, q);
         return (q.net[body] - friction) / q.inertia[body];
@@ -119,26 +118,21 @@ class Simulation {
     void catch_and_release() {
         bool any = false;
         for (std::size_t body = 0; body < body_count; ++body) {
-            if (sliding_[body] == nothing)
-                continue;
+            if (sliding_[body] == nothing) continue;
             any = true;
             double& w = x_[speed_of(body)];
-            if (w * sliding_[body] < 0)
-                sliding_[body] = 0, w = 0;
+            if (w * sliding_[body] < 0) sliding_[body] = 0, w = 0;
         }
-        if (!any)
-            return;
+        if (!any) return;
         State rate{};
         release(plant_.torques(time(), x_, rate));
     }
 
     void release(const Torques& q) {
         for (std::size_t body = 0; body < body_count; ++body) {
-            if (sliding_[body] != 0)
-                continue;
+            if (sliding_[body] != 0) continue;
             double pull = q.net[body];
-            if (std::abs(pull) > plant_.dry(body, sign(pull), x_, q))
-                sliding_[body] = static_cast<int>(sign(pull));
+            if (std::abs(pull) > plant_.dry(body, sign(pull), x_, q)) sliding_[body] = static_cast<int>(sign(pull));
         }
     }
 
@@ -153,4 +147,4 @@ class Simulation {
     std::size_t k_ = 0;
 };
 
-} // namespace blind
+}  // namespace blind

@@ -7,14 +7,26 @@
 namespace blind {
 
 enum Common : std::size_t {
-    table_angle, table_speed, table_bristle, // LuGre
-    extra_angle, extra_speed,                // a second mass or the foundation
-    tension, equaliser,                      // T_t, x_e
+    table_angle,
+    table_speed,
+    table_bristle,  // LuGre
+    extra_angle,
+    extra_speed,  // a second mass or the foundation
+    tension,
+    equaliser,  // T_t, x_e
     drives_begin
 };
 enum Own : std::size_t {
-    motor_angle, motor_speed, pinion_angle, pinion_speed, // both in the pinion's frame
-    current, speed_integral, current_integral, motor_bristle, pinion_bristle, flank_state,
+    motor_angle,
+    motor_speed,
+    pinion_angle,
+    pinion_speed,  // both in the pinion's frame
+    current,
+    speed_integral,
+    current_integral,
+    motor_bristle,
+    pinion_bristle,
+    flank_state,
     drive_size
 };
 
@@ -30,9 +42,8 @@ constexpr int nothing = 2;
 using Sliding = std::array<int, body_count>;
 
 constexpr std::size_t speed_of(std::size_t body) {
-    if (body == table_body)
-        return table_speed;
+    if (body == table_body) return table_speed;
     return body < pinion_body ? of(body - motor_body, motor_speed) : of(body - pinion_body, pinion_speed);
 }
 
-} // namespace blind
+}  // namespace blind
