@@ -38,7 +38,6 @@ _SETTLED = 0.02  # a step that takes off a smaller share ends the search
 _HALVINGS = 4
 #: relative tolerance of an effect's number: the record it was fitted to still holds it there
 _FITTED = 0.2
-_TWIN_STEPS = 4
 _SHIFT = 0.3  # sigmas by which the numbers of a twin are off
 
 
@@ -134,21 +133,16 @@ def misfit(
     return _descended(problem, steps)
 
 
-def unrepeatable(core: Any, record: Trace, motion: Motion, noise: Noise) -> float:
-    """What a machine with slightly other numbers leaves of its twin's record, refitted.
+def twin(core: Any, sign: int) -> Any:
+    """A copy with every nominal number off by part of its tolerance, up and down in turn.
 
-    Zero where the experiment can be told from its numbers; large where the motion is chaotic, as
-    that of a drive loose in its play: there no fit follows, and a distance says nothing.
+    sign: 1 or -1, which way it begins
     """
-    return misfit(_shifted(core), record, motion, noise, steps=_TWIN_STEPS)[0]
-
-
-def _shifted(core: Any) -> Any:
-    """A copy with every nominal number off by part of its tolerance, up and down in turn."""
     own = core.copy()
     nominal = [p for p in beliefs(core) if "@" not in p.path]
     for k, p in enumerate(nominal):
-        own.set(p.path, p.value(p.coordinate(p.nominal) + (-1) ** k * _SHIFT * p.sigma))
+        shift = sign * (-1) ** k * _SHIFT * p.sigma
+        own.set(p.path, p.value(p.coordinate(p.nominal) + shift))
     return own
 
 

@@ -19,7 +19,7 @@ from dualdrive.diagnose.experiment.distance import (
     effect_numbers,
     expected,
     misfit,
-    unrepeatable,
+    twin,
 )
 from dualdrive.diagnose.experiment.limits import Limits, peaks
 from dualdrive.diagnose.experiment.menu import Item
@@ -36,6 +36,8 @@ CERTAIN = 100.0
 _SIZES = (1.0, 0.7, 0.5, 0.3, 0.15, 0.07)
 #: share of the time for trying; the rest is for refitting what leads
 _SEARCH = 0.7
+#: weight of what the right explanation leaves
+_WILD = 10.0
 #: Gauss-Newton steps of a full refit
 _STEPS = 6
 
@@ -119,8 +121,7 @@ class Plan:
         while found and not found[0].final and not self.late():
             first = found[0]
             own = [rival.set(first.item) for rival in pair]
-            seen = [self._foreseen(rival.core, first.motion) for rival in own]
-            distance = self._distance(own, seen, first.motion, steps=_STEPS)
+            distance = self._distance(own, first.motion)
             found[0] = Trial(first.item, first.motion, distance, final=True)
             found.sort(key=_rank)
 
@@ -137,7 +138,8 @@ class Plan:
                 return None
             seen = [self._foreseen(rival.core, motion) for rival in own]
             if max(one.load for one in seen) <= self.limits.torque:
-                return Trial(item, motion, self._distance(own, seen, motion, steps=0))
+                truth, rival = _ways(own)[0]
+                return Trial(item, motion, self._foretold(seen[truth], own[rival], motion))
         return None
 
     def _foreseen(self, core: Any, motion: Motion) -> Foreseen:
@@ -148,35 +150,43 @@ class Plan:
         trace = expected(core, motion, list(self.noise.rms))
         return Foreseen(math.inf if trace is None else peaks(core, dict(trace.channels)), trace)
 
-    def _distance(
-        self, pair: Sequence[Rival], seen: Sequence[Foreseen], motion: Motion, *, steps: int
-    ) -> float:
-        """The smaller one of the ways round that count; the quicker one alone without steps."""
-        ways = _ways(pair) if steps else _ways(pair)[:1]
+    def _distance(self, pair: Sequence[Rival], motion: Motion) -> float:
+        """The smaller one of the ways round that count, each with other numbers of the truth."""
+        tasks = list(zip(2 * _ways(pair), (1, -1), strict=False))
 
-        def one(way: tuple[int, int]) -> float:
-            truth, rival = way
-            return self._one_way(pair[truth], seen[truth], pair[rival], motion, steps)
+        def refitted(task: tuple[tuple[int, int], int]) -> float:
+            (truth, rival), sign = task
+            return self._refitted(pair[truth], pair[rival], motion, sign)
 
-        with ThreadPoolExecutor(len(ways)) as pool:
-            return min(pool.map(one, ways))
+        with ThreadPoolExecutor(len(tasks)) as pool:
+            return min(pool.map(refitted, tasks))
 
-    def _one_way(
-        self, truth: Rival, seen: Foreseen, rival: Rival, motion: Motion, steps: int
-    ) -> float:
-        noise, record = self.noise, seen.record
-        if record is None:
+    def _foretold(self, seen: Foreseen, rival: Rival, motion: Motion) -> float:
+        """What the first step of a refit promises that the rival will leave."""
+        if seen.record is None:
             return 0.0
-        if isinstance(record, tuple):
-            return laws.apart(rival.core, record, motion, noise, rival.known)
-        reached, foretold = misfit(
-            rival.core, record, motion, noise, steps=steps, known=rival.known
-        )
-        if not steps:
-            return foretold if math.isfinite(foretold) else 0.0
-        if reached < TELLS_APART:
-            return reached
-        return reached / (1.0 + unrepeatable(truth.core, record, motion, noise))
+        if isinstance(seen.record, tuple):
+            return laws.apart(rival.core, seen.record, motion, self.noise, rival.known)
+        found = misfit(rival.core, seen.record, motion, self.noise, steps=0, known=rival.known)[1]
+        return found if math.isfinite(found) else 0.0
+
+    def _refitted(self, truth: Rival, rival: Rival, motion: Motion, sign: int) -> float:
+        """By how much more the rival leaves than the truth, whose own numbers are a little off.
+
+        What the truth leaves counts tenfold: where no fit follows, as that of a drive loose in its
+        play, the outcome hangs on chance, and a distance says nothing.
+        """
+        seen = self._foreseen(twin(truth.core, sign), motion)
+        if not isinstance(seen.record, Trace):
+            return self._foretold(seen, rival, motion)
+
+        def left(one: Rival) -> float:
+            assert isinstance(seen.record, Trace)
+            given = (one.core, seen.record, motion, self.noise)
+            return misfit(*given, steps=_STEPS, known=one.known)[0]
+
+        wrong = left(rival)
+        return wrong if wrong < TELLS_APART else max(0.0, wrong - _WILD * left(truth))
 
 
 def _rank(trial: Trial) -> float:
