@@ -16,8 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.compare.clocks import in_time
-from dualdrive.compare.excuses import Point, cautious, first_point, left, noise_alone, refitted
-from dualdrive.compare.laws import alike_in_rows, hold
+from dualdrive.compare.excuses import (
+    Point,
+    alike,
+    cautious,
+    first_point,
+    left,
+    noise_alone,
+    refitted,
+    strain,
+    with_open_law,
+)
+from dualdrive.compare.held import alike_in_rows, hold
 from dualdrive.compare.likelihood import Free, blocks, likelihood, without
 from dualdrive.identify import Processing, with_torques
 from dualdrive.replay import core_of, named
@@ -30,6 +40,8 @@ _DECIMATE, _SAMPLES = 5, 2500
 _STEPS = 4
 #: mean square of the whitened residual beyond which something is wrong at all
 _NOISE = 2.0
+#: squared deviations by which the law's constants may stray from what is believed of them
+_FAR = 40.0
 #: share of what a free mesh torque explains that a late encoder must explain to be blamed instead
 _LATE = 0.8
 
@@ -86,7 +98,12 @@ def equation_at_fault(
     if len(names) < 2:
         return EquationAtFault(names[0], 1.0, {names[0]: 1.0})
     whole = _whitened(point)
-    likely = [likelihood((nominal, point), free) for _, free in guesses]
+    likely = [
+        likelihood(
+            [with_open_law(p) if name == "controller" else p for p in (nominal, point)], free
+        )
+        for name, free in guesses
+    ]
     shares = {name: max(0.0, 1.0 - _whitened(point, free) / whole) for name, free in guesses}
     sums = np.stack([blocks(log, point) for log in likely])
     random, count = np.random.default_rng(1), sums.shape[1]
@@ -108,13 +125,17 @@ def _decimation(traces: Iterable[Trace]) -> int:
 def _closes(point: Point) -> bool:
     """Whether equations of motion and the controller's law both close within the sensors' noise."""
     weight, bodies = noise_alone(point), len(point.rows[0].held.equations)
-    rest = left(point, weight)
-    for rows in (slice(0, bodies), slice(bodies, None)):
+    rest, (plant, law) = left(point, weight), strain(point, weight)
+    if law > _FAR:
+        return False
+    for rows, more in ((slice(0, bodies), plant), (slice(bodies, None), law)):
         squares = [
             np.einsum("an,nab,bn->n", e[rows], w[r.keep][:, rows, rows], e[rows])
             for e, w, r in zip(rest, weight, point.rows, strict=True)
         ]
-        if np.mean(np.concatenate(squares)) >= _NOISE * max(1, len(rest[0][rows])):
+        samples = np.concatenate(squares)
+        mean = float(np.mean(samples)) + alike(point) * more / len(samples)
+        if mean >= _NOISE * max(1, len(rest[0][rows])):
             return False
     return True
 

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.compare.laws import Held, Laws, balance, laws, shifted
+from dualdrive.compare.held import Held
+from dualdrive.compare.laws import Laws, balance, laws, shifted
 from dualdrive.identify.coloured import correlation_time
 from dualdrive.identify.unknowns import Unknown, default_free, unknowns
 
@@ -21,13 +22,15 @@ Array = NDArray[np.float64]
 
 _GRID = 41  # first guesses of an encoder's zero
 _LARGEST = 0.5  # step of a logarithm
+_HELD = 0.75  # samples, one sigma, by which a torque acts late: computed in one, held for the next
 
 
 @dataclass(frozen=True, eq=False)
 class Point:
     """Records, and where their excuses stand; slopes of the rows are by the unknowns' u.
 
-    zeros: per record the encoders' zeros, channel -> rad
+    zeros:    per record the encoders' zeros, channel -> rad
+    open_law: whether the controller's law may be off by any constant
     """
 
     core: Any
@@ -35,11 +38,24 @@ class Point:
     u: Array
     zeros: Sequence[dict[str, float]]
     rows: Sequence[Laws]
+    open_law: bool = False
 
     @property
     def equations(self) -> tuple[str, ...]:
         """Names of the rows, the same in all records."""
         return self.rows[0].held.rows
+
+
+def with_open_law(point: Point) -> Point:
+    """The same, the controller's law off by any constant: a tension that is another, say."""
+    rows = [
+        replace(
+            r,
+            constants=np.where(np.array(r.driven) >= len(r.held.equations), np.inf, r.constants),
+        )
+        for r in point.rows
+    ]
+    return replace(point, rows=rows, open_law=True)
 
 
 #: inverse covariances of a point's residuals, per record (n, m, m)
@@ -63,9 +79,10 @@ def refitted(point: Point, weigh: Weigh, rounds: int) -> Point:
         zeros, k = [], count
         for row, own in zip(point.rows, point.zeros, strict=True):
             zeros.append({a: z + float(step[k + j]) for j, (a, z) in enumerate(own.items())})
-            k += len(own) + len(row.driven)
+            k += len(own) + len(row.driven) + 1
         settled = np.all(np.abs(u - point.u) < 1e-3)
-        point = _at(point.core, point.free, u, zeros, [r.held for r in point.rows])
+        held = [r.held for r in point.rows]
+        point = _at(point.core, point.free, u, zeros, held, open_law=point.open_law)
         if settled:
             break
     return point
@@ -86,6 +103,27 @@ def left(point: Point, weight: Sequence[Array], *, late: bool = False) -> list[A
         found.append((row.residual + columns @ part)[:, row.keep])
         first += own
     return found
+
+
+def strain(point: Point, weight: Sequence[Array]) -> tuple[float, float]:
+    """How far the excuses stretch what is believed of them, as squared deviations.
+
+    Of numbers and of the plant's constants, then of the constants of the controller's law.
+    """
+    step = _solve(point, weight)
+    sigma = np.array([x.sigma for x in point.free])
+    centre = np.array([x.centre for x in point.free])
+    count = len(point.free)
+    off = (point.u + step[:count] - centre) / sigma
+    plant, law, first = float(np.sum(off[np.isfinite(sigma)] ** 2)), 0.0, count
+    for row in point.rows:
+        first += len(row.held.encoders)
+        constants = step[first : first + len(row.driven)] / np.maximum(row.constants, 1e-300)
+        of_law = np.array(row.driven) >= len(row.held.equations)
+        plant += float(np.sum(constants[~of_law] ** 2))
+        law += float(np.sum(constants[of_law] ** 2))
+        first += len(row.driven) + 1
+    return plant, law
 
 
 def noise_alone(point: Point) -> list[Array]:
@@ -123,6 +161,8 @@ def _at(
     u: Array,
     zeros: Sequence[dict[str, float]],
     held: Sequence[Held],
+    *,
+    open_law: bool = False,
 ) -> Point:
     own = core.copy()
     for x, v in zip(free, u.tolist(), strict=True):
@@ -130,7 +170,9 @@ def _at(
     slopes = np.array([x.slope(v) for x, v in zip(free, u.tolist(), strict=True)])
     paths = [x.path for x in free]
     found = [laws(own, h, paths, z) for h, z in zip(held, zeros, strict=True)]
-    return Point(core, free, u, zeros, [replace(r, slopes=r.slopes * slopes) for r in found])
+    rows = [replace(r, slopes=r.slopes * slopes) for r in found]
+    point = Point(core, free, u, zeros, rows)
+    return with_open_law(point) if open_law else point
 
 
 def _free(core: Any, held: Sequence[Held]) -> list[Unknown]:
@@ -179,14 +221,15 @@ def _solve(point: Point, weight: Sequence[Array], *, late: bool = False) -> Arra
         which = np.r_[0:numbers, first : first + own]
         information[np.ix_(which, which)] += np.einsum("anp,anq->pq", kept, weighted)
         pull[which] -= np.einsum("anp,an->p", weighted, row.residual[:, row.keep])
-        at = first + len(row.held.encoders) + np.arange(len(row.driven))
-        information[at, at] += 1.0 / np.maximum(row.constants, 1e-300) ** 2
+        known = np.concatenate([row.constants, [_HELD * row.held.step]])
+        at = first + len(row.held.encoders) + np.arange(len(known))
+        information[at, at] += 1.0 / np.maximum(known, 1e-300) ** 2
         first += own
     sigma = np.array([x.sigma for x in point.free])
-    known = np.flatnonzero(np.isfinite(sigma))
-    information[known, known] += 1.0 / sigma[known] ** 2
+    believed = np.flatnonzero(np.isfinite(sigma))
+    information[believed, believed] += 1.0 / sigma[believed] ** 2
     centre = np.array([x.centre for x in point.free])
-    pull[known] += (centre - point.u)[known] / sigma[known] ** 2
+    pull[believed] += (centre - point.u)[believed] / sigma[believed] ** 2
     scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
     whole = information * np.outer(scale, scale)
     result: Array = np.linalg.lstsq(whole, pull * scale, rcond=1e-10)[0] * scale
@@ -194,11 +237,14 @@ def _solve(point: Point, weight: Sequence[Array], *, late: bool = False) -> Arra
 
 
 def _columns(row: Laws, *, late: bool) -> Array:
-    """What may move in one record: numbers, zeros, constants, and delays, shape (m, n, p)."""
+    """What may move in one record, shape (m, n, p).
+
+    Numbers, zeros, constants, the time for which torques are held, and delays of encoders.
+    """
     constants = np.zeros((*row.residual.shape, len(row.driven)))
     for k, equation in enumerate(row.driven):
         constants[equation, :, k] = 1.0
-    every = [row.slopes, -row.angles, constants]
+    every = [row.slopes, -row.angles, constants, row.rates[:, :, None]]
     if late:
         every.append(row.angles * row.speeds)
     return np.concatenate(every, axis=2)

@@ -10,59 +10,26 @@ per motor, and the unknown zeros of the encoders.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
-from dualdrive.compare.controller import asked_torques, commanded_record
-from dualdrive.compare.noise import like_noise
-from dualdrive.compare.where import standing
-from dualdrive.identify import Processing, Standstill
-from dualdrive.identify.filtering import ANGLES, Piece, pieces
+from dualdrive.compare.held import Held, Samples
+from dualdrive.identify.filtering import ANGLES
 from dualdrive.identify.model import TORQUES
-from dualdrive.identify.standstill import at_rest
-from dualdrive.traces import Trace
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-Samples = Mapping[str, Array]
 
 #: constant of a torque sensor, as a share of its signal: more is a torque, not a sensor
 CONSTANT = 0.03
+#: constant of the law, whose integrators begin somewhere, as a share of the torque
+LAW_CONSTANT = 0.01
 #: no equation is believed better than this share of the torque measured in it
 BELIEF = 0.01
-#: and no controller's law, which answers smoothed motion, better than this
-LAW = 0.03
-DRIVES = tuple(angle for angle in ANGLES if angle != "theta_m")
-
-
-@dataclass(frozen=True, eq=False)
-class Held:
-    """A record after one and the same zero-phase filter for angles and torques, decimated.
-
-    samples:  names as the core's torque balance reads them -> shape (n,)
-    noisy:    the same with as much noise again as the sensors make
-    keep:     samples at which no body stands still, shape (n,)
-    encoders: angles of drives whose zero against the table's is not known
-    """
-
-    record: str
-    t: Array
-    samples: Samples
-    noisy: Samples
-    keep: Flags
-    equations: tuple[str, ...]
-    encoders: tuple[str, ...]
-    asked: Array
-    doubt: Array
-
-    @property
-    def rows(self) -> tuple[str, ...]:
-        """Names of all rows of a residual: equations of motion, then one of the law per motor."""
-        return (*self.equations, *(f"controller_{k + 1}" for k in range(len(self.asked))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +55,7 @@ class Laws:
     noise: Array
     driven: tuple[int, ...]
     constants: Array
+    rates: Array
 
     @property
     def keep(self) -> Flags:
@@ -99,122 +67,6 @@ class Laws:
         """Of the angles that the drives' encoders read, shape (n, encoders)."""
         found = [self.held.samples[ANGLES[angle][0]] for angle in self.held.encoders]
         return np.stack(found, axis=1) if found else np.zeros((len(self.held.t), 0))
-
-
-def hold(core: Any, trace: Trace, record: str, processing: Processing) -> Held:
-    """Filter a record once, as it is and with as much noise again as its sensors make.
-
-    Raises ValueError as :func:`dualdrive.identify.torque_balance` does.
-    """
-    random = np.random.default_rng(1)
-    still = standing(trace.t, trace["theta_ref"]) if "theta_ref" in trace else None
-    shaken = trace
-    for name in trace:
-        noise = like_noise(trace.t, trace[name], still, random)
-        shaken = shaken.with_channel(name, trace[name] + noise)
-    parts = list(pieces(trace, record, processing))
-    noisy = list(pieces(shaken, record, processing))
-    equations = _equations(core, trace)
-    limits = Standstill().limits(parts)
-    apart = equations != ("total",) and "theta_m" in trace
-    asked, doubt = _asked(core, trace, record, parts, noisy, processing)
-    return Held(
-        record,
-        np.concatenate([p.t[processing.kept(len(p), p.step)] for p in parts]),
-        _filtered(parts, processing),
-        _filtered(noisy, processing),
-        np.concatenate([_moving(p, equations, limits, processing) for p in parts]),
-        equations,
-        tuple(angle for angle in DRIVES if angle in trace) if apart else (),
-        asked,
-        doubt,
-    )
-
-
-def alike_in_rows(held: Sequence[Held]) -> list[Held]:
-    """Records that can be weighed together: the law counts where all of them have it."""
-    if len({h.rows for h in held}) == 1:
-        return list(held)
-    return [replace(h, asked=h.asked[:0], doubt=h.doubt[:0]) for h in held]
-
-
-def _asked(
-    core: Any,
-    trace: Trace,
-    name: str,
-    parts: Sequence[Piece],
-    noisy: Sequence[Piece],
-    processing: Processing,
-) -> tuple[Array, Array]:
-    """The controller's law against the torques, filtered alike, and what noise leaves of that."""
-    torques = [f"T_{motor.rpartition('_')[2]}" for motor in core.motors]
-    count = sum(len(processing.kept(len(p), p.step)) for p in parts)
-    none = np.zeros((0, count)), np.zeros(0)
-    record = commanded_record(core, trace, name) if len(parts) == 1 else None
-    if record is None or not set(torques) <= set(trace):
-        return none
-    found = []
-    for p in (parts[0], noisy[0]):
-        law = asked_torques(core, record, p)
-        if law is None:
-            return none
-        measured = processing.low_pass(np.stack([p.samples[name] for name in torques]), p.step)
-        found.append(processing.reduce(law - measured, p.step))
-    size = np.std(
-        processing.reduce(np.stack([parts[0].samples[n] for n in torques]), p.step), axis=1
-    )
-    doubt = np.hypot(np.std(found[1] - found[0], axis=1), LAW * size)
-    return found[0], np.asarray(doubt + 1e-300)
-
-
-def _moving(
-    part: Piece, equations: Sequence[str], limits: Mapping[str, float], processing: Processing
-) -> Flags:
-    """Samples that every body's standstill is further from than the filter reaches."""
-    from scipy.ndimage import maximum_filter1d
-
-    rest = at_rest(equations, part.samples, limits).any(axis=0)
-    cutoff = processing.at(part.step).cutoff
-    assert cutoff is not None
-    reach = 2 * round(1.0 / (cutoff * part.step)) + 1
-    near = maximum_filter1d(rest.astype(np.uint8), reach).astype(bool)
-    return np.asarray(~near[processing.kept(len(part), part.step)])
-
-
-def _filtered(parts: Sequence[Piece], processing: Processing) -> Samples:
-    """Angles have passed the low-pass once already; now torques, and both once more."""
-
-    def one(name: str, x: Array, step: float) -> Array:
-        known = any(name in (a, *rates) for a, rates in ANGLES.items())
-        return processing.reduce(x if known else processing.low_pass(x, step), step)
-
-    return {
-        name: np.ascontiguousarray(
-            np.concatenate([one(name, p.samples[name], p.step) for p in parts])
-        )
-        for name in parts[0].samples
-    }
-
-
-def _equations(core: Any, trace: Trace) -> tuple[str, ...]:
-    """Every body's equation where all bodies' motion is recorded, else their sum alone."""
-    states = [name.removeprefix("omega_") for name, _ in core.states() if "omega_" in name]
-    rigid = {n for n in "12" if _kind(core, f"gearbox_{n}") in ("rigid", None)}
-    for body in states:
-        n = body[-1]
-        angles = {f"theta_{body}"} | ({f"theta_{n}", f"theta_c{n}"} if n in rigid else set())
-        if len(states) == 1:
-            angles = set(ANGLES)
-        if not angles & set(trace):
-            return ("total",)
-    return tuple(states)
-
-
-def _kind(core: Any, connection: str) -> str | None:
-    return str(core.kind(connection)) if connection in core.connections else None
-
-
-# --- the machine's equations ----------------------------------------------------------------------
 
 
 def balance(
@@ -248,6 +100,7 @@ def laws(core: Any, held: Held, paths: Sequence[str], zeros: Mapping[str, float]
     noise[:, range(count, count + more), range(count, count + more)] = held.doubt**2
     directions = _directions(core, held, samples)
     driven = [k for k, row in enumerate(measured) if np.any(row != 0.0)]
+    sizes = np.sqrt(np.mean(measured[driven] ** 2, axis=1))
     return Laws(
         held,
         np.concatenate([residual, held.asked]),
@@ -256,9 +109,17 @@ def laws(core: Any, held: Held, paths: Sequence[str], zeros: Mapping[str, float]
         _with_rows(by_angle.get("theta_m", np.zeros(residual.shape)), more),
         {mesh: _with_rows(own, more) for mesh, own in directions.items()},
         noise,
-        tuple(driven),
-        CONSTANT * np.sqrt(np.mean(measured[driven] ** 2, axis=1)),
+        (*driven, *range(count, count + more)),
+        np.concatenate([CONSTANT * sizes, LAW_CONSTANT * _sizes(core, samples)[:more]]),
+        _with_rows(np.gradient(measured, held.t, axis=1), more),
     )
+
+
+def _sizes(core: Any, samples: Samples) -> Array:
+    """RMS torque of each motor, shape (motors,)."""
+    torques = [samples[f"T_{motor.rpartition('_')[2]}"] for motor in core.motors]
+    found: Array = np.sqrt(np.mean(np.square(torques), axis=1))
+    return found
 
 
 def _with_rows(values: Array, more: int) -> Array:

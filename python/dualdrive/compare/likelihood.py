@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.compare.excuses import Point, alike, left, noise_alone, refitted
+from dualdrive.compare.excuses import Point, alike, left, noise_alone, refitted, strain
 from dualdrive.identify.coloured import correlation_time
 
 Array = NDArray[np.float64]
@@ -67,6 +67,9 @@ def _from(point: Point, free: Free) -> list[Array]:
             for s, w, r in zip(seen, noise, point.rows, strict=True)
         ]
         weigh = open_to(kappa, size)
+        # what is believed of the excuses counts as the samples do, of which `same` are one witness
+        cost = 0.5 * same * sum(strain(point, weigh(point))) / sum(len(s) for s in found)
+        found = [s - cost for s in found]
     return found
 
 
