@@ -114,31 +114,34 @@ def test_a_sensors_constant_is_no_distance() -> None:
     assert misfit(a.core, shifted, motion, NOISE)[0] < 1e-3
 
 
-@pytest.mark.parametrize("preset", ["heavy-table-550t", "bench", "linear-axis"])
-def test_every_motion_of_the_menu_keeps_the_limits(preset: str) -> None:
+@pytest.mark.parametrize(
+    ("preset", "share"), [("heavy-table-550t", 0.22), ("bench", 0.5), ("linear-axis", 0.15)]
+)
+def test_every_motion_of_the_menu_keeps_the_limits(preset: str, share: float) -> None:
     machine = Machine.load(preset)
     linear = machine.axis == "linear"
     speed, travel = 0.03, 0.05
-    limits = Limits(torque=0.5, speed=speed, travel=travel)
+    limits = Limits(torque=share, speed=speed, travel=travel)
     axis = axis_of(machine.core, limits, linear=linear)
     plan = Plan(Noise({"theta_m": 1e-6}), limits, linear, 60.0, lambda _: None)
     pair = [Rival("a", machine.core), Rival("b", machine.core)]
-    items = menu(axis, SECONDS)
+    seconds = 15.0
+    items = menu(axis, seconds)
     trials = [trial for item in items if (trial := plan.sized(pair, item)) is not None]
-    assert len(trials) >= 0.7 * len(items)
+    assert len(trials) >= 0.6 * len(items)
     for trial in trials:
         wave = trial.motion.waveform
         t = np.linspace(0, trial.motion.end, 20001)
         assert np.abs(wave.value(t)).max() <= travel * 1.001
         assert np.abs(wave.rate(t)).max() <= speed * 1.001
-        assert trial.motion.end < 1.7 * SECONDS
+        assert trial.motion.end < 1.5 * seconds
         own = machine.copy()
         for path, value in trial.item.settings.items():
             own.set(path, value)
         run = simulate(own, trial.motion, output_step=0.01)
         for motor in own.core.motors:
             n = motor.rpartition("_")[2]
-            assert np.abs(run[f"T_{n}"]).max() <= 0.52 * own.get(f"{motor}.T_max")
+            assert np.abs(run[f"T_{n}"]).max() <= 1.04 * share * own.get(f"{motor}.T_max")
 
 
 def test_a_law_that_holds_the_other_is_told_by_what_only_it_can_do() -> None:
@@ -212,6 +215,22 @@ def test_dry_friction_one_way_at_one_speed_is_a_constant() -> None:
     law = laws.asked(a, both)
     assert law is not None
     assert laws.apart(b, law, both, noise) == pytest.approx(1 / 17, rel=1e-3)
+
+
+def test_a_torque_sensors_constant_is_no_distance_and_a_wave_is() -> None:
+    """A hundred samples' worth of a wave of amplitude 4 N·m over 2 N·m noise: 100 · 4²/2 / 2²."""
+    from dualdrive.diagnose.experiment import laws
+
+    core = axis_with("viscous", {"coefficient": 50.0})
+    motion = parse_motion("cycle:1;0,v=0.2,a=1,dwell=1")
+    law = laws.asked(core, motion)
+    assert law is not None
+    torque, counted = law
+    noise = Noise({"T_1": 2.0}, spacing=motion.end * counted.mean() / 100)
+    assert laws.apart(core, (torque + 7.0, counted), motion, noise) < 1e-9
+    wave = 4.0 * np.sin(np.linspace(0.0, 300.0, len(torque)))
+    found = laws.apart(core, (torque + wave, counted), motion, noise)
+    assert found == pytest.approx(200.0, rel=0.03)
 
 
 def test_noise_without_a_known_channel_is_refused() -> None:

@@ -126,9 +126,9 @@ def _reversals(axis: Axis, seconds: float, start: float) -> Callable[[float], st
 
 def _speeds(axis: Axis, seconds: float, start: float) -> Callable[[float], str]:
     def words(size: float) -> str:
-        fastest = size * axis.speed
-        speeds = [_round(share * fastest) for share in (0.9, 0.3, 0.1)]
         a = _round(size * axis.acceleration)
+        fastest = min(size * axis.speed, a * seconds / 20)
+        speeds = [_round(share * fastest) for share in (0.9, 0.3, 0.1)]
         moving = max(seconds - 6 * (1 + fastest / a + axis.time), 0.3 * seconds)
         room = moving / sum(2 / v for v in speeds)
         distance = _round(min(room, axis.travel, max(axis.turns, default=math.inf)))
@@ -140,7 +140,8 @@ def _speeds(axis: Axis, seconds: float, start: float) -> Callable[[float], str]:
 
 def _quick(axis: Axis, seconds: float, start: float) -> Callable[[float], str]:
     def words(size: float) -> str:
-        v, a = _round(0.9 * size * axis.speed), _round(size * axis.acceleration)
+        a = _round(size * axis.acceleration)
+        v = _round(min(0.9 * size * axis.speed, a * seconds / 12))
         distance = _round(min(1.5 * v * max(v / a, axis.time), axis.travel))
         one = 2 * (distance / v + v / a + 2 * a / float(_jerk(a, axis)) + 1)
         repeats = max(1, min(6, int(seconds / one)))

@@ -124,6 +124,9 @@ class Plan:
             distance = self._distance(own, first.motion)
             found[0] = Trial(first.item, first.motion, distance, final=True)
             found.sort(key=_rank)
+        sure = [trial for trial in found if trial.final and trial.distance >= TELLS_APART]
+        if sure and not found[0].final:  # out of time: what is known goes before what is foretold
+            found.insert(0, found.pop(found.index(sure[0])))
 
     def sized(self, pair: Sequence[Rival], item: Item) -> Trial | None:
         """The item as large as torque allows; None where the machines can't do it."""
