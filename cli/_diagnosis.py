@@ -206,11 +206,13 @@ def _interval(v: Interval) -> str:
 # --- files ----------------------------------------------------------------------------------------
 
 
-def save(machine: Machine, path: Path, change: str, *, overwrite: bool) -> None:
-    """Write a machine file; the last line of its history gets the command if it has none."""
-    if machine.history and not machine.history[-1].get("command"):
-        last = {**machine.history[-1], "command": command_line()}
-        machine.history = (*machine.history[:-1], last)
-    else:
-        machine.note(change, command_line())
+def save(machine: Machine, path: Path, change: str, *, known: Machine, overwrite: bool) -> None:
+    """Write a machine file; what its history tells since `known` gets the command.
+
+    change: what the history says where nothing was noted on the way
+    """
+    if len(machine.history) == len(known.history):
+        machine.note(change)
+    old, new = machine.history[: len(known.history)], machine.history[len(known.history) :]
+    machine.history = (*old, *({**entry, "command": command_line()} for entry in new))
     machine.save(path, overwrite=overwrite)

@@ -11,6 +11,7 @@ from dualdrive import diagnose
 from dualdrive.diagnose import Diagnosis
 from dualdrive.files import refuse_existing, write_atomically
 from dualdrive.identify import FitError
+from dualdrive.machine import Machine
 from dualdrive_cli._diagnosis import (
     budget_option,
     confronting,
@@ -98,7 +99,7 @@ def command(
             give_up(f"{m.name}: {error}", FAILED)
     if plot:
         _draw(found, plot)
-    change = _save(found, output, overwrite=overwrite) if output and found.refitted else ""
+    change = _save(found, output, m, overwrite=overwrite) if output and found.refitted else ""
     write_json(json_to, found.figures())
     if json_to != "-":
         show(found)
@@ -108,15 +109,15 @@ def command(
             click.echo(f"written: {plot}")
 
 
-def _save(found: Diagnosis, path: Path, *, overwrite: bool) -> str:
+def _save(found: Diagnosis, path: Path, known: Machine, *, overwrite: bool) -> str:
     """Write the improved machine, or the refitted one where nothing is named; says which."""
     records = ", ".join(found.records)
     if found.improved is not None and found.best is not None:
         change = f"added {found.best.label}, fitted to {records}"
-        save(found.improved, path, change, overwrite=overwrite)
+        save(found.improved, path, change, known=known, overwrite=overwrite)
     else:
         change = f"fitted to {records}"
-        save(found.refitted, path, change, overwrite=overwrite)
+        save(found.refitted, path, change, known=known, overwrite=overwrite)
     return change
 
 

@@ -110,7 +110,8 @@ def command(
     if plot:
         _draw(found, plot)
     if output:
-        save(found.machine, output, f"improved on {', '.join(recorded)}", overwrite=overwrite)
+        change = f"fitted to {', '.join(recorded)}"
+        save(found.machine, output, change, known=m, overwrite=overwrite)
     write_json(json_to, found.figures())
     if json_to != "-":
         show_ladder(found)

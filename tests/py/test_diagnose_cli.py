@@ -161,6 +161,30 @@ def test_where_nothing_is_named_the_refitted_machine_is_written(
     assert "refitted.toml: fitted to fit" in done.stdout
 
 
+def test_every_effect_that_was_added_is_a_step_that_can_be_taken_back(
+    asked: Asked, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    grown = Machine.load("machine.toml")
+    for label, numbers in (("coulomb@table", {"torque": 9e3}), ("cogging@motors", {})):
+        grown.add(label, **numbers)
+        grown.note(f"added {label}, fitted to fit")
+    one = ladder()
+    found = replace(one, steps=[*one.steps, replace(one.steps[-1], machine=grown)])
+    monkeypatch.setattr(dualdrive.diagnose, "improve", lambda *_, **__: found)
+    done = run("improve machine.toml fit.csv -o better.toml")
+    assert done.exit_code == 0, done.output
+    better = Machine.load("better.toml")
+    assert [e["change"].split(",")[0] for e in better.history] == [
+        "added coulomb@table", "added cogging@motors",
+    ]  # fmt: skip
+    assert all(e["command"].startswith("dualdrive") for e in better.history)
+    better.undo()
+    assert better.effects[-1] == "coulomb@table"
+    better.undo()
+    before = Machine.load("machine.toml")
+    assert (better.effects, better.parameters()) == (before.effects, before.parameters())
+
+
 def test_a_ladder_tells_every_step_and_why_it_stopped(asked: Asked) -> None:
     done = run("improve machine.toml fit.csv --held-out held_out.csv --plot ladder.png")
     assert done.exit_code == 0, done.output

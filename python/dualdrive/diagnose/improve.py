@@ -204,6 +204,8 @@ def improve(
                 f"({100 * steps[-1].held_out:.3g} % to {100 * step.held_out:.3g} %)"
             )
             break
+        if hasattr(d.improved, "note"):
+            d.improved.note(f"added {label}, fitted to {', '.join(fitting)}")
         steps.append(step)
         current = d.improved
     return Ladder(steps, found, stopped, held, time.monotonic() - begun)
