@@ -96,4 +96,4 @@ class Confrontation(Protocol):
         """Label -> path -> where limits and play that are off begin on these records."""
 
     def sizes(self) -> dict[str, float]:
-        """Usual sizes on these records: ``torque`` at the table N*m, ``speed`` of it rad/s."""
+        """Usual sizes at the table: ``torque`` N*m, ``speed`` rad/s, ``travel`` rad."""

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.compare.excuses import _first_zeros
-from dualdrive.compare.laws import Held, hold, shifted
+from dualdrive.compare.held import Held, hold
+from dualdrive.compare.laws import shifted
 from dualdrive.diagnose.confront import Series
 from dualdrive.identify import Processing, with_torques
 from dualdrive.identify.filtering import ANGLES
@@ -185,7 +186,7 @@ class TorqueBalance:
         return {}
 
     def sizes(self) -> dict[str, float]:
-        """Spread of the measured torque carried to the table, N*m, and of the table's speed."""
+        """Spread of the torque carried to the table, N*m, of its speed, and its travel."""
         torque = speed = 0.0
         for held in self.held:
             for motor in self.core.motors:
@@ -198,7 +199,12 @@ class TorqueBalance:
                     part = {"omega_m": "table"}.get(rate) or _part(rate)
                     own = float(np.std(held.samples[rate])) / ratio_to_table(self.core, part)
                     speed = max(speed, own)
-        return {"torque": torque, "speed": speed}
+        travel = 0.0
+        for angle in (a for held in self.held for a in ANGLES if a in held.samples):
+            part = "table" if angle == "theta_m" else _part(angle.replace("theta", "omega"))
+            own = max(float(np.ptp(h.samples[angle])) for h in self.held if angle in h.samples)
+            travel = max(travel, own / ratio_to_table(self.core, part))
+        return {"torque": torque, "speed": speed, "travel": travel}
 
     # --- parts --------------------------------------------------------------------------------
 

@@ -20,6 +20,8 @@ from dualdrive.replay import ratio_to_table
 #: channel; a load whose hour nobody told could be anything
 NOT_TRIED = ("sensor_offset", "expression", "spline", "quantisation", "cutting_torque")
 _SOFTER = 0.1  # of the stiffness that a compliant shaft is added with: nearly rigid
+#: numbers that move a signature about as much as its strength does: the others are left to a refit
+_LINEAR = ("phase", "centre", "asymmetry")
 _SHAPES = ("phase", "asymmetry", "centre", "spacing")
 _ASYMMETRY = 0.3  # probe of a number without a usual size of its own
 _PRESLIDING = 1e-4  # rad at the table
@@ -195,6 +197,9 @@ def _scaled(core: Any, path: str, sizes: Mapping[str, float]) -> float:
     effect = next(e for e in core.effects if path.startswith(f"{e['label']}."))
     ratio = ratio_to_table(core, effect["members"][0]) if effect["members"] else 1.0
     torque, speed = sizes.get("torque", 0.0), sizes.get("speed", 0.0)
+    name = path.rpartition(".")[2]
+    if name in ("centre", "width"):  # of a local fault
+        return 0.25 * sizes.get("travel", 0.0) * ratio
     if torque <= 0.0 or speed <= 0.0:
         return 0.0
     return {
@@ -213,7 +218,7 @@ def is_strength(core: Any, path: str) -> bool:
 
 
 def probes(core: Any, free: Sequence[Unknown], travel: Sequence[float] = ()) -> list[Setting]:
-    """Settings to try an effect at: its first strength, each shape of it moved, other strengths.
+    """Settings to try an effect at: its first strength, where it sits, and other strengths.
 
     travel: angles along which a local fault may sit, rad
     """
@@ -223,7 +228,8 @@ def probes(core: Any, free: Sequence[Unknown], travel: Sequence[float] = ()) -> 
     base = {**off, **({strengths[0].path: strengths[0].scale} if strengths else {})}
     found = [base]
     for p in shapes:
-        found += [{**base, p.path: x} for x in _moved(p, base[p.path], travel)]
+        if not strengths or p.path.endswith(_LINEAR):
+            found += [{**base, p.path: x} for x in _moved(p, base[p.path], travel)]
     found += [{**off, p.path: p.scale} for p in strengths[1:]]
     return found
 

@@ -28,6 +28,7 @@ EXPLAINED = 0.75
 #: residual over floor, RMS, from which something is surely left
 LEFT_OVER = 1.12
 FAR_OVER = 1.25  # in one series alone
+BALANCE = 1.5  # wider in a torque balance, whose floors are reckoned, not seen at standstill
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,12 +60,13 @@ def judge(found: Survey) -> Judgement:
     gain = found.criterion[key_of(base)] - found.criterion[key_of(best)]
     needed = NAMED + 2.0 * math.log(max(len(found.scores), 1))
     after = excess(found, best.left)
+    doubt = BALANCE if found.evidence.confrontation.mode == "balance" else 1.0
     explained = _explained(before, after)
     figures = (explained, (float(before.max()), float(after.max())), gain)
     if best is base or gain < needed:
-        verdict: Verdict = "unknown" if _too_much(before) else _sound(found)
+        verdict: Verdict = "unknown" if _too_much(before, doubt) else _sound(found)
         return Judgement(verdict, ranked, nothing, (), *figures)
-    if (explained < EXPLAINED and _too_much(after)) or best.beyond():
+    if (explained < EXPLAINED and _too_much(after, doubt)) or best.beyond():
         return Judgement("unknown", ranked, nothing, (), *figures)
     group = _group(ranked, found)
     verdict = "effect" if ranked[0][1] >= SURE and len(group) == 1 else "ambiguous"
@@ -112,11 +114,11 @@ def explained_by(found: Survey, r: Refit) -> float:
     return _explained(excess(found, found.base.left), excess(found, r.left))
 
 
-def _too_much(ratios: Array) -> bool:
+def _too_much(ratios: Array, doubt: float) -> bool:
     """Whether more is left than the sensors leave, in more than one series or by far in one."""
     ordered = np.sort(ratios)[::-1]
     second = ordered[1] if len(ordered) > 1 else 0.0
-    return bool(ordered[0] > FAR_OVER or second > LEFT_OVER)
+    return bool(ordered[0] > doubt * FAR_OVER or second > doubt * LEFT_OVER)
 
 
 def _sound(found: Survey) -> Verdict:

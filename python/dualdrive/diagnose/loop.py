@@ -150,7 +150,7 @@ class ClosedLoop:
         return found
 
     def sizes(self) -> dict[str, float]:
-        """Spread of the drives' torque carried to the table, N*m, and of its speed, rad/s."""
+        """Spread of the drives' torque carried to the table, N*m, of its speed, and its travel."""
         torque = 0.0
         for record in self.records:
             for motor in self.core.motors:
@@ -160,7 +160,8 @@ class ClosedLoop:
                         spread = factor * float(np.std(record.trace[name]))
                         torque = max(torque, ratio_to_table(self.core, motor) * spread)
         speed = max(float(np.std(np.gradient(r.reference, r.t))) for r in self.records)
-        return {"torque": torque, "speed": speed}
+        travel = max(float(np.ptp(r.reference)) for r in self.records)
+        return {"torque": torque, "speed": speed, "travel": travel}
 
 
 def angle_of(core: Any, trace: Trace, place: str) -> Array | None:

@@ -61,7 +61,7 @@ class Refit:
         return _at(self.grown, self.free, self.v)
 
     def beyond(self) -> bool:
-        """Whether an effect would have to be larger than it can be: a strength on its upper bound."""
+        """Whether an effect would have to be larger than it can be: a strength on its bound."""
         return any(
             is_strength(self.grown, p.path) and math.isfinite(p.high) and x > p.bounds[1] - 1e-6
             for p, x in zip(self.free, self.v, strict=True)

@@ -22,9 +22,9 @@ from dualdrive.diagnose.score import Gain, Scorer
 Array = NDArray[np.float64]
 
 #: RMS change, in units of noise, that a probe may make in its most touched series, and must
-_LOUD, _FAINT = 3.0, 0.02
+_LOUD, _FAINT = 10.0, 0.005
 _WISHED = 0.5
-_ALONG = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the travel: where a local fault is tried
+_ALONG = (0.15, 0.5, 0.85)  # of the travel: where a local fault is tried
 #: laws of friction and the simpler ones they contain, best first
 CONTAINS = {"stribeck": ("coulomb",), "lugre": ("stribeck", "coulomb")}
 

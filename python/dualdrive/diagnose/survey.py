@@ -39,7 +39,7 @@ _HOPELESS = 300.0  # of criterion behind the best: not refitted again
 _TWIN = 1.0 - 1e-5  # squared cosine above which two signatures are one
 _PAIRS = 3
 _FEWEST, _STRETCH = 30, 0.15  # samples, s: a standstill long enough to show its noise
-_POLISH = 4
+_POLISH, _SETTLING = 2, 2
 ENOUGH = 1.1  # residual over floor in every series, below which no second effect is looked for
 WORTH_A_REFIT = 10.0  # fall of chi^2 over its inflation, below which no name could be given
 WORTH_A_PAIR = 15.0  # expected fall of chi^2 for which a second effect is tried
@@ -195,21 +195,21 @@ def settle(found: Survey, clock: Clock, tell: Callable[[str], None]) -> Survey:
     """Judge all again under the noise that the best of them leaves, until that is settled."""
     seen, every = found.evidence, [found.base, *found.refits]
     criterion, inflation = _criterion(seen, every)
-    for _ in range(_ROUNDS):
+    for number in range(_SETTLING):
         best = min(every, key=lambda r: criterion[key_of(r)])
         tell(f"noise under {best.hypothesis.label}")
         now = evidence(seen.confrontation, whitening.fitted(seen.confrontation.series, best.left))
         fitter = Fitter(now, clock.stop)
-        close = _close(every, criterion)
         again = [
-            fitter.again(r, fresh=key_of(r) in close)
+            fitter.again(r)
             if r is found.base or criterion[key_of(r)] < min(criterion.values()) + _HOPELESS
             else replace(r, chi=now.chi(r.u, r.left))
             for r in every
         ]
         found = replace(found, base=again[0])
         least = int(np.argmin([r.chi for r in again]))
-        again[least] = _polished(fitter, again[least], found.nominal.u)
+        if number == 0 and excess(replace(found, evidence=now), again[least].left).max() > ENOUGH:
+            again[least] = _polished(fitter, again[least], found.nominal.u)
         settled = _same_noise(seen, now)
         seen, every = now, again
         criterion, inflation = _criterion(seen, every)
@@ -319,11 +319,6 @@ def _without_twins(
             kept.append(s)
             spans.append(columns)
     return kept, twins
-
-
-def _close(every: Sequence[Refit], criterion: Mapping[str, float]) -> set[str]:
-    """The few whose order matters most."""
-    return set(sorted((key_of(r) for r in every), key=lambda k: criterion[k])[:3])
 
 
 def _criterion(seen: Evidence, every: Sequence[Refit]) -> tuple[dict[str, float], float]:
