@@ -1,6 +1,6 @@
 """Does the suggested experiment tell two explanations apart, and more often than a random one?
 
-    python benchmarks/experiments.py                    8 machines of every pair, some ten minutes
+    python benchmarks/experiments.py                    8 machines of every pair, about an hour
     python benchmarks/experiments.py --cases 2 --pair "stribeck or coulomb"
 
 Each case: a machine whose numbers are off by up to 5 % and that has an effect its data sheet lacks
@@ -222,7 +222,6 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("--cases", type=int, default=8, help="machines of every pair")
     arguments.add_argument("--pair", help="this pair only")
-    arguments.add_argument("--old", action="store_true", help="the old records only")
     asked = arguments.parse_args()
     rows, decided = [], np.zeros(3)
     count = 0
