@@ -106,10 +106,8 @@ class TorqueBalance:
         found: list[Array] = []
         try:
             for k, held in enumerate(self.held):
-                residual, _ = self._evaluate(
-                    with_settings(own, self.settings[k]), held, self._shifted(k, u)
-                )
-                found += list(residual)
+                set_ = with_settings(own, self.settings[k])
+                found += list(self._residual(set_, held, self._shifted(k, u)))
         except ValueError:
             return None  # an effect that no balance shows
         for j, (k, e) in enumerate(self.constants):
@@ -222,13 +220,18 @@ class TorqueBalance:
         kept = [path for path, own in zip(paths, moved, strict=True) if own]
         return unknowns(self.core, kept, None, {}) if kept else []
 
-    def _evaluate(self, core: Any, held: Held, samples: Mapping[str, Array]) -> tuple[Array, Array]:
-        """Residual and measured torque of the chosen equations, (m, n) each."""
+    def _residual(self, core: Any, held: Held, samples: Mapping[str, Array]) -> Array:
+        """What the chosen equations leave, (m, n)."""
         found = _core.torque_balance(core, dict(samples))
         rows = [found["equations"].index(name) for name in self.equations]
+        residual: Array = found["residual"][rows]
+        return residual
+
+    def _evaluate(self, core: Any, held: Held, samples: Mapping[str, Array]) -> tuple[Array, Array]:
+        """Residual and measured torque of the chosen equations, (m, n) each."""
+        residual = self._residual(core, held, samples)
         idle = {**samples, **{n: 0.0 * samples[n] for n in TORQUES if n in samples}}
-        measured = _core.torque_balance(core, idle)["residual"][rows] - found["residual"][rows]
-        return found["residual"][rows], measured
+        return residual, self._residual(core, held, idle) - residual
 
     def _shifted(self, k: int, u: Array) -> dict[str, Array]:
         first = len(self.nominal)

@@ -22,7 +22,7 @@ from dualdrive.identify.unknowns import Unknown
 
 Array = NDArray[np.float64]
 
-_ROUNDS, _MANY = 8, 30  # of steps: simulated, and in a balance, which costs next to nothing
+_ROUNDS, _MANY = 8, 16  # of steps: simulated, and in a balance, which costs next to nothing
 _REJECTED = 4  # growing dampings tried before a descent ends
 _SETTLED = 0.3  # a fall of chi^2 that tells nothing
 _RENEW = 0.03  # fall of chi^2, relative, that makes slopes worth renewing

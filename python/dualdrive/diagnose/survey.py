@@ -20,6 +20,7 @@ from dualdrive.diagnose.evidence import Evidence, effective, evidence
 from dualdrive.diagnose.hypotheses import Hypothesis, candidates, is_strength, members
 from dualdrive.diagnose.refit import Fitter, Refit
 from dualdrive.diagnose.score import Scorer, alike
+from dualdrive.diagnose.screen import worth_simulating
 from dualdrive.diagnose.signatures import (
     CONTAINS,
     Prober,
@@ -124,6 +125,8 @@ def survey(
     seen, base = _refitted(c, nominal.u, clock)
     scorer = Scorer(seen.rows(base.u, base.left, base.slopes))
     known = candidates(c.core, c.channels, balance=c.mode == "balance")
+    if wanted is None and c.mode == "closed_loop":
+        known = worth_simulating(c, known, clock, threads, tell)
     every = list(known if wanted is None else wanted)
     scores, untried = _scored(c, seen, base, scorer, every, clock, threads, tell)
     single, twins = _without_twins(seen, scorer, scores)
@@ -208,7 +211,8 @@ def settle(found: Survey, clock: Clock, tell: Callable[[str], None]) -> Survey:
         ]
         found = replace(found, base=again[0])
         least = int(np.argmin([r.chi for r in again]))
-        if number == 0 and excess(replace(found, evidence=now), again[least].left).max() > ENOUGH:
+        so_far = _now(found, now, every, criterion)
+        if number == 0 and excess(so_far, again[least].left).max() > ENOUGH:
             again[least] = _polished(fitter, again[least], found.nominal.u)
         settled = _same_noise(seen, now)
         seen, every = now, again
@@ -225,6 +229,14 @@ def settle(found: Survey, clock: Clock, tell: Callable[[str], None]) -> Survey:
         criterion=criterion,
         inflation=inflation,
     )
+
+
+def _now(
+    found: Survey, seen: Evidence, every: Sequence[Refit], criterion: Mapping[str, float]
+) -> Survey:
+    """The survey as it stands between two rounds."""
+    base, *refits = every
+    return replace(found, evidence=seen, base=base, refits=refits, criterion=criterion)
 
 
 def _polished(fitter: Fitter, best: Refit, nominal: Array) -> Refit:
