@@ -44,7 +44,8 @@ class Series:
     @property
     def spread(self) -> float:
         """RMS of the measured values about their mean."""
-        return float(np.std(self.measured[self.keep]))
+        own = self.measured[self.keep]
+        return float(np.std(own)) if len(own) else 0.0
 
 
 class Confrontation(Protocol):

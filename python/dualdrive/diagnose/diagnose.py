@@ -32,6 +32,8 @@ from dualdrive.traces import Trace
 Array = NDArray[np.float64]
 
 MODES = ("auto", "closed_loop", "balance")
+#: warnings that would make any name a guess, though a comparison may live with them
+SPOILT = ("clipped", "scale", "sign", "swapped", "ratio")
 _TOLD = 8  # candidates in the result
 _SEARCH, _PLAN = 0.75, 0.2  # of the budget: for the survey, for the next experiment
 _FAR = 2.5  # standard deviations of its prior, or of its interval, from which a number has moved
@@ -98,7 +100,7 @@ def diagnose(
             tell("checking the records")
             found = check_records(machine, recorded, mode)
             warnings = [f"{w.trace}: {w.message}" for w in found]
-            if any(w.fatal for w in found):
+            if any(w.fatal or w.code in SPOILT for w in found):
                 return _unfit(core, mode, recorded, warnings, clock)
         even = {name: evened(trace) for name, trace in recorded.items()}
         warnings += [

@@ -35,6 +35,7 @@ PROCESSING = Processing(decimate=4)
 #: constant torque of an equation, as a share of the spread of its measured torque
 CONSTANT = 0.5
 _GAPS = (0.7, 0.85, 1.0, 1.15, 1.3)  # of the nominal play: where contact may change
+_TOO_FEW = 40  # samples that count, of the best equation
 _REACH = 4  # samples on either side that the filter smears a change over
 
 
@@ -97,6 +98,11 @@ class TorqueBalance:
         self.low = np.concatenate([[b[0] for b in bounds], -free])
         self.high = np.concatenate([[b[1] for b in bounds], free])
         self.series = self._series()
+        if not any(s.keep.sum() > _TOO_FEW for s in self.series):
+            raise ValueError(
+                f"{', '.join(traces)}: no motion between standstills that outlasts the filter; "
+                "record longer moves, or faster"
+            )
 
     # --- what the confrontation offers --------------------------------------------------------
 
@@ -112,7 +118,7 @@ class TorqueBalance:
             return None  # an effect that no balance shows
         for j, (k, e) in enumerate(self.constants):
             at = k * len(self.equations) + e
-            found[at] = found[at] + u[self._first_constant + j] * self.series[at].spread
+            found[at] = found[at] + u[self._first_constant + j] * self._level(at)
         return found
 
     def slopes(self, core: Any, u: Array) -> list[Array] | None:
@@ -147,7 +153,8 @@ class TorqueBalance:
             at = k * len(self.equations) + e
             if left is not None:
                 s = self.series[at]
-                level[self._first_constant + j] -= float(np.mean(left[at][s.keep])) / s.spread
+                mean = float(np.mean(left[at][s.keep])) if s.keep.any() else 0.0
+                level[self._first_constant + j] -= mean / self._level(at)
         return level
 
     @property
@@ -209,6 +216,11 @@ class TorqueBalance:
     @property
     def _first_constant(self) -> int:
         return len(self.nominal) + len(self.zeros)
+
+    def _level(self, at: int) -> float:
+        """What a constant of a series is counted in: its spread, or its size where it is steady."""
+        own = self.series[at].measured
+        return self.series[at].spread or float(np.max(np.abs(own), initial=0.0)) or 1.0
 
     def _free(self) -> list[Unknown]:
         """Nominal numbers that move the balance on these records."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from dualdrive import _core
@@ -24,6 +24,7 @@ _SOFTER = 0.1  # of the stiffness that a compliant shaft is added with: nearly r
 _LINEAR = ("phase", "centre", "asymmetry")
 _SHAPES = ("phase", "asymmetry", "centre", "spacing")
 _ASYMMETRY = 0.3  # probe of a number without a usual size of its own
+_SHORTEST = 5e-5  # s: a delay below that costs a simulation more than it could show
 _PRESLIDING = 1e-4  # rad at the table
 
 
@@ -89,7 +90,12 @@ class Hypothesis:
     ) -> list[Unknown]:
         """What is free of the effects in a machine they were put in, scaled for the records."""
         usual = {path: _scaled(grown, path, sizes) or _typical(grown, path) for path in free}
-        return unknowns(grown, free, None, usual)
+        found = unknowns(grown, free, None, usual)
+        late = [p.unit == "s" and is_strength(grown, p.path) for p in found]
+        return [
+            replace(p, low=max(p.low, _SHORTEST)) if own else p
+            for p, own in zip(found, late, strict=True)
+        ]
 
 
 def candidates(
@@ -170,6 +176,8 @@ def _is_free(grown: Any, path: str) -> bool:
     """Whether a number of an effect is fitted here."""
     declared = grown.parameter(grown.members(path)[0])
     name = path.rpartition(".")[2]
+    if name == "delta_t":  # the slave's lag is set, not suffered
+        return False
     if name == "spacing":  # of a wheel that meets two pinions
         return bool(path.partition("@")[2].startswith(("table", "ring")))
     return not declared.counted

@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 _ROUNDS, _MANY = 8, 16  # of steps: simulated, and in a balance, which costs next to nothing
 _REJECTED = 4  # growing dampings tried before a descent ends
 _SETTLED = 0.3  # a fall of chi^2 that tells nothing
+_ELSEWHERE = 4  # starts tried from other nuisances than those of the refitted machine
 _RENEW = 0.03  # fall of chi^2, relative, that makes slopes worth renewing
 _SECANT, _LEAST = 0.02, 0.1  # step of a secant: share of a number, and of its usual size
 
@@ -84,10 +85,19 @@ def _at(grown: Any, free: Sequence[Unknown], v: Array) -> Any:
 
 
 class Fitter:
-    """Fits hypotheses to one evidence; `stop` ends a fit between two simulations."""
+    """Fits hypotheses to one evidence; `stop` ends a fit between two simulations.
 
-    def __init__(self, evidence: Evidence, stop: Callable[[], bool] = lambda: False) -> None:
-        self.evidence, self.stop = evidence, stop
+    origins: nuisances, shape (m,) each, from which a fit may begin beside those of the machine
+        without the effect, which the missing effect may have dragged far away
+    """
+
+    def __init__(
+        self,
+        evidence: Evidence,
+        stop: Callable[[], bool] = lambda: False,
+        origins: Sequence[Array] = (),
+    ) -> None:
+        self.evidence, self.stop, self.origins = evidence, stop, origins
         self.sizes = evidence.confrontation.sizes()
 
     def nominal(self, u: Array) -> Refit | None:
@@ -103,19 +113,20 @@ class Fitter:
         c = self.evidence.confrontation
         grown, paths = hypothesis.put_in(c.core, self.sizes, c.part_sizes(hypothesis.effects))
         free = hypothesis.unknowns(grown, paths, self.sizes)
-        best: tuple[float, Array] | None = None
-        for start in starts:
-            v = np.array([_coordinate(p, start.get(p.path)) for p in free])
-            left = self.evidence.confrontation.left(_at(grown, free, v), base.u)
-            if left is None or self.stop():
-                continue
-            chi = self.evidence.chi(base.u, left)
-            if best is None or chi < best[0]:
-                best = (chi, v)
+        best: tuple[float, Array, Array] | None = None
+        for u in (base.u, *self.origins):
+            for start in starts if u is base.u else starts[:_ELSEWHERE]:
+                v = np.array([_coordinate(p, start.get(p.path)) for p in free])
+                left = self.evidence.confrontation.left(_at(grown, free, v), u)
+                if left is None or self.stop():
+                    continue
+                chi = self.evidence.chi(u, left)
+                if best is None or chi < best[0]:
+                    best = (chi, u, v)
         if best is None:
             return None
         chord = None if self._cheap(grown) else base.slopes
-        return self._descend(hypothesis, grown, free, base.u, best[1], chord)
+        return self._descend(hypothesis, grown, free, best[1], best[2], chord)
 
     def afresh(self, known: Refit, u: Array) -> Refit | None:
         """The same hypothesis from other nuisances: a wrong machine may have dragged them away."""
@@ -202,6 +213,8 @@ class Fitter:
         here = np.concatenate([at.u, at.v])
         for _ in range(_REJECTED):
             step = _bounded(gram, gradient, scale, damping, low - here, high - here)
+            if not np.isfinite(step).all():
+                break
             there = here + step
             u, v = there[:m], there[m:]
             left = c.left(_at(at.grown, at.free, v), u)

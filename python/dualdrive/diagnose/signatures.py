@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 #: RMS change, in units of noise, that a probe may make in its most touched series, and must
 _LOUD, _FAINT = 10.0, 0.005
 _WISHED = 0.5
+_FAINTER = (0.1, 0.01)
+_SHORTEST_DELAY = 2e-4  # s: of a probe
 _ALONG = (0.15, 0.5, 0.85)  # of the travel: where a local fault is tried
 #: laws of friction and the simpler ones they contain, best first
 CONTAINS = {"stribeck": ("coulomb",), "lugre": ("stribeck", "coulomb")}
@@ -70,23 +72,21 @@ class Prober:
         if not free:
             return None  # nothing of it can be fitted
         settings = probes(grown, free, self._travel(hypothesis))
-        first = self._change(grown, settings[0])
+        strengths = {p.path: (p.low, p.high) for p in free if is_strength(grown, p.path)}
+        late = any("delay" in _core.effect_type(e).acts_on for e, _ in hypothesis.effects)
+        first = None
+        for fainter in (1.0, *_FAINTER):  # a loop may not stand it at its usual size
+            tried = _scaled(settings, fainter, strengths)
+            first = self._change(grown, tried[0])
+            if first is not None or not strengths:
+                break
         if first is None:
             return None
-        late = any("delay" in _core.effect_type(e).acts_on for e, _ in hypothesis.effects)
-        factor = 1.0 if late else self._factor(first)  # a short delay is a slow simulation
-        strengths = [p for p in free if is_strength(grown, p.path)]
+        settings, factor = tried, self._factor(first)
+        if late:  # a short delay is a slow simulation
+            factor = min(max(factor, _SHORTEST_DELAY / _longest(settings[0])), 1.0)
         if factor != 1.0 and strengths:
-            bounds = {p.path: (p.low, p.high) for p in strengths}
-            settings = [
-                {
-                    path: min(max(x * factor, bounds[path][0]), bounds[path][1])
-                    if path in bounds
-                    else x
-                    for path, x in one.items()
-                }
-                for one in settings
-            ]
+            settings = _scaled(settings, factor, strengths)
             first = self._change(grown, settings[0])
         changes = [first, *(self._change(grown, one) for one in settings[1:])]
         kept = [(s, c) for s, c in zip(settings, changes, strict=True) if c is not None]
@@ -119,11 +119,31 @@ class Prober:
     def _factor(self, change: Sequence[Array]) -> float:
         """By how much a probe should be stronger or fainter."""
         loud = max(
-            float(np.sqrt(np.mean(c**2))) / n for c, n in zip(change, self.noise, strict=True)
+            float(np.sqrt(np.mean(c**2))) / max(n, 1e-300)
+            for c, n in zip(change, self.noise, strict=True)
         )
         if not math.isfinite(loud) or loud <= 0.0 or _FAINT <= loud <= _LOUD:
             return 1.0
         return float(min(max(_WISHED / loud, 1e-4), 1e4))
+
+
+def _scaled(
+    settings: Sequence[Setting], factor: float, bounds: Mapping[str, tuple[float, float]]
+) -> list[Setting]:
+    """The same with every strength so much larger, inside its bounds."""
+    return [
+        {
+            path: min(max(x * factor, bounds[path][0]), bounds[path][1])
+            if path in bounds and x != 0.0
+            else x
+            for path, x in one.items()
+        }
+        for one in settings
+    ]
+
+
+def _longest(setting: Setting) -> float:
+    return max(setting.values(), default=1.0) or 1.0
 
 
 def with_orders(

@@ -131,7 +131,7 @@ def survey(
     scores, untried = _scored(c, seen, base, scorer, every, clock, threads, tell)
     single, twins = _without_twins(seen, scorer, scores)
     chosen = _shortlist(single, shortlist)
-    fitter = Fitter(seen, clock.stop)
+    fitter = Fitter(seen, clock.stop, [nominal.u])
     refits = fit_all(fitter, base, chosen, threads, tell)
     if len(refits) < len(chosen):
         missing = {s.label for s in chosen} - {r.hypothesis.label for r in refits}
@@ -422,6 +422,7 @@ def excess(found: Survey, left: Sequence[Array]) -> Array:
         [
             float(np.std(r[s.keep])) / max(f, 1e-9 * s.spread, 1e-300)
             for s, r, f in zip(series, left, floors, strict=True)
+            if s.keep.sum() > _FEWEST
         ]
     )
 
