@@ -180,13 +180,19 @@ class Fitter:
         if columns is None:
             return None
         found = Refit(hypothesis, grown, free, u, v, left, slopes, columns, seen.chi(u, left))
-        damping, cheap = 1e-4, c.mode == "balance"
+        damping, cheap, renewed = 1e-4, c.mode == "balance", False
         for _ in range(_MANY if cheap else _ROUNDS):
             if self.stop():
                 return replace(found, resolved=False, note="cut by the time limit")
             better, damping = self._step(found, damping)
             if better is None:
-                break
+                if chord is None or renewed:
+                    break
+                own = c.slopes(found.machine, found.u)  # the chord leads nowhere from here
+                if own is None:
+                    break
+                found, renewed, damping = replace(found, slopes=own), True, 1e-4
+                continue
             gained = found.chi - better.chi
             v_moved = bool(len(free)) and bool(np.any(better.v != found.v))
             if chord is None and gained > (0.0 if cheap else _RENEW) * found.chi:
