@@ -20,6 +20,7 @@ from dualdrive.traces import CHANNELS, Trace
 Array = NDArray[np.float64]
 
 _RUN, _CLIPPED = 5, 0.005  # samples in a run at an extreme; share of the record in such runs
+_MUCH = 0.05  # of the record: an angle at the end of its range for so long spoils it
 _LEVELS = 20  # a channel of fewer levels sits at an extreme by rounding
 _MOVES = 0.05  # of the highest speed
 _FEWEST = 200  # samples
@@ -190,7 +191,7 @@ def _clipped(trace: Trace) -> Iterator[Finding]:
                 "clipped",
                 f"{channel} stands at the end of its range for {share:.1%} of the record while "
                 f"{', '.join(others)} move; leave those stretches out",
-                True,
+                share > _MUCH,  # a drive that rests in wide play does so for a moment
             )
 
 

@@ -7,17 +7,40 @@ motion on the recorded motion. All that follows (noise, scores, refits, verdict)
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.identify.unknowns import Unknown
+from dualdrive.identify.unknowns import Unknown, default_free, default_tolerances, unknowns
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+
+
+#: relative one-sigma tolerance of nominal numbers, for all or by path; the usual ones where None
+Tolerance = float | Mapping[str, float] | None
+
+
+def nominal_unknowns(core: Any, paths: Sequence[str], tolerance: Tolerance) -> list[Unknown]:
+    """Nominal numbers as unknowns, those whose tolerance is given with it.
+
+    Raises:
+        ValueError: a tolerance for a number that is not among them.
+
+    """
+    if not isinstance(tolerance, Mapping):
+        return unknowns(core, list(paths), tolerance, {}) if paths else []
+    if stray := set(tolerance) - set(default_free(core)):
+        raise ValueError(
+            f"tolerance: {', '.join(sorted(stray))} is not refitted here; "
+            f"there are {', '.join(paths)}"
+        )
+    own = {path: tolerance[path] for path in paths if path in tolerance}
+    usual = {**default_tolerances(core, paths), **own}
+    return unknowns(core, list(paths), usual, {}) if paths else []
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,7 +33,9 @@ Array = NDArray[np.float64]
 
 MODES = ("auto", "closed_loop", "balance")
 #: warnings that would make any name a guess, though a comparison may live with them
-SPOILT = ("clipped", "scale", "sign", "swapped", "ratio")
+SPOILT = ("scale", "sign", "swapped", "ratio")
+#: what a current or voltage that stands at an extreme may be called: nothing else, then
+LIMITS = ("current_limit", "voltage_limit", "torque_constant_saturation")
 _TOLD = 8  # candidates in the result
 _SEARCH, _PLAN = 0.75, 0.2  # of the budget: for the survey, for the next experiment
 _FAR = 2.5  # standard deviations of its prior, or of its interval, from which a number has moved
@@ -48,6 +50,7 @@ def diagnose(
     motion: Any = None,
     interpolation: str = "auto",
     start: str = "auto",
+    tolerance: float | Mapping[str, float] | None = None,
     budget: float = 60.0,
     threads: int | None = None,
     experiment: bool = True,
@@ -71,6 +74,8 @@ def diagnose(
         motion: commanded motion where the traces carry none.
         interpolation: how recorded inputs are read, see :func:`dualdrive.replay.records`.
         start: how the machine stood before, see there.
+        tolerance: relative one-sigma tolerance of the nominal numbers, for all or by path; what
+            `fit` takes unless given. A guess in the machine file wants a wide one.
         budget: seconds; what it cut is said in the result.
         threads: simulations side by side; as many as there are cores unless given.
         experiment: whether to plan the next experiment where names are left.
@@ -95,11 +100,13 @@ def diagnose(
         )
     with interrupt() as stop:
         clock = Clock(_SEARCH * budget, stop.is_set)
-        warnings: list[str] = []
+        warnings, late, clipped = list[str](), False, False
         if checks:
             tell("checking the records")
             found = check_records(machine, recorded, mode)
-            warnings = [f"{w.trace}: {w.message}" for w in found]
+            warnings = [f"{w.trace}: {w.message.removeprefix(f'{w.trace}: ')}" for w in found]
+            late = any(w.code == "skew" for w in found)
+            clipped = any(w.code == "clipped" for w in found)
             if any(w.fatal or w.code in SPOILT for w in found):
                 return _unfit(core, mode, recorded, warnings, clock)
         even = {name: evened(trace) for name, trace in recorded.items()}
@@ -112,7 +119,7 @@ def diagnose(
         recorded = {name: trace for name, (trace, _) in even.items()}
         c: Confrontation
         if mode == "balance":
-            c = TorqueBalance(core, recorded, own)
+            c = TorqueBalance(core, recorded, own, apart=not late, tolerance=tolerance)
         else:
             played = records(
                 machine,
@@ -122,17 +129,23 @@ def diagnose(
                 start=start,
                 settings=own,
             )
-            c = ClosedLoop(core, played)
+            c = ClosedLoop(core, played, tolerance=tolerance)
         result = survey(c, clock, threads=threads or os.cpu_count() or 1, tell=tell)
         whole = Clock(budget, stop.is_set)
         whole.begin, whole.cut = clock.begin, clock.cut
-        return _told(machine, c, result, recorded, own, warnings, whole, experiment, tell)
+        verdict = judge(result)
+        if clipped and verdict.ranked and verdict.verdict in ("effect", "ambiguous"):
+            [(effect, _), *_] = verdict.ranked[0][0].hypothesis.effects
+            if effect not in LIMITS:
+                verdict = replace(verdict, verdict="unknown", group=())
+        return _told(machine, c, result, verdict, recorded, own, warnings, whole, experiment, tell)
 
 
 def _told(
     machine: Any,
     c: Confrontation,
     found: Survey,
+    verdict: Judgement,
     traces: Mapping[str, Trace],
     settings: Mapping[str, Mapping[str, float]],
     warnings: Sequence[str],
@@ -140,17 +153,16 @@ def _told(
     experiment: bool,
     tell: Callable[[str], None],
 ) -> Diagnosis:
-    verdict = judge(found)
     candidates = [_candidate(c, found, r, p) for r, p in verdict.ranked[:_TOLD]]
     candidates += _scored_only(c, found, candidates)
     groups = _groups(found, verdict)
-    refitted = _machine(machine, c, found.base)
+    refitted = _machine(machine, c, found.plain)
     best = verdict.ranked[0][0] if verdict.ranked else found.base
     named_ = verdict.verdict in ("effect", "ambiguous")
     improved = _machine(machine, c, best) if named_ else None
-    error = _errors(c, found, best if named_ else found.base)
-    known = intervals(found.evidence, found.base, found.inflation)
-    moved = {path: known[path] for path in _moved(c, found.base, known)}
+    error = _errors(c, found, best if named_ else found.plain)
+    known = intervals(found.evidence, found.plain, found.inflation)
+    moved = {path: known[path] for path in _moved(c, found.plain, known)}
     tell("the shape of what is missing")
     equation = _equation(verdict, candidates, refitted, traces, clock)
     curves = [] if clock.stop() else shapes(core_of(refitted), traces, settings)
@@ -272,10 +284,10 @@ def _errors(c: Confrontation, found: Survey, best: Refit) -> dict[str, float]:
     ]
     return {
         "nominal": c.headline(found.nominal.left),
-        "refitted": c.headline(found.base.left),
+        "refitted": c.headline(found.plain.left),
         "best": c.headline(best.left),
         "noise_floor": c.headline(noise),
-        "held_out_refitted": c.headline(held_out(found.evidence, found.base)),
+        "held_out_refitted": c.headline(held_out(found.evidence, found.plain)),
         "held_out_best": c.headline(held_out(found.evidence, best)),
     }
 

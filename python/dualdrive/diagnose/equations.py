@@ -18,11 +18,11 @@ from dualdrive import _core
 from dualdrive.compare.excuses import _first_zeros
 from dualdrive.compare.held import Held, hold
 from dualdrive.compare.laws import shifted
-from dualdrive.diagnose.confront import Series
+from dualdrive.diagnose.confront import Series, Tolerance, nominal_unknowns
 from dualdrive.identify import Processing, with_torques
 from dualdrive.identify.filtering import ANGLES
 from dualdrive.identify.model import TORQUES
-from dualdrive.identify.unknowns import Unknown, default_free, unknowns
+from dualdrive.identify.unknowns import Unknown, default_free
 from dualdrive.replay import ratio_to_table
 from dualdrive.replay.record import with_settings
 from dualdrive.traces import Trace
@@ -42,6 +42,9 @@ _REACH = 4  # samples on either side that the filter smears a change over
 class TorqueBalance:
     """See :class:`~dualdrive.diagnose.confront.Confrontation`.
 
+    apart: whether the drives' own equations stand beside the sum; not where an encoder is late,
+        which a stiffness turns into torque
+
     Nuisances: nominal numbers, then per record the zero of every drive's encoder against the
     table's and a constant torque per equation that has a motor.
     """
@@ -54,18 +57,24 @@ class TorqueBalance:
         traces: Mapping[str, Trace],
         settings: Mapping[str, Mapping[str, float]] | None = None,
         processing: Processing = PROCESSING,
+        *,
+        apart: bool = True,
+        tolerance: Tolerance = None,
     ) -> None:
-        self.core = core
+        self.core, self.tolerance = core, tolerance
         self.settings = [dict((settings or {}).get(name, {})) for name in traces]
         whole = {name: with_torques(core, trace) for name, trace in traces.items()}
         self.held = [hold(core, trace, name, processing) for name, trace in whole.items()]
-        self.equations = _chosen(self.held[0])
+        self.equations = _chosen(self.held[0]) if apart else ("total",)
         zeros = [
             _first_zeros(with_settings(core, s), h)
             for s, h in zip(self.settings, self.held, strict=True)
         ]
         self.zeros = [
-            (k, angle, zero) for k, own in enumerate(zeros) for angle, zero in own.items()
+            (k, angle, zero)
+            for k, own in enumerate(zeros)
+            for angle, zero in own.items()
+            if self.equations != ("total",)  # in the sum no twist counts
         ]
         self._scale = [self._zero_scale(k, angle) for k, angle, _ in self.zeros]
         self.nominal = self._free()
@@ -228,9 +237,11 @@ class TorqueBalance:
         moved = np.zeros(len(paths), dtype=bool)
         for held in self.held:
             found = _core.torque_balance(self.core, dict(held.samples), paths)
-            moved |= np.any(found["jacobian"] != 0.0, axis=(0, 1))
+            rows = [found["equations"].index(name) for name in self.equations]
+            size = np.abs(found["jacobian"][rows]).max(axis=1)
+            moved |= np.any(size > 0.0, axis=0)
         kept = [path for path, own in zip(paths, moved, strict=True) if own]
-        return unknowns(self.core, kept, None, {}) if kept else []
+        return nominal_unknowns(self.core, kept, self.tolerance)
 
     def _residual(self, core: Any, held: Held, samples: Mapping[str, Array]) -> Array:
         """What the chosen equations leave, (m, n)."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from dualdrive.compare import check_records
 from dualdrive.diagnose.clocks import evened
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.diagnose import diagnose
@@ -138,7 +139,10 @@ def improve(
     begun, tell = time.monotonic(), progress or (lambda _: None)
     own, held = dict(settings or {}), ""
     fitting = {n: evened(t)[0] for n, t in named(traces).items()}
-    if held_out is None:
+    other: dict[str, Trace] = {}
+    if held_out is None and not _both_ways(machine, fitting, mode):
+        held = "each stretch of time, foretold by the others (no half holds both directions)"
+    elif held_out is None:
         halves = {name: _halved(trace) for name, trace in fitting.items()}
         fitting = {name: half[0] for name, half in halves.items()}
         other = {name: half[1] for name, half in halves.items()}
@@ -149,9 +153,11 @@ def improve(
     if mode == "auto":
         mode = which_mode(core_of(machine), {**fitting, **other}, options.get("motion"))
 
-    def error(m: Any, which: Mapping[str, Trace]) -> float:
-        mine = {n: s for n, s in own.items() if n in which}
-        c = confrontation(m, which, mine, mode, options)
+    def error(m: Any, foretold: float) -> float:
+        if not other:
+            return foretold
+        mine = {n: s for n, s in own.items() if n in other}
+        c = confrontation(m, other, mine, mode, options)
         return c.headline(records_alone(c).left)
 
     steps: list[Step] = []
@@ -170,9 +176,8 @@ def improve(
             settings=mine,
             mode=mode,
             budget=left / 1.5,
-            experiment=count == 0,
             progress=progress,
-            **options,
+            **{"experiment": count == 0, **options},
         )
         found.append(d)
         floor = d.error.get("noise_floor", float("nan"))
@@ -180,10 +185,16 @@ def improve(
             if d.refitted is None:
                 return Ladder([], found, "the records can not be judged", held, 0.0)
             tell("holding the machine as it stands against what was held out")
+            e = d.error
             steps = [
-                Step("nominal", d.error["nominal"], error(machine, other), floor, "", machine),
+                Step("nominal", e["nominal"], error(machine, e["nominal"]), floor, "", machine),
                 Step(
-                    "refitted", d.error["refitted"], error(d.refitted, other), floor, "", d.refitted
+                    "refitted",
+                    e["refitted"],
+                    error(d.refitted, e["held_out_refitted"]),
+                    floor,
+                    "",
+                    d.refitted,
                 ),
             ]
             current = d.refitted
@@ -196,7 +207,12 @@ def improve(
         label = d.candidates[0].label
         tell(f"holding {label} against what was held out")
         step = Step(
-            f"+ {label}", d.error["best"], error(d.improved, other), floor, d.command, d.improved
+            f"+ {label}",
+            d.error["best"],
+            error(d.improved, d.error["held_out_best"]),
+            floor,
+            d.command,
+            d.improved,
         )
         if step.held_out > _WORTH * steps[-1].held_out:
             stopped = (
@@ -223,6 +239,18 @@ def confrontation(
         return TorqueBalance(core_of(machine), traces, settings)
     known = {k: options[k] for k in ("motion", "interpolation", "start") if k in options}
     return ClosedLoop(core_of(machine), records(machine, traces, settings=settings, **known))
+
+
+def _both_ways(machine: Any, traces: Mapping[str, Trace], mode: str) -> bool:
+    """Whether the first half of every trace still moves both ways, if the whole does."""
+    for name, trace in traces.items():
+        codes = [
+            {w.code for w in check_records(machine, {name: part}, mode)}
+            for part in (trace, _halved(trace)[0])
+        ]
+        if "one_way" in codes[1] - codes[0] or "short" in codes[1] - codes[0]:
+            return False
+    return True
 
 
 def _why(d: Diagnosis) -> str:

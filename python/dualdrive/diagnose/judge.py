@@ -9,9 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.diagnose.heldout import held_out
 from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.result import Verdict
+from dualdrive.diagnose.signatures import CONTAINS
 from dualdrive.diagnose.survey import Survey, excess, key_of
+from dualdrive.replay import ratio_to_table
 
 Array = NDArray[np.float64]
 
@@ -19,6 +22,8 @@ Array = NDArray[np.float64]
 NAMED = 20.0
 #: the same for a second effect beside a first
 SECOND = 12.0
+#: of the criterion: odds of 1 to 20 (tempered) against a law of the angle on an arc below one radian of its phase
+SMALL_ARC = 12.0
 #: of twice the log evidence: how sure differences between good fits are (see the blind suite)
 TEMPER = 2.0
 #: probability of the leader that makes it the only name
@@ -56,7 +61,7 @@ def judge(found: Survey) -> Judgement:
     ranked, nothing = _probabilities(found)
     base = found.base
     best = ranked[0][0] if ranked else base
-    before = excess(found, base.left)
+    before = excess(found, found.plain.left)
     gain = found.criterion[key_of(base)] - found.criterion[key_of(best)]
     needed = NAMED + 2.0 * math.log(max(len(found.scores), 1))
     after = excess(found, best.left)
@@ -81,10 +86,15 @@ def _probabilities(found: Survey) -> tuple[list[tuple[Refit, float]], float]:
         for r in reversed(found.refits)
         if len(r.hypothesis.effects) == 1
     }
-    for r in found.refits:
+    sound = [r for r in found.refits if not r.beyond()]
+    for r in sound or found.refits:
+        [*_, (effect, place)] = r.hypothesis.effects
+        simpler = [singles.get((e, place), math.inf) for e in CONTAINS.get(effect, ())]
+        if len(r.hypothesis.effects) == 1 and min(simpler, default=math.inf) <= _value(found, r):
+            continue  # a whole law that does no more than the one it contains
         if len(r.hypothesis.effects) > 1:
             alone = min(singles.get(e, math.inf) for e in r.hypothesis.effects)
-            if _value(found, r) > alone - SECOND:
+            if _value(found, r) > alone - SECOND or _foretells_worse(found, r):
                 continue  # its second effect earns nothing
         label = r.hypothesis.label
         if label not in by_label or _value(found, r) < _value(found, by_label[label]):
@@ -97,8 +107,34 @@ def _probabilities(found: Survey) -> tuple[list[tuple[Refit, float]], float]:
     return [(r, weights[id(r)] / whole) for r in ranked], weights[id(found.base)] / whole
 
 
+def _foretells_worse(found: Survey, pair: Refit) -> bool:
+    """Whether either effect alone foretells each stretch from the others better than both."""
+    c, seen = found.evidence.confrontation, found.evidence
+    alone = [r for r in found.refits if r.hypothesis.effects[0] in pair.hypothesis.effects]
+    alone = [r for r in alone if len(r.hypothesis.effects) == 1]
+    own = c.headline(held_out(seen, pair))
+    return any(c.headline(held_out(seen, r)) < own for r in alone)
+
+
 def _value(found: Survey, r: Refit) -> float:
-    return found.criterion[key_of(r)]
+    """The criterion, and the price of a law of the angle where hardly any angle was travelled.
+
+    Over a small arc such a law is a constant or a slope, and the plainer name is the likelier one.
+    """
+    travel = found.evidence.confrontation.sizes().get("travel", 0.0)
+    price = 0.0
+    for effect, place in r.hypothesis.effects:
+        label = f"{effect}@{place}"
+        order = max([x for p, x in r.hypothesis.fixed.items() if p.startswith(label)], default=1.0)
+        if any(p.path == f"{label}.phase" for p in r.free):
+            arc = order * travel * ratio_to_table(found.evidence.confrontation.core, _part(place))
+            price += SMALL_ARC if arc < 1.0 else 0.0
+    return found.criterion[key_of(r)] + price
+
+
+def _part(place: str) -> str:
+    """One part of a group."""
+    return {"motors": "motor_1", "pinions": "pinion_1", "meshes": "mesh_1"}.get(place, place)
 
 
 def _explained(before: Array, after: Array) -> float:
@@ -111,7 +147,7 @@ def _explained(before: Array, after: Array) -> float:
 
 def explained_by(found: Survey, r: Refit) -> float:
     """Share of what could be explained that a refit explains, 0 .. 1."""
-    return _explained(excess(found, found.base.left), excess(found, r.left))
+    return _explained(excess(found, found.plain.left), excess(found, r.left))
 
 
 def _too_much(ratios: Array, doubt: float) -> bool:

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from dualdrive import _core
 from dualdrive.compare.noise import noise_floor
 from dualdrive.compare.where import standing
-from dualdrive.diagnose.confront import Series
+from dualdrive.diagnose.confront import Series, Tolerance, nominal_unknowns
 from dualdrive.identify.closed_loop import FitError, Problem, channels_to_fit
 from dualdrive.identify.evaluation import state_unknowns
 from dualdrive.identify.parts import sizes_of_part
-from dualdrive.identify.unknowns import default_free, unknowns
+from dualdrive.identify.unknowns import default_free
 from dualdrive.mapper import Threads
 from dualdrive.replay import Record, headline, ratio_to_table
 from dualdrive.traces import Trace
@@ -40,9 +40,16 @@ class ClosedLoop:
 
     mode = "closed_loop"
 
-    def __init__(self, core: Any, played: Sequence[Record], rtol: float = RTOL) -> None:
+    def __init__(
+        self,
+        core: Any,
+        played: Sequence[Record],
+        rtol: float = RTOL,
+        *,
+        tolerance: Tolerance = None,
+    ) -> None:
         self.core, self.records = core, list(played)
-        self.nominal = unknowns(core, default_free(core), None, {})
+        self.nominal = nominal_unknowns(core, default_free(core), tolerance)
         self.problem = Problem(
             core,
             self.records,

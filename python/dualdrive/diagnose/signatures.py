@@ -149,7 +149,10 @@ def _longest(setting: Setting) -> float:
 def with_orders(
     evidence: Evidence, rest: Array, hypotheses: Sequence[Hypothesis]
 ) -> list[Hypothesis]:
-    """The same, those with an order at the strongest order that the rest shows at their place."""
+    """The same, those with an order at the strongest orders that the rest shows at their place.
+
+    Where it shows none, only once-per-turn laws are tried: any other order would be a guess.
+    """
     known: dict[str, list[tuple[int, float]]] = {}
     core, found = evidence.confrontation.core, []
     mine = {p.path for p in core.parameters()}
@@ -166,8 +169,9 @@ def with_orders(
         place = members_of(core, h.effects[0][1])[0]
         if place not in known:
             known[place] = strongest_orders(evidence, rest, place)
-        orders = [float(n) for n, _ in known[place]] or [float(grown.get(paths[0]))]
-        found += [Hypothesis(h.effects, {**h.fixed, paths[0]: n}) for n in orders]
+        usual = float(grown.get(paths[0]))
+        orders = [float(n) for n, _ in known[place]] + ([usual] if usual == 1.0 else [])
+        found += [Hypothesis(h.effects, {**h.fixed, paths[0]: n}) for n in dict.fromkeys(orders)]
     return found
 
 

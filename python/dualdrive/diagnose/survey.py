@@ -40,6 +40,8 @@ _HOPELESS = 300.0  # of criterion behind the best: not refitted again
 _TWIN = 1.0 - 1e-5  # squared cosine above which two signatures are one
 _PAIRS = 3
 _FEWEST, _STRETCH = 30, 0.15  # samples, s: a standstill long enough to show its noise
+_NOISE = 1.5  # residual over floor, up to which what is left may be taken for noise
+_CLEARLY = 1.4  # times that: something is missing, whatever a score says of its name
 _POLISH, _SETTLING = 2, 2
 ENOUGH = 1.1  # residual over floor in every series, below which no second effect is looked for
 WORTH_A_REFIT = 10.0  # fall of chi^2 over its inflation, below which no name could be given
@@ -73,7 +75,8 @@ class Survey:
     """What was found about one machine.
 
     nominal:  the machine as it came, only what belongs to the records fitted
-    base:     its nominal numbers refitted
+    base:     its nominal numbers refitted, under the final noise
+    refitted: the same under the noise that it leaves itself: what a user would call the refit
     refits:   hypotheses refitted under the final noise, least criterion first
     criterion: label -> chi^2 plus k log n, over `inflation`: differences are twice log evidence
     scores:   of every hypothesis at the refitted machine, best first
@@ -89,6 +92,12 @@ class Survey:
     scores: Sequence[Score]
     untried: Sequence[str] = field(default_factory=tuple)
     twins: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    refitted: Refit | None = None
+
+    @property
+    def plain(self) -> Refit:
+        """The refitted machine as it is reported."""
+        return self.refitted or self.base
 
     @property
     def best(self) -> Refit:
@@ -130,14 +139,16 @@ def survey(
     every = list(known if wanted is None else wanted)
     scores, untried = _scored(c, seen, base, scorer, every, clock, threads, tell)
     single, twins = _without_twins(seen, scorer, scores)
-    chosen = _shortlist(single, shortlist)
+    found = Survey(seen, nominal, base, [], {key_of(base): 0.0}, 1.0, scores, tuple(untried), twins)
+    found = replace(found, refitted=base)
+    clear = excess(found, base.left).max() > _CLEARLY * ENOUGH
+    chosen = _shortlist(single, shortlist, 1.0 if clear else WORTH_A_REFIT)
     fitter = Fitter(seen, clock.stop, [nominal.u])
     refits = fit_all(fitter, base, chosen, threads, tell)
     if len(refits) < len(chosen):
         missing = {s.label for s in chosen} - {r.hypothesis.label for r in refits}
         clock.leave_out(f"not refitted: {', '.join(sorted(missing))}")
-    found = Survey(seen, nominal, base, refits, {}, 1.0, scores, tuple(untried), twins)
-    return with_pairs(settle(found, clock, tell), clock, threads, tell)
+    return with_pairs(settle(replace(found, refits=refits), clock, tell), clock, threads, tell)
 
 
 def _scored(
@@ -201,7 +212,11 @@ def settle(found: Survey, clock: Clock, tell: Callable[[str], None]) -> Survey:
     for number in range(_SETTLING):
         best = min(every, key=lambda r: criterion[key_of(r)])
         tell(f"noise under {best.hypothesis.label}")
-        now = evidence(seen.confrontation, whitening.fitted(seen.confrontation.series, best.left))
+        series = seen.confrontation.series
+        # colour is read off noise; what a wrong model leaves is weighed by its size alone
+        noise = excess(_now(found, seen, every, criterion), best.left).max() < _NOISE
+        colour = whitening.fitted if noise else whitening.sized
+        now = evidence(seen.confrontation, colour(series, best.left))
         fitter = Fitter(now, clock.stop)
         again = [
             fitter.again(r)
@@ -367,12 +382,12 @@ def _spare(seen: Evidence, r: Refit, inflation: float) -> list[float]:
     return found
 
 
-def _shortlist(scores: Sequence[Score], count: int) -> list[Score]:
+def _shortlist(scores: Sequence[Score], count: int, least: float) -> list[Score]:
     """The best of each simple law, and the whole laws of friction where a simpler one is in it."""
     simple = [s for s in scores if s.signature.hypothesis.effects[-1][0] not in CONTAINS]
-    chosen = [s for s in simple[:count] if s.gain.gain > WORTH_A_REFIT]
+    chosen = [s for s in simple[:count] if s.gain.gain > least]
     rubbing = [s.signature.hypothesis.effects[-1][1] for s in chosen if _rubs(s)][:2]
-    whole = [s for s in scores if s not in simple and s.gain.gain > WORTH_A_REFIT]
+    whole = [s for s in scores if s not in simple and s.gain.gain > least]
     alone = [s for s in whole if not rubbing][:2]
     chosen += alone + [s for s in whole if s.signature.hypothesis.effects[-1][1] in rubbing]
     return chosen
