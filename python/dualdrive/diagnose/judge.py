@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 NAMED = 20.0
 #: the same for a second effect beside a first
 SECOND = 12.0
-#: of the criterion: odds of 1 to 20 (tempered) against a law of the angle on an arc below one radian of its phase
+#: of the criterion, tempered: odds of 1 to 20 against a law of the angle on less than a radian
 SMALL_ARC = 12.0
 #: of twice the log evidence: how sure differences between good fits are (see the blind suite)
 TEMPER = 2.0
@@ -30,10 +30,14 @@ TEMPER = 2.0
 SURE = 0.9
 #: share of what a free input could explain, below which a name explains too little
 EXPLAINED = 0.75
+#: in a torque balance, whose floors are reckoned: share below which nothing is named
+FAINT = 0.5
+#: share of its gain that a name must keep where each stretch is foretold from the others
+KEPT = 0.25
 #: residual over floor, RMS, from which something is surely left
 LEFT_OVER = 1.12
 FAR_OVER = 1.25  # in one series alone
-BALANCE = 1.5  # wider in a torque balance, whose floors are reckoned, not seen at standstill
+BALANCE = 2.2  # wider in a torque balance, whose floors are reckoned, not seen at standstill
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +72,8 @@ def judge(found: Survey) -> Judgement:
     doubt = BALANCE if found.evidence.confrontation.mode == "balance" else 1.0
     explained = _explained(before, after)
     figures = (explained, (float(before.max()), float(after.max())), gain)
-    if best is base or gain < needed:
+    faint = doubt > 1.0 and explained < FAINT
+    if best is base or gain < needed or faint or not _foretells(found, best, gain):
         verdict: Verdict = "unknown" if _too_much(before, doubt) else _sound(found)
         return Judgement(verdict, ranked, nothing, (), *figures)
     if (explained < EXPLAINED and _too_much(after, doubt)) or best.beyond():
@@ -105,6 +110,13 @@ def _probabilities(found: Survey) -> tuple[list[tuple[Refit, float]], float]:
     whole = sum(weights.values())
     ranked = sorted(by_label.values(), key=lambda r: _value(found, r))
     return [(r, weights[id(r)] / whole) for r in ranked], weights[id(found.base)] / whole
+
+
+def _foretells(found: Survey, best: Refit, gain: float) -> bool:
+    """Whether what the leader gains it gains on stretches it was not fitted to, too."""
+    seen = found.evidence
+    with_it, without = (seen.white(held_out(seen, r)) for r in (best, found.base))
+    return float(without @ without - with_it @ with_it) / found.inflation > KEPT * gain
 
 
 def _foretells_worse(found: Survey, pair: Refit) -> bool:

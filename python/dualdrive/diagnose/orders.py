@@ -1,12 +1,10 @@
 """Which order an angle-locked effect has: the one whose harmonics the residual carries.
 
 A loop changes amplitude and phase of a disturbance, not its order, so harmonics of the angle are
-fitted to what is left of each series near the place, order by order.
+fitted to what is left of every series, order by order.
 """
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +20,7 @@ _STANDS_OUT = 25.0  # fall of chi^2 below which no order is named
 
 
 def strongest_orders(
-    evidence: Evidence, rest: Array, place: str, count: int = 2
+    evidence: Evidence, rest: Array, place: str, count: int = 1
 ) -> list[tuple[int, float]]:
     """Orders of a place's angle that explain most of the whitened rest, best first.
 
@@ -39,7 +37,7 @@ def strongest_orders(
     gains = np.zeros(HIGHEST + 1)
     c = evidence.confrontation
     parts = evidence.apart(rest)
-    for k in _near(evidence, place):
+    for k in range(len(parts)):
         angle = c.angle(k, place)
         if angle is None or np.ptp(angle) < 1e-9:
             continue
@@ -59,14 +57,6 @@ def strongest_orders(
         if all(abs(int(n) - m) > 1 for m, _ in found):
             found.append((int(n), float(gains[n])))
     return found
-
-
-def _near(evidence: Evidence, place: str) -> Sequence[int]:
-    """Series that tell of a place: its drive's torque or current, else all."""
-    n = place.rpartition("_")[2]
-    series = evidence.confrontation.series
-    own = [k for k, s in enumerate(series) if s.name in (f"I_{n}", f"T_{n}", f"motor_{n}", f"c{n}")]
-    return own or [k for k, s in enumerate(series) if s.kind in ("current", "torque", "equation")]
 
 
 def _too_fast(t: Array, phase: Array) -> bool:

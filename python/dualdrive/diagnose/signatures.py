@@ -149,10 +149,7 @@ def _longest(setting: Setting) -> float:
 def with_orders(
     evidence: Evidence, rest: Array, hypotheses: Sequence[Hypothesis]
 ) -> list[Hypothesis]:
-    """The same, those with an order at the strongest orders that the rest shows at their place.
-
-    Where it shows none, only once-per-turn laws are tried: any other order would be a guess.
-    """
+    """The same, those with an order at the strongest that the rest shows, and at the usual one."""
     known: dict[str, list[tuple[int, float]]] = {}
     core, found = evidence.confrontation.core, []
     mine = {p.path for p in core.parameters()}
@@ -170,7 +167,7 @@ def with_orders(
         if place not in known:
             known[place] = strongest_orders(evidence, rest, place)
         usual = float(grown.get(paths[0]))
-        orders = [float(n) for n, _ in known[place]] + ([usual] if usual == 1.0 else [])
+        orders = [*(float(n) for n, _ in known[place]), usual]
         found += [Hypothesis(h.effects, {**h.fixed, paths[0]: n}) for n in dict.fromkeys(orders)]
     return found
 
