@@ -22,6 +22,8 @@ from dualdrive_cli._traces import (
     mode_option,
     motion_option,
     start_option,
+    tolerance_of,
+    tolerance_option,
 )
 
 set_for_option = click.option(
@@ -47,14 +49,27 @@ def budget_option(seconds: float) -> Callable[..., Any]:
 
 def confronting(function: Callable[..., Any]) -> Callable[..., Any]:
     """How a machine meets recordings while it is diagnosed; see `how`."""
-    shared = (set_for_option, mode_option, motion_option, start_option, interpolation_option)
+    shared = (
+        set_for_option,
+        tolerance_option,
+        mode_option,
+        motion_option,
+        start_option,
+        interpolation_option,
+    )
     for option in reversed(shared):
         function = option(function)
     return function
 
 
 def how(
-    machine: Machine, *, mode: str, motion: str | None, start: str, interpolation: str
+    machine: Machine,
+    *,
+    mode: str,
+    motion: str | None,
+    start: str,
+    interpolation: str,
+    tolerances: tuple[str, ...],
 ) -> dict[str, Any]:
     """Keywords that diagnose and improve take alike."""
     return {
@@ -62,6 +77,7 @@ def how(
         "motion": parse_motion(motion, axis=machine.axis) if motion else None,
         "start": start,
         "interpolation": interpolation,
+        "tolerance": tolerance_of(tolerances),
     }
 
 

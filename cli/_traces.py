@@ -31,6 +31,13 @@ part_option = click.option(
     metavar="SETTING=VALUE",
     help="Of a trace that its mapping splits, these parts only: --part TestIndex=3",
 )
+tolerance_option = click.option(
+    "--tolerance",
+    "tolerances",
+    multiple=True,
+    metavar="SHARE|KEY=SHARE",
+    help="One sigma about the nominal value, for all or one: 0.1, table.J=5%.",
+)
 mode_option = click.option(
     "--mode",
     type=click.Choice(["auto", "closed_loop", "balance"]),
@@ -174,3 +181,19 @@ def _told(kind: Callable[..., Any], **given: Any) -> Any:
     """An object with what was given, or None where nothing was."""
     own = {name: value for name, value in given.items() if value is not None}
     return kind(**own) if own else None
+
+
+def tolerance_of(texts: tuple[str, ...]) -> float | dict[str, float] | None:
+    """What --tolerance says: one share for all, or by path; None where it was not given."""
+    plain = [text for text in texts if "=" not in text]
+    if plain and len(texts) > 1:
+        raise click.BadParameter("--tolerance: one number for all, or key=share for some, not both")
+    if plain:
+        return _share(plain[0])
+    return {path: _share(text, path) for path, text in pairs(texts)} or None
+
+
+def _share(text: str, path: str = "") -> float:
+    from dualdrive.units import parse
+
+    return parse(text, "", key=f"--tolerance {path}".strip())

@@ -20,7 +20,6 @@ from dualdrive_cli._shared import (
     json_option,
     load,
     overwrite_option,
-    pairs,
     scheduler_option,
     set_option,
     verb,
@@ -32,6 +31,8 @@ from dualdrive_cli._traces import (
     read_all,
     replay_options,
     replaying,
+    tolerance_of,
+    tolerance_option,
     traces_argument,
 )
 
@@ -43,13 +44,7 @@ from dualdrive_cli._traces import (
 @click.argument("machine")
 @traces_argument
 @click.option("--free", multiple=True, metavar="KEY,KEY", help="What to fit, groups welcome.")
-@click.option(
-    "--tolerance",
-    "tolerances",
-    multiple=True,
-    metavar="SHARE|KEY=SHARE",
-    help="One sigma about the nominal value, for all or one: 0.1, table.J=5%.",
-)
+@tolerance_option
 @click.option(
     "--held-out", type=click.Path(path_type=Path), multiple=True, help="A trace to test on."
 )
@@ -105,7 +100,7 @@ def command(
                 recorded,
                 [path for text in free for path in text.split(",") if path] or None,
                 mode,
-                tolerance=_tolerance(tolerances),
+                tolerance=tolerance_of(tolerances),
                 channels=channels or None,
                 starts=starts,
                 scheduler=scheduler,
@@ -133,21 +128,6 @@ def command(
         give_up(
             f"{found.status}: {found.message}", STOPPED if found.status == "interrupted" else FAILED
         )
-
-
-def _tolerance(texts: tuple[str, ...]) -> float | dict[str, float] | None:
-    plain = [text for text in texts if "=" not in text]
-    if plain and len(texts) > 1:
-        raise click.BadParameter("--tolerance: one number for all, or key=share for some, not both")
-    if plain:
-        return _share(plain[0])
-    return {path: _share(text, path) for path, text in pairs(texts)} or None
-
-
-def _share(text: str, path: str = "") -> float:
-    from dualdrive.units import parse
-
-    return parse(text, "", key=f"--tolerance {path}".strip())
 
 
 def _save(machine: Machine, path: Path, records: str, *, overwrite: bool) -> None:

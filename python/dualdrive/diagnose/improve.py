@@ -259,6 +259,10 @@ def _why(d: Diagnosis) -> str:
         return f"these records can not tell apart what is left: {names}"
     if d.verdict == "unknown":
         return "something is left that no effect of the library explains"
+    if d.mode == "balance":
+        return (
+            "what is left is too near the sensors' noise, as far as it can be reckoned, for a name"
+        )
     return "nothing is left that these records could show"
 
 
