@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from typing import Any
 
 from dualdrive.compare import Comparison, compare
 from dualdrive.identify import Fit, FitError, evaluate, fit
+from dualdrive.identify.coloured import correlation_time
 from dualdrive.identify.screening import Candidate, screen
 from dualdrive.machine import Machine
 from dualdrive.traces import Trace, read
@@ -18,7 +20,7 @@ from dualdrive.traces import Trace, read
 SHORTLIST = 3
 RTOL = 1e-6  # local tolerance: far below a record's noise
 REFIT_SIMULATIONS = 60  # a wrong candidate need not converge to lose
-_SAME = 1.05  # candidates whose held-out errors differ by less are not told apart
+_TOLD_APART = 11.0  # twice the log likelihood: right in 95 % of cases
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ class Story:
     noise_floor:  headline error that a perfect model would leave on the held-out record
     screening:    every candidate with its score, best first
     refits:       the shortlist after refitting, best held-out error first
-    rivals:       labels of refits whose held-out error is as good as the best one's
+    rivals:       labels of refits that the held-out record does not tell from the best
     before, after: comparisons on the held-out record, refitted and improved
     """
 
@@ -164,6 +166,20 @@ def tell(progress: Callable[[str], None] = lambda _: None) -> Story:
         Step("refitted", nominal.error["refitted"], refitted),
         Step(f"+ {best.candidate.label}", best.fitted, best.held_out),
     )
-    rivals = [r.candidate.label for r in refits[1:] if r.held_out < _SAME * best.held_out]
+    witnesses = _witnesses(after)
+    rivals = [
+        r.candidate.label
+        for r in refits[1:]
+        if 2.0 * witnesses * math.log(r.held_out / best.held_out) < _TOLD_APART
+    ]
     floor = after.error["noise_floor"]
     return Story(steps, floor, screening, refits, rivals, nominal, before, after)
+
+
+def _witnesses(comparison: Comparison) -> float:
+    """Effective number of samples of the headline channels: those that are alike count once."""
+    return sum(
+        len(q.t) / (1.0 + 2.0 * correlation_time(q.residual))
+        for q in comparison.quantities
+        if q.headline
+    )
