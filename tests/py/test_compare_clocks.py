@@ -96,7 +96,7 @@ def test_a_late_torque_is_found() -> None:
     """On one body the torque follows the motion at once; it is read 12 ms late."""
     machine = Machine.load("linear-axis")
     machine.core.set_controller("none")
-    t = 2e-3 * np.arange(10000)
+    t = np.asarray(2e-3 * np.arange(10000), dtype=np.float64)
     random = np.random.default_rng(6)
     speed = sum(
         a * np.sin(2 * np.pi * f * t + f) for a, f in ((0.1, 0.7), (0.06, 1.3), (0.04, 2.9))
@@ -105,7 +105,7 @@ def test_a_late_torque_is_found() -> None:
     rate = np.gradient(speed, t)
     force = 95.0 * rate + 200.0 * speed + 20.0 * np.sign(speed) + random.normal(0.0, 1.0, len(t))
     for late in (0.0, 0.012):
-        read = np.interp(t - late, t, force)
+        read = np.asarray(np.interp(t - late, t, force), dtype=np.float64)
         skew = between(skews(machine, Trace(t, {"theta_m": angle, "T_1": read})), "T_1", "theta_m")
         if late:
             assert skew.significant

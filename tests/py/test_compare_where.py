@@ -161,7 +161,7 @@ def test_a_real_robot_has_order_8_of_its_motor() -> None:
 def repeated(count: int) -> tuple[Array, Array]:
     period = np.sin(2 * np.pi * np.arange(400) / 400.0) ** 3
     reference = np.concatenate([np.zeros(57), np.tile(period, count), np.zeros(123)])
-    return 1e-2 * np.arange(len(reference)), reference
+    return 1e-2 * np.arange(len(reference), dtype=np.float64), np.asarray(reference, np.float64)
 
 
 @pytest.mark.parametrize("count", [2, 3, 7])

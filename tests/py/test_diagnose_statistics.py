@@ -71,7 +71,7 @@ def test_spans_that_are_one_are_told() -> None:
 
 def series(noise: np.ndarray, rate: np.ndarray, floor: float) -> Series:
     n = len(noise)
-    t = 1e-3 * np.arange(n)
+    t = 1e-3 * np.arange(n, dtype=np.float64)
     every = np.ones(n, dtype=bool)
     return Series("r", "I_1", "current", "A", t, noise, floor, rate, every, ~every)
 

@@ -7,6 +7,7 @@ import re
 import shlex
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -149,9 +150,9 @@ def test_a_robot_axis_misses_friction_and_order_8_of_its_motor(
     assert number(found, "error", "refitted") < 0.16 < number(found, "error", "nominal")
     friction = number(found, "parameters", "coulomb@motor_1.torque", "value")
     assert friction == pytest.approx(1.48, rel=0.03)
-    compared = figures(folder, told, "compare kuka-friction.toml")
-    assert number(compared["orders"][0], "order") == pytest.approx(8.0, abs=0.02)  # type: ignore[index]
-    (skew,) = compared["skews"]  # type: ignore[misc]
+    compared: Any = figures(folder, told, "compare kuka-friction.toml")
+    assert number(compared["orders"][0], "order") == pytest.approx(8.0, abs=0.02)
+    (skew,) = compared["skews"]
     assert (skew["late"], skew["significant"]) == ("theta_m", True)
     assert skew["low"] < 2.83e-3 < skew["high"]
 
