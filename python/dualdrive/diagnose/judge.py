@@ -78,7 +78,7 @@ def judge(found: Survey) -> Judgement:
         return Judgement(verdict, ranked, nothing, (), *figures)
     if (explained < EXPLAINED and _too_much(after, doubt)) or best.beyond():
         return Judgement("unknown", ranked, nothing, (), *figures)
-    group = _group(ranked, found)
+    group = _group(ranked)
     verdict = "effect" if ranked[0][1] >= SURE and len(group) == 1 else "ambiguous"
     return Judgement(verdict, ranked, nothing, group if len(group) > 1 else (), *figures)
 
@@ -177,7 +177,7 @@ def _sound(found: Survey) -> Verdict:
     return "parameters" if fall > NAMED + len(found.base.u) else "adequate"
 
 
-def _group(ranked: Sequence[tuple[Refit, float]], found: Survey) -> tuple[str, ...]:
+def _group(ranked: Sequence[tuple[Refit, float]]) -> tuple[str, ...]:
     """The leader and those that keep the sum of probabilities from being sure."""
     group, whole = [], 0.0
     for r, p in ranked:

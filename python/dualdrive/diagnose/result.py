@@ -48,7 +48,7 @@ class Candidate:
     held_out:    headline error on samples it was not fitted to
     gain:        twice the log likelihood it gains over the refitted nominal machine
     explained:   share it explains of what a free input could, 0 .. 1
-    resolved:    false: the refit failed or was cut; the numbers are those of the score
+    resolved:    false: not refitted, or the refit was cut; errors that were not computed are NaN
     """
 
     effects: tuple[tuple[str, str], ...]

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose import whitening
-from dualdrive.diagnose.confront import Confrontation, Series
+from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.evidence import Evidence, effective, evidence
+from dualdrive.diagnose.floors import ratios
 from dualdrive.diagnose.hypotheses import Hypothesis, candidates, is_strength, members
 from dualdrive.diagnose.refit import Fitter, Refit
 from dualdrive.diagnose.score import Scorer, alike
@@ -39,7 +40,6 @@ _ROUNDS = 3  # of noise
 _HOPELESS = 300.0  # of criterion behind the best: not refitted again
 _TWIN = 1.0 - 1e-5  # squared cosine above which two signatures are one
 _PAIRS = 3
-_FEWEST, _STRETCH = 30, 0.15  # samples, s: a standstill long enough to show its noise
 _NOISE = 1.5  # residual over floor, up to which what is left may be taken for noise
 _CLEARLY = 1.4  # times that: something is missing, whatever a score says of its name
 _POLISH, _SETTLING = 2, 2
@@ -148,7 +148,7 @@ def survey(
     if len(refits) < len(chosen):
         missing = {s.label for s in chosen} - {r.hypothesis.label for r in refits}
         clock.leave_out(f"not refitted: {', '.join(sorted(missing))}")
-    return with_pairs(settle(replace(found, refits=refits), clock, tell), clock, threads, tell)
+    return with_pairs(settle(replace(found, refits=refits), clock, tell), clock, tell)
 
 
 def _scored(
@@ -273,7 +273,7 @@ def _polished(fitter: Fitter, best: Refit, nominal: Array) -> Refit:
     return best
 
 
-def with_pairs(found: Survey, clock: Clock, threads: int, tell: Callable[[str], None]) -> Survey:
+def with_pairs(found: Survey, clock: Clock, tell: Callable[[str], None]) -> Survey:
     """Two effects at once: what the best one leaves is scored again, and the best few refitted."""
     singles = [r for r in found.refits if len(r.hypothesis.effects) == 1]
     first = found.best
@@ -431,30 +431,4 @@ def _same_noise(first: Evidence, second: Evidence) -> bool:
 
 def excess(found: Survey, left: Sequence[Array]) -> Array:
     """Residual over noise floor of every series, RMS, shape (series,)."""
-    series = found.evidence.confrontation.series
-    floors = [floor_of(s, r) for s, r in zip(series, found.best.left, strict=True)]
-    return np.array(
-        [
-            float(np.std(r[s.keep])) / max(f, 1e-9 * s.spread, 1e-300)
-            for s, r, f in zip(series, left, floors, strict=True)
-            if s.keep.sum() > _FEWEST
-        ]
-    )
-
-
-def floor_of(series: Series, left: Array) -> float:
-    """RMS noise of a series: what is left where the machine stands, or else the record's estimate.
-
-    left: what the best hypothesis leaves; a constant of each standstill is taken out, since dry
-        friction may hold any torque there.
-    """
-    t, still = series.t, series.still & series.keep
-    ends = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
-    square = count = 0.0
-    for first, last in zip(ends[::2], ends[1::2], strict=True):
-        if last - first >= _FEWEST and t[last - 1] - t[first] >= _STRETCH:
-            own = left[first:last] - np.mean(left[first:last])
-            square, count = square + float(own @ own), count + len(own) - 1
-    if count < 2 * _FEWEST:
-        return series.floor
-    return max(float(np.sqrt(square / count)), 0.5 * series.floor)
+    return ratios(found.evidence.confrontation.series, left, found.best.left)

@@ -23,9 +23,9 @@ def paragraph(
     """Verdict, evidence for and against, what can't be told apart, and what to do."""
     if warnings and not candidates and not error:
         return f"The records can not be judged: {' '.join(warnings)}"
-    said = [_opening(verdict, candidates, groups, error, moved)]
+    said = [_opening(verdict, candidates, error, moved)]
     if verdict in ("effect", "ambiguous") and candidates:
-        said += _evidence(candidates, error, shapes)
+        said += _evidence(candidates, shapes)
     if verdict == "unknown":
         said += _unexplained(candidates, equation, shapes)
     if groups and verdict == "ambiguous":
@@ -45,7 +45,6 @@ def paragraph(
 def _opening(
     verdict: Verdict,
     candidates: Sequence[Candidate],
-    groups: Sequence[Sequence[str]],
     error: Mapping[str, float],
     moved: Sequence[str],
 ) -> str:
@@ -78,9 +77,7 @@ def _opening(
     return f"{best.label} is missing (probability {best.probability:.2f}). {opening}"
 
 
-def _evidence(
-    candidates: Sequence[Candidate], error: Mapping[str, float], shapes: Sequence[Shape]
-) -> list[str]:
+def _evidence(candidates: Sequence[Candidate], shapes: Sequence[Shape]) -> list[str]:
     best, *others = candidates
     numbers = [
         f"{path.rpartition('.')[2]} {p.value:.4g} {p.unit}".rstrip()

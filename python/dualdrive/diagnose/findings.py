@@ -1,0 +1,199 @@
+"""Parts of a diagnosis from a survey: candidates, groups, errors, equation, what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from dualdrive import _core
+from dualdrive.compare import equation_at_fault
+from dualdrive.compare.equation import EquationAtFault
+from dualdrive.diagnose.confront import Confrontation
+from dualdrive.diagnose.experiment import next_experiment
+from dualdrive.diagnose.floors import floor_of
+from dualdrive.diagnose.heldout import held_out, intervals
+from dualdrive.diagnose.judge import Judgement, explained_by
+from dualdrive.diagnose.refit import Refit
+from dualdrive.diagnose.result import Candidate, Experiment, Interval
+from dualdrive.diagnose.survey import Clock, Survey
+from dualdrive.identify import FitError
+from dualdrive.replay import core_of
+from dualdrive.traces import Trace
+
+TOLD = 8  # candidates in the result
+
+
+def candidate_of(c: Confrontation, found: Survey, r: Refit, p: float) -> Candidate:
+    """A refit as a user reads it."""
+    known = intervals(found.evidence, r, found.inflation)
+    own = {path: known[path] for path in r.values()}
+    notes = []
+    if stuck := r.at_bound():
+        notes.append(f"{', '.join(stuck)} stands at its bound")
+    if twins := found.twins.get(r.hypothesis.label):
+        notes.append(f"the same here as {', '.join(dict.fromkeys(twins))}")
+    if r.note:
+        notes.append(r.note)
+    return Candidate(
+        r.hypothesis.effects,
+        p,
+        own | {path: Interval(x, x, x, "") for path, x in r.hypothesis.fixed.items()},
+        c.headline(r.left),
+        c.headline(held_out(found.evidence, r)),
+        (found.base.chi - r.chi) / found.inflation,
+        explained_by(found, r),
+        r.resolved,
+        "; ".join(notes),
+    )
+
+
+def scored_only(found: Survey, known: Sequence[Candidate]) -> list[Candidate]:
+    """The best by score alone, of those that were not refitted: a shortlist, no more."""
+    labels = {x.label for x in known}
+    rest = {s.label: s for s in reversed(found.scores) if s.label not in labels}
+    best = sorted(rest.values(), key=lambda s: -s.gain.gain)[: max(0, TOLD - len(known))]
+    unknown, note = float("nan"), "by its score alone, not refitted"
+    return [
+        Candidate(
+            s.signature.hypothesis.effects,
+            0.0,
+            {},
+            unknown,
+            unknown,
+            s.gain.gain,
+            unknown,
+            False,
+            note,
+        )
+        for s in best
+        if s.gain.gain > 0.0
+    ]
+
+
+def groups_of(found: Survey, verdict: Judgement) -> list[tuple[str, ...]]:
+    """Names that this record can not part: by probability, and by having the same signature."""
+    groups = [verdict.group] if verdict.group else []
+    if verdict.verdict in ("effect", "ambiguous") and verdict.ranked:
+        leader = verdict.ranked[0][0].hypothesis.label
+        if twins := [t for t in dict.fromkeys(found.twins.get(leader, ())) if t != leader]:
+            groups.append((leader, *twins))
+    return groups
+
+
+def machine_of(machine: Any, c: Confrontation, r: Refit) -> Any:
+    """A copy of the machine with the refit's effects and numbers."""
+    copy = machine.copy()
+    core = core_of(copy)
+    for effect, place in r.hypothesis.effects:
+        if hasattr(copy, "add"):
+            copy.add(effect, place)
+        else:
+            core.add_effect(effect, place)
+    values = {p.path: p.value(float(x)) for p, x in zip(c.nominal, r.u, strict=False)}
+    for path, value in {**values, **dict(r.hypothesis.fixed), **r.values()}.items():
+        core.set(path, value)
+    return copy
+
+
+def errors_of(c: Confrontation, found: Survey, best: Refit) -> dict[str, float]:
+    """Headline errors: nominal, refitted, best, held out, and what the sensors alone leave."""
+    floors = [floor_of(s, r) for s, r in zip(c.series, found.best.left, strict=True)]
+    noise = [
+        f * np.where(np.arange(len(s.t)) % 2, 1.0, -1.0)
+        for f, s in zip(floors, c.series, strict=True)
+    ]
+    return {
+        "nominal": c.headline(found.nominal.left),
+        "refitted": c.headline(found.plain.left),
+        "best": c.headline(best.left),
+        "noise_floor": c.headline(noise),
+        "held_out_refitted": c.headline(held_out(found.evidence, found.plain)),
+        "held_out_best": c.headline(held_out(found.evidence, best)),
+    }
+
+
+def moved_numbers(c: Confrontation, base: Refit, known: Mapping[str, Interval]) -> list[str]:
+    """Nominal numbers that the records put elsewhere, beyond doubt."""
+    found = []
+    for p in c.nominal:
+        k = known[p.path]
+        if not k.low <= p.nominal <= k.high and abs(k.value - p.nominal) > 0.01 * abs(p.nominal):
+            found.append(p.path)
+    return found
+
+
+def equation_at(
+    verdict: Judgement,
+    candidates: Sequence[Candidate],
+    refitted: Any,
+    traces: Mapping[str, Trace],
+    clock: Clock,
+) -> EquationAtFault | None:
+    """From the names where there are any, else from the torque balance."""
+    if verdict.verdict in ("adequate", "parameters"):
+        return None
+    if verdict.verdict == "unknown" or not candidates:
+        if clock.stop():
+            return None
+        try:
+            return equation_at_fault(refitted, traces)
+        except (ValueError, KeyError, np.linalg.LinAlgError):
+            return None
+    shares: dict[str, float] = {}
+    for candidate in candidates:
+        name = equation_of(*candidate.effects[0])
+        shares[name] = shares.get(name, 0.0) + candidate.probability
+    best = max(shares, key=lambda n: shares[n])
+    return EquationAtFault(best, min(shares[best], 1.0), shares)
+
+
+def equation_of(effect: str, place: str) -> str:
+    """The equation that an effect enters: mesh, table, drive, controller, sensors, electrical."""
+    acts = _core.effect_type(effect).acts_on
+    if "sensor" in acts or "estimate" in acts:
+        return "sensors"
+    if "mesh" in acts:
+        return "mesh"
+    if "command" in acts or "limit" in acts:
+        return "controller"
+    if acts == "motor voltage":
+        return "electrical"
+    return "table" if place in ("table", "ring") else "drive"
+
+
+def plan_next(
+    machine: Any,
+    c: Confrontation,
+    found: Survey,
+    verdict: Judgement,
+    clock: Clock,
+    tell: Callable[[str], None],
+) -> Experiment | None:
+    """The experiment that parts the leading names, None where there is none."""
+    rivals = [(r.hypothesis.label, machine_of(machine, c, r)) for r, _ in verdict.ranked[:3]]
+    noise: dict[str, float] = {}
+    for s, r in zip(c.series, found.best.left, strict=True):
+        noise[s.name] = max(noise.get(s.name, 0.0), floor_of(s, r))
+    left = max(clock.budget - clock.used, 1.0)
+    try:
+        return next_experiment(
+            rivals, noise=noise, channels=list(noise), budget=left, progress=tell
+        )
+    except (ValueError, FitError) as failure:
+        clock.leave_out(f"no next experiment: {failure}")
+        return None
+
+
+def command_for(best: Candidate) -> str:
+    """The commands that add the leader, one per effect."""
+    lines, source = [], "MACHINE"
+    for k, (effect, place) in enumerate(best.effects, 1):
+        label = f"{effect}@{place}"
+        own = {p: v for p, v in best.parameters.items() if p.startswith(f"{label}.")}
+        sets = " ".join(f"--set {p.rpartition('.')[2]}={v.value:.6g}" for p, v in own.items())
+        target = "grown.toml" if k == len(best.effects) else f"grown-{k}.toml"
+        lines.append(f"dualdrive add {source} {label} {sets} -o {target}".replace("  ", " "))
+        source = target
+    return " && ".join(lines)
