@@ -1,0 +1,24 @@
+"""The machine as a linear system: contact modes, frequency responses, measured Bode plots."""
+
+from dualdrive.linear.drives import DriveComparison, compare_drives, differ
+from dualdrive.linear.eq23 import INPUTS, STATES, Mode, modes
+from dualdrive.linear.errors import LinearError
+from dualdrive.linear.export import state_space
+from dualdrive.linear.frequency import frequency_response, open_loop
+from dualdrive.linear.response import FrequencyResponse, Margins
+
+__all__ = [
+    "INPUTS",
+    "STATES",
+    "DriveComparison",
+    "FrequencyResponse",
+    "LinearError",
+    "Margins",
+    "Mode",
+    "compare_drives",
+    "differ",
+    "frequency_response",
+    "modes",
+    "open_loop",
+    "state_space",
+]

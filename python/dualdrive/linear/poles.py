@@ -1,0 +1,42 @@
+"""Poles of a machine whose loops are closed, cut or late, and the frequencies worth a look."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive.linear.closing import Closed
+from dualdrive.linear.realise import realise
+
+__all__ = ["is_stable", "poles", "usual_frequencies"]
+
+Array = NDArray[np.float64]
+
+_POINTS = 400
+_NEAR = 1e-7  # of the fastest pole: as good as zero
+
+
+def poles(closed: Closed) -> NDArray[np.complex128]:
+    """Of the whole system, 1/s; delays as Padé approximants of order 6."""
+    return np.linalg.eigvals(realise(closed).A).astype(np.complex128)
+
+
+def is_stable(closed: Closed) -> bool:
+    """Whether nothing grows. Poles at zero, an angle that nothing holds, count as stable."""
+    found = poles(closed)
+    return bool((found.real <= _NEAR * np.abs(found).max(initial=0.0)).all())
+
+
+def usual_frequencies(A: Array) -> Array:
+    """From a tenth of the slowest pole to ten times the fastest, denser near light damping; Hz."""
+    rates = np.linalg.eigvals(A)
+    sizes = np.abs(rates)
+    moving = sizes[sizes > _NEAR * sizes.max(initial=0.0)] / (2 * np.pi)
+    if not moving.size:
+        return np.geomspace(0.01, 100.0, _POINTS)
+    found = [np.geomspace(moving.min() / 10, moving.max() * 10, _POINTS)]
+    for pole in rates[(rates.imag > 0) & (np.abs(rates.real) < 0.3 * sizes)]:
+        width = max(abs(pole.real) / abs(pole), 1e-4)
+        found.append(abs(pole) / (2 * np.pi) * (1 + width * np.linspace(-4, 4, 33)))
+    f = np.unique(np.concatenate(found))
+    return np.asarray(f[f > 0])
