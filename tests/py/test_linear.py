@@ -216,6 +216,17 @@ def test_a_late_loop_beyond_its_delay_margin_is_unstable() -> None:
     assert not linear.open_loop(table(delta_c=1.02 * spare), "position").stable
 
 
+def test_poles_are_where_the_return_difference_vanishes() -> None:
+    """At 550 t and the critical gain a pair stands on the axis, where L = -1."""
+    machine = table("550t", K_v=16.376)
+    found = linear.poles(machine, modes="(1, 1)")
+    edge = found[np.argmin(np.where(np.abs(found) > 1e-6, np.abs(found.real), np.inf))]
+    assert abs(edge.real) < 2e-3 * abs(edge)
+    loop = linear.open_loop(machine, "position", [abs(edge) / 2 / np.pi], modes="(1, 1)")
+    assert loop.response[0] == pytest.approx(-1, abs=0.01)
+    assert len(linear.poles(table(delta_c=0.01))) == len(found) + 6
+
+
 def test_a_sampled_loop_is_its_continuous_law_held() -> None:
     T = 4e-3
     held = linear.open_loop(table(position_sample=T, position_latency=1e-3), "position", F)

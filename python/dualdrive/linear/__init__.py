@@ -4,7 +4,7 @@ from dualdrive.linear.drives import DriveComparison, compare_drives, differ
 from dualdrive.linear.eq23 import INPUTS, STATES, Mode, modes
 from dualdrive.linear.errors import LinearError
 from dualdrive.linear.export import state_space
-from dualdrive.linear.frequency import frequency_response, open_loop
+from dualdrive.linear.frequency import frequency_response, open_loop, poles
 from dualdrive.linear.response import FrequencyResponse, Margins
 
 __all__ = [
@@ -20,5 +20,6 @@ __all__ = [
     "frequency_response",
     "modes",
     "open_loop",
+    "poles",
     "state_space",
 ]

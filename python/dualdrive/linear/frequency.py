@@ -18,13 +18,13 @@ from dualdrive import _core
 from dualdrive.linear.closing import Closed
 from dualdrive.linear.contacts import Modes, core_of
 from dualdrive.linear.errors import LinearError
-from dualdrive.linear.poles import is_stable, usual_frequencies
+from dualdrive.linear.poles import is_stable, poles_of, usual_frequencies
 from dualdrive.linear.response import FrequencyResponse
 from dualdrive.linear.small_signal import SmallSignal, loops_of, small_signal
 from dualdrive.linear.twin import Late, late_paths
 from dualdrive.machine import Machine
 
-__all__ = ["frequency_response", "open_loop"]
+__all__ = ["frequency_response", "open_loop", "poles"]
 
 Array = NDArray[np.float64]
 
@@ -128,6 +128,24 @@ def open_loop(
         note=_note(system, late, [*others, block]),
         stable=is_stable(closed),
     )
+
+
+def poles(
+    machine: Machine | _core.Machine,
+    *,
+    modes: Modes = None,
+    cut: Sequence[str] = (),
+    friction: str = "forward",
+    state: Mapping[str, float] | None = None,
+) -> NDArray[np.complex128]:
+    """Poles of the whole machine with its loops, 1/s, the slowest first, shape (states,).
+
+    Arguments and errors are those of `frequency_response`; delays and sampled loops add the poles
+    of their Padé approximants.
+    """
+    core = core_of(machine)
+    system = small_signal(core, modes, friction=friction, state=state)
+    return poles_of(Closed(system, late_paths(core), outputs_of(core, cut)))
 
 
 def outputs_of(core: _core.Machine, cut: Sequence[str]) -> list[str]:

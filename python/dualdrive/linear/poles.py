@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from dualdrive.linear.closing import Closed
 from dualdrive.linear.realise import realise
 
-__all__ = ["is_stable", "poles", "usual_frequencies"]
+__all__ = ["is_stable", "poles_of", "usual_frequencies"]
 
 Array = NDArray[np.float64]
 
@@ -16,14 +16,15 @@ _POINTS = 400
 _NEAR = 1e-7  # of the fastest pole: as good as zero
 
 
-def poles(closed: Closed) -> NDArray[np.complex128]:
-    """Of the whole system, 1/s; delays as Padé approximants of order 6."""
-    return np.linalg.eigvals(realise(closed).A).astype(np.complex128)
+def poles_of(closed: Closed) -> NDArray[np.complex128]:
+    """Of the whole system, 1/s, the slowest first; delays as Padé approximants of order 6."""
+    found = np.linalg.eigvals(realise(closed).A).astype(np.complex128)
+    return found[np.lexsort((found.imag, np.abs(found)))]
 
 
 def is_stable(closed: Closed) -> bool:
     """Whether nothing grows. Poles at zero, an angle that nothing holds, count as stable."""
-    found = poles(closed)
+    found = poles_of(closed)
     return bool((found.real <= _NEAR * np.abs(found).max(initial=0.0)).all())
 
 
