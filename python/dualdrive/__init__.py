@@ -15,6 +15,7 @@ if TYPE_CHECKING:  # for editors and type checkers: what _HOMES says; a test com
     from dualdrive import demo as demo
     from dualdrive import figures as figures
     from dualdrive import identify as identify
+    from dualdrive import indexing as indexing
     from dualdrive import linear as linear
     from dualdrive import motion as motion
     from dualdrive import plots as plots
@@ -56,7 +57,18 @@ _HOMES: dict[str, str] = {
 }
 
 #: parts that are used by their own name: dualdrive.motion.move(...)
-_PARTS = ("compare", "demo", "figures", "identify", "linear", "motion", "plots", "traces", "units")
+_PARTS = (
+    "compare",
+    "demo",
+    "figures",
+    "identify",
+    "indexing",
+    "linear",
+    "motion",
+    "plots",
+    "traces",
+    "units",
+)
 
 __all__ = ["__version__"]
 

@@ -1,0 +1,48 @@
+"""Positioning tests after ISO 230-2 (GB/T 17421.2), of simulated machines and of measured ones.
+
+from dualdrive import Machine, indexing
+
+result = indexing.measure(Machine.load("heavy-table-550t"))
+result.A, result.R, result.B, result.rows
+"""
+
+from dualdrive.indexing.cycle import STILL, Cycle, cycle_for, measure
+from dualdrive.indexing.dwells import evaluate_trace
+from dualdrive.indexing.iso230 import FIGURES, Iso230, TargetRow, evaluate
+from dualdrive.indexing.lost_motion import LostMotion, Pull, lost_motion, read_lost_motion
+from dualdrive.indexing.position_file import is_position_table, read_positions
+from dualdrive.indexing.report_file import Departure, Report, is_report, read_report
+from dualdrive.indexing.rules import REPEATS, IndexingError, least_targets
+from dualdrive.indexing.tables import FLOOR, LOADS, PRINTED, TRAINS, Floor, TableRow, table
+
+__all__ = [
+    "FIGURES",
+    "FLOOR",
+    "LOADS",
+    "PRINTED",
+    "REPEATS",
+    "STILL",
+    "TRAINS",
+    "Cycle",
+    "Departure",
+    "Floor",
+    "IndexingError",
+    "Iso230",
+    "LostMotion",
+    "Pull",
+    "Report",
+    "TableRow",
+    "TargetRow",
+    "cycle_for",
+    "evaluate",
+    "evaluate_trace",
+    "is_position_table",
+    "is_report",
+    "least_targets",
+    "lost_motion",
+    "measure",
+    "read_lost_motion",
+    "read_positions",
+    "read_report",
+    "table",
+]
