@@ -194,8 +194,9 @@ def _unsettled(machine: Machine, cycle: Cycle, target: float, moved: float, seen
     unit = machine.unit_of("e", "rad")
     if not np.isfinite(seen).all() or moved > 0.1 * np.ptp(cycle.targets):
         return f"{machine.name}: the loop is unstable: the table leaves its targets; no position"
+    place = human(float(target), unit, prefer={"rad": "deg"}.get(unit))
     return (
-        f"{machine.name}: the table does not stand still: at target {human(float(target), unit)} "
+        f"{machine.name}: the table does not stand still: at target {place} "
         f"it moves by {human(float(moved), unit)} within the last {cycle.window:g} s of its dwell "
         f"(allowed {human(cycle.still, unit)}): it hunts or has not settled; no position is read. "
         f"Dwell for longer than {cycle.dwell:g} s, tension or tune the drives, or allow more: still"

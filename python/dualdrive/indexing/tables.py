@@ -149,7 +149,7 @@ def table(
     kinds: list[tuple[Floor, ...]] = [(), tuple(floor)] if floor else [()]
     todo = [(load, train, effects) for effects in kinds for load, train in cases]
     with ThreadPoolExecutor(jobs) as pool:
-        found = list(pool.map(lambda case: _tested(*case, repeats), todo))
+        found = list(pool.map(lambda case: _tested(case[0], case[1], case[2], repeats), todo))
     alone, with_floor = found[:half], found[half:] or [_UNTESTED] * half
     return [
         row
@@ -217,8 +217,8 @@ def _reason(train: str, column: str, figure: str, floor: Sequence[Floor]) -> str
     if column == "traditional":
         play = 2 * _upstream_play(train) / ARCSEC
         said.append(
-            f"the play ahead of the split shaft is {play:.1f} arcsec at the table; it would show in "
-            "full with the loop closed at the motor"
+            f"the play ahead of the split shaft is {play:.1f} arcsec at the table; with the loop "
+            "closed at the motor it would show in full"
         )
     if column == "traditional" and figure == "A":
         said.append(

@@ -19,6 +19,7 @@ from dualdrive.plots.diagnosis import (
     planned_motion,
 )
 from dualdrive.plots.friction import torque_speed
+from dualdrive.plots.indexing import indexing
 from dualdrive.plots.ladder import Step, ladder
 from dualdrive.plots.overview import overview
 from dualdrive.plots.play import play
@@ -35,6 +36,7 @@ __all__ = [
     "equations",
     "experiments",
     "following_error",
+    "indexing",
     "ladder",
     "measured_vs_model",
     "mesh_deflection",
