@@ -5,7 +5,9 @@ from dualdrive.linear.eq23 import INPUTS, STATES, Mode, modes
 from dualdrive.linear.errors import LinearError
 from dualdrive.linear.export import state_space
 from dualdrive.linear.frequency import frequency_response, open_loop, poles
+from dualdrive.linear.measured import read_response, write_response
 from dualdrive.linear.response import FrequencyResponse, Margins
+from dualdrive.linear.swept import multisine, stepped_sine
 
 __all__ = [
     "INPUTS",
@@ -19,7 +21,11 @@ __all__ = [
     "differ",
     "frequency_response",
     "modes",
+    "multisine",
     "open_loop",
     "poles",
+    "read_response",
     "state_space",
+    "stepped_sine",
+    "write_response",
 ]

@@ -50,9 +50,10 @@ def frequency_response(
 ) -> FrequencyResponse:
     """Small-signal response of a signal to an input.
 
-    input:    theta_ref (with its feed-forward), T_load, or what is added at a set-point: Omega_1
-              (of the position loop, to all drives), equaliser, Omega_n* (of one drive), T_n*, U_n,
-              or to what a sensor reads: sensed.table, sensed.motor_n
+    input:    theta_ref (with its feed-forward), T_load, a torque on a body (torque@motor_1), or
+              what is added at a set-point: Omega_1 (of the position loop, to all drives),
+              equaliser, Omega_n* (of one drive), T_n*, U_n, or to what a sensor reads:
+              sensed.table, sensed.motor_n
     output:   any signal of a run, or ``equaliser``
     frequencies_hz: increasing; default: 400 around the machine's own, more near resonances
     modes:    sides of the gaps, ``"(1, -1)"``, or switching element -> mode; default: the flanks
@@ -80,7 +81,7 @@ def frequency_response(
         response=values,
         input=input,
         output=output,
-        unit=_unit(system, input, output),
+        unit=unit_of(machine, system, input, output),
         note=_note(system, late, cut),
         stable=is_stable(closed),
     )
@@ -192,8 +193,11 @@ def _at(
     return f, np.asarray(2j * np.pi * f, np.complex128)
 
 
-def _unit(system: SmallSignal, source: str, output: str) -> str:
-    above, below = system.units.get(output, ""), system.units.get(source, "")
+def unit_of(machine: Machine | _core.Machine, system: SmallSignal, source: str, output: str) -> str:
+    """The unit of an output over an input, on this machine's axis."""
+    above, below = (system.units.get(name, "") for name in (output, source))
+    if isinstance(machine, Machine):
+        above, below = machine.unit_of(output, above), machine.unit_of(source, below)
     if above == below:
         return ""
     return f"{above or '1'}/({below})" if below else above

@@ -20,7 +20,7 @@ from dualdrive.linear.contacts import Modes, frozen
 from dualdrive.linear.errors import LinearError
 from dualdrive.linear.twin import continuous_twin, motor_numbers
 
-__all__ = ["SmallSignal", "loops_of", "small_signal"]
+__all__ = ["SmallSignal", "loops_of", "push", "small_signal"]
 
 Array = NDArray[np.float64]
 
@@ -31,8 +31,9 @@ _AT_ITS_LIMIT: Final = "high, unwinding"  # its integrator goes on by its own la
 class SmallSignal:
     """A machine in frozen modes, all loops closed and free of delays; SI.
 
-    inputs:  theta_ref, omega_ref, T_load; what is added at a set-point (Omega_1, equaliser,
-             Omega_1*, T_1*, U_1, ...) or to what a sensor reads (sensed.table, ...)
+    inputs:  theta_ref, omega_ref, T_load; a torque on a body (torque@motor_1, ...); what is added
+             at a set-point (Omega_1, equaliser, Omega_1*, T_1*, U_1, ...) or to what a sensor
+             reads (sensed.table, ...)
     signals: every signal of a run, and ``equaliser``, the correction y of the speeds
     A, B, C, D: shapes (states, states), (states, inputs), (signals, states), (signals, inputs)
     modes:   of every switching element that isn't the core's default
@@ -89,6 +90,13 @@ def small_signal(
         raise LinearError(f"{core.name or 'machine'}: {error}") from None
 
 
+def push(core: _core.Machine, body: str) -> str:
+    """Put a free torque on a body, N m (N on a linear axis); returns the input that sets it."""
+    probe = f"torque_on_{body}"
+    core.add_expression(body, f"in.{probe}")
+    return probe
+
+
 class _Linearised:
     """The columns of B and D, each the difference of two affine laws."""
 
@@ -105,7 +113,11 @@ class _Linearised:
             states=tuple(self.base.states),
             inputs=tuple(columns),
             signals=self.signals,
-            units={**units, "equaliser": units.get("Omega_1", "")},
+            units={
+                **units,
+                "equaliser": units.get("Omega_1", ""),
+                **{f"torque@{body}": units["T_load"] for body in self.core.bodies},
+            },
             A=np.array(self.base.A),
             B=np.column_stack([B for B, _ in columns.values()]),
             C=self._with_equaliser(np.array(self.base.C)),
@@ -133,6 +145,7 @@ class _Linearised:
             "omega_ref": self._input(theta_ref=_core.ramp(1.0)),
             "T_load": self._input(T_load=_core.constant(1.0)),
         }
+        found |= {f"torque@{body}": self._torque(body) for body in self.core.bodies}
         if self.core.controller_options["kind"] == "none":
             del found["theta_ref"], found["omega_ref"]
             return found | {
@@ -165,6 +178,14 @@ class _Linearised:
 
     def _input(self, **inputs: _core.Waveform) -> tuple[Array, Array]:
         more = _core.linearise(self.core, inputs, modes=self.modes, state=self.state)
+        return self._difference(more, self.base)
+
+    def _torque(self, body: str) -> tuple[Array, Array]:
+        """What a torque on a body does besides all others."""
+        pushed = self.core.copy()
+        probe = push(pushed, body)
+        inputs = {probe: _core.constant(1.0)}
+        more = _core.linearise(pushed, inputs, modes=self.modes, state=self.state)
         return self._difference(more, self.base)
 
     def _behind(self, block: str, output: str) -> tuple[Array, Array]:
