@@ -1,0 +1,123 @@
+"""dualdrive paper: the source paper's figures and tables, computed anew beside what it prints."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import click
+from rich.table import Table as Grid
+
+from dualdrive.files import make_folder, refuse_existing, write_atomically
+from dualdrive.paper import EXHIBITS, Exhibit, Table, page, reproduce, shown
+from dualdrive_cli._shared import console, json_option, overwrite_option, verb, write_json
+
+
+@click.command(epilog="Example: dualdrive paper fig2 fig5 -o pictures")
+@click.argument("exhibits", nargs=-1, type=click.Choice(["all", *EXHIBITS]), metavar="[EXHIBIT]...")
+@click.option(
+    "-o", "--output", type=Path, metavar="DIR", help="Draw each into this folder, as NAME.png."
+)
+@click.option(
+    "--format",
+    "kind",
+    type=click.Choice(["png", "svg", "pdf"]),
+    default="png",
+    show_default=True,
+    help="Of the pictures.",
+)
+@click.option(
+    "--page", "page_to", type=Path, metavar="FILE", help="Write everything as Markdown; needs -o."
+)
+@click.option("--jobs", type=click.IntRange(1), help="Threads; default: all cores.")
+@json_option
+@overwrite_option
+@verb
+def command(
+    exhibits: tuple[str, ...],
+    output: Path | None,
+    kind: str,
+    page_to: Path | None,
+    jobs: int | None,
+    json_to: str | None,
+    overwrite: bool,
+) -> None:
+    """Reproduce figures and tables of the paper, each beside the printed one.
+
+    EXHIBIT is fig2, fig3, fig4, fig5, fig6, table1, table2, or all, the default. Each says what
+    the paper leaves open and was chosen here, what deviates and why, and which of the paper's
+    sentences hold.
+    """
+    names = [name for name in EXHIBITS if name in exhibits or not exhibits or "all" in exhibits]
+    pictures = _places(names, output, kind)
+    if page_to and output is None:
+        raise click.UsageError("--page shows pictures: say with -o where they go")
+    if output:
+        make_folder(output)
+    for path in [*pictures.values(), *filter(None, [page_to])]:
+        refuse_existing(path, overwrite=overwrite)
+    begin = time.perf_counter()
+    found = []
+    for name in names:
+        found.append(_one(name, pictures.get(name), jobs or os.cpu_count() or 1))
+        if json_to != "-":
+            _show(found[-1])
+    seconds = time.perf_counter() - begin
+    if page_to:
+        _write_page(page_to, found, pictures)
+    content = {"exhibits": [exhibit.to_dict() for exhibit in found], "seconds": seconds}
+    write_json(json_to, content)
+    if json_to != "-":
+        for path in [*pictures.values(), *filter(None, [page_to])]:
+            click.echo(f"written: {path}")
+        click.echo(f"{seconds:.1f} s")
+
+
+def _places(names: list[str], folder: Path | None, kind: str) -> dict[str, Path]:
+    return {} if folder is None else {name: folder / f"{name}.{kind}" for name in names}
+
+
+def _one(name: str, picture: Path | None, jobs: int) -> Exhibit:
+    """Compute an exhibit and draw it."""
+    with console(err=True).status(f"computing {name}"):
+        exhibit = reproduce(name, jobs=jobs)
+        if picture:
+            from dualdrive.plots.paper import draw
+
+            with write_atomically(picture) as temporary:
+                draw(exhibit).savefig(temporary)
+    return exhibit
+
+
+def _show(exhibit: Exhibit) -> None:
+    screen = console()
+    screen.print(f"[bold]{exhibit.title}[/bold]  {exhibit.seconds:.1f} s")
+    screen.print(exhibit.about)
+    for line in exhibit.chosen:
+        screen.print(f"  chosen: {line}", markup=False)
+    for sheet in exhibit.sheets():
+        screen.print(_grid(sheet))
+    for line in exhibit.notes:
+        screen.print(f"  {line}", markup=False)
+    screen.print()
+
+
+def _grid(sheet: Table) -> Grid:
+    grid = Grid(*sheet.columns, title=sheet.title or None, title_justify="left", box=None)
+    for row in sheet.rows:
+        grid.add_row(*map(shown, row))
+    return grid
+
+
+def _write_page(path: Path, exhibits: list[Exhibit], pictures: dict[str, Path]) -> None:
+    """The page, its pictures linked from where it lies."""
+    links = {
+        name: Path(os.path.relpath(picture, path.parent)).as_posix()
+        for name, picture in pictures.items()
+    }
+    folder = Path(os.path.relpath(next(iter(pictures.values())).parent)).as_posix()
+    names = " ".join(e.name for e in exhibits) if len(exhibits) < len(EXHIBITS) else "all"
+    line = f"dualdrive paper {names} -o {folder} --page {path.as_posix()}"
+    with write_atomically(path) as temporary:
+        temporary.write_text(page(exhibits, links, line), "utf-8")

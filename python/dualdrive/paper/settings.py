@@ -1,0 +1,54 @@
+"""The machines behind the figures. The paper prints no parameter: each set is a choice, stated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import pi
+from typing import Final
+
+from dualdrive.machine import Machine
+
+__all__ = ["ARCSEC", "GAP_HALF", "STEP", "UNIT_SINE_HZ", "frictionless", "heavy_table", "untuned"]
+
+ARCSEC: Final = pi / 648000
+
+#: rad at the table: the "unit step" of the paper; a whole radian would only show the speed limit
+STEP: Final = 1e-3
+
+#: rad at the pinion, half of the play of the heavy table
+GAP_HALF: Final = 1.1e-3
+
+#: the "unit sine" is taken as 1 rad/s
+UNIT_SINE_HZ: Final = 1.0 / (2.0 * pi)
+
+
+def heavy_table(load: str, numbers: Mapping[str, float] | None = None) -> Machine:
+    """The preset heavy table (empty, 100t, 250t or 550t) with these numbers, SI, by path."""
+    machine = Machine.load(f"heavy-table-{load}")
+    for path, value in (numbers or {}).items():
+        machine.set(path, value)
+    return machine
+
+
+def frictionless(**controller: float) -> Machine:
+    """The empty table without dry friction, whose controller has these numbers.
+
+    Dry friction isn't in the paper's model.
+    """
+    machine = heavy_table("empty")
+    for label in machine.effects:
+        if label.startswith("coulomb"):
+            machine.remove(label)
+    for name, value in controller.items():
+        machine.set(f"controller.{name}", value)
+    return machine
+
+
+def untuned(gain: float, gap: float, tension: float = 0.0) -> Machine:
+    """The machine of figure 4: proportional gain K_v (1/s) with an integral time of 0.5 s.
+
+    gap: half of it, rad at the pinion; 0 for none. tension: N m.
+    """
+    machine = frictionless(K_v=gain, K_i=gain / 0.5, k_p=8e4, T_N=0.1, T_ten=tension, f_v=0.0)
+    machine.set("meshes.gap", gap)
+    return machine
