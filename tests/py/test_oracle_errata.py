@@ -1,4 +1,4 @@
-"""Every line of the errata (docs/theory/plant.md): the printed form is wrong, the core's is not.
+"""Every line of the errata (docs/theory/paper.md): the printed form is wrong, the core's is not.
 
 The entries of Eq. 22 and 23 stand in test_oracle_eq23.py and test_reference_model.py.
 """
@@ -139,6 +139,17 @@ def test_eq_19_the_back_flank_touches_softly_and_sees_the_pinion() -> None:
     assert system.C[row, twist] * -drive.gap + system.c[row] == pytest.approx(0, abs=1e-9)
     faster = linear(machine().both(i=15.0), mesh_1="back")  # θ_n would make this ten times stiffer
     assert system.C[row, twist] == faster.C[row, twist] == drive.K_t
+
+
+def test_eq_19_the_printed_cases_leave_the_back_flank_out() -> None:
+    """Touching, x = −Δ, is in none of the printed cases; in the core both sides of it agree."""
+    gap = machine().drives[0].gap
+    x = -gap
+    assert not any((x >= gap, abs(x) < gap, x < -gap))
+    for mode in ("back", "gap"):
+        system = linear(machine(), mesh_1=mode)
+        row, twist = system.signals.index("mesh_1.torque"), system.states.index("mesh_1.twist")
+        assert system.C[row, twist] * x + system.c[row] == pytest.approx(0, abs=1e-9)
 
 
 # ------------------------------------------------------------------------- control and figures
