@@ -1,0 +1,43 @@
+"""Whether the loop is stable at all, before anything is said of how good it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive import _core, linear
+from dualdrive.linear.contacts import frozen
+from dualdrive.linear.twin import late_paths
+from dualdrive.machine import Machine
+
+__all__ = ["closed", "growth", "poles"]
+
+
+def closed(machine: Machine) -> tuple[int, ...]:
+    """Every flank closed: the contact in which a loop must be stable by itself."""
+    core = machine.core
+    return tuple(1 for name in core.connections if core.kind(name) == "gap")
+
+
+def poles(core: _core.Machine, sides: tuple[int, ...]) -> NDArray[np.complex128]:
+    """Of the whole machine in this contact, friction sliding, 1/s; delays and sampling included.
+
+    Where nothing is late the core's matrix is the whole machine, sixty times as fast.
+    """
+    if late_paths(core):
+        return linear.poles(core, modes=sides)
+    system = _core.linearise(core, modes=frozen(core, sides))
+    return np.linalg.eigvals(np.array(system.A)).astype(np.complex128)
+
+
+def growth(machine: Machine, values: Mapping[str, float]) -> float:
+    """Largest real part of a pole with all flanks closed and friction sliding, 1/s.
+
+    Below 0 small disturbances die out. values: path -> SI value, put into a copy of the machine.
+    """
+    changed = machine.core.copy()
+    for path, value in values.items():
+        changed.set(path, value)
+    return float(np.max(poles(changed, closed(machine)).real))

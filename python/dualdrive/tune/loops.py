@@ -1,0 +1,244 @@
+"""Steps 2, 4 and 5: current and speed loop, the edge of vibration, the position gain set back."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from dualdrive.machine import Machine
+from dualdrive.optimise.stability import closed, poles
+from dualdrive.tune.edge import CLOSED, Edge, damping, find_edge, measured_edge
+from dualdrive.tune.job import GAIN, Draft, Job, decoupled
+from dualdrive.tune.result import Curve, Panel
+from dualdrive.units import human
+
+__all__ = ["gain_range", "inner_loops", "position_gain", "set_back"]
+
+_BANDWIDTH, _SPEED, _INTEGRAL = "controller.omega_ci", "controller.k_p", "controller.T_N"
+_KEPT = 0.9  # of the damping without it, which an integral action must leave
+_DAMPED = 0.3  # least damping ratio of a vibration with the position loop closed
+_MARGIN = 2.0  # gain margin, 6 dB: half the edge (Ziegler & Nichols 1942)
+
+
+# --- step 2 ---------------------------------------------------------------------------------------
+
+
+def inner_loops(job: Job) -> Draft:
+    """Step 2: the same numbers for both drives, by rules.
+
+    Current loop: as fast as sampling (symmetrical half of it, 1/(2 T)) and voltage allow: a step to
+    rated current at the largest speed must find the voltage, w L I + R I + C_e omega <= U_max.
+    Speed loop: the highest P gain that leaves 90 % of the best damping, all flanks closed, integral
+    action and position loop off, and not above the modulus optimum of the drive by itself, J/(2 T),
+    T the sum of small lags; then the shortest integral time that leaves 90 % of what is left.
+    """
+    machine = decoupled(job.machine)
+    done = [_current(machine)]
+    machine.core.set(GAIN, 0.0)
+    ceiling = _modulus_optimum(machine)
+    gains = np.geomspace(ceiling / 100.0, ceiling, 60)
+    machine.core.set(_INTEGRAL, 0.0)
+    damped = np.array([_damped(machine, _SPEED, gain) for gain in gains])
+    gain = float(gains[np.flatnonzero(damped >= _KEPT * damped.max())[-1]])
+    best = _damped(machine, _SPEED, gain)
+    where = "its ceiling, J/(2 T)" if gain > 0.999 * ceiling else "the highest that damps well"
+    times = np.geomspace(1e-2, 1e2, 80) / _slow(machine)
+    left = np.array([_damped(machine, _INTEGRAL, time) for time in times])
+    time = float(times[np.argmax(left >= _KEPT * best)]) if (left >= _KEPT * best).any() else 0.0
+    tuned = job.machine.copy()
+    for path, value in ((_SPEED, gain), (_INTEGRAL, time)):
+        tuned.core.set(path, value)
+    if _BANDWIDTH in {p.path for p in machine.parameters()}:
+        tuned.core.set(_BANDWIDTH, machine.get(_BANDWIDTH))
+    _keep_equaliser(job.machine, tuned)
+    done += [
+        f"speed gain {human(gain, 'N*m*s/rad')} at the pinion, {where}: damping ratio {best:.3f}",
+        f"integral time {human(time, 's')}, the shortest that leaves {_KEPT:.0%} of that damping"
+        if time
+        else "integral action off: any takes too much of the damping",
+        "second-order filters: the model's speed loop has none; none is proposed",
+    ]
+    panels = (
+        Panel("Damping by speed gain, integral action off", "gain at the pinion [N·m·s/rad]",
+              "least damping ratio", (Curve(CLOSED, gains, damped),),
+              ((gain, "chosen"),), log_x=True),
+        Panel("Damping by integral time", "integral time [s]", "least damping ratio",
+              (Curve(CLOSED, times, left),),
+              ((time, "chosen"),) if time else (), log_x=True),
+    )  # fmt: skip
+    return Draft(tuned, done, panels, details={"ceiling": ceiling, "damping": best})
+
+
+def _current(machine: Machine) -> str:
+    """Set the bandwidth of the current loop and say by which rule."""
+    core = machine.core
+    if core.controller_options["current"] != "cascade" or core.kind("motor_1") != "armature":
+        return "current loop: none in this machine; the torque is taken as it is asked for"
+    limits = {"as it is": core.get(_BANDWIDTH)}
+    for motor in core.motors:
+        rated = core.get(f"{motor}.T_rated") / core.get(f"{motor}.K_d")
+        taken = core.get(f"{motor}.R") * rated + core.get(f"{motor}.C_e") * core.get(
+            f"{motor}.omega_max"
+        )
+        room = (core.get(f"{motor}.U_max") - taken) / (core.get(f"{motor}.L") * rated)
+        if math.isfinite(room) and room > 0:
+            limits[f"voltage of {motor}"] = room
+    late = 1.5 * core.get("controller.current_sample") + core.get("controller.current_latency")
+    if late:
+        limits["sampling"] = 1.0 / (2.0 * late)
+        del limits["as it is"]
+    rule = min(limits, key=lambda name: limits[name])
+    core.set(_BANDWIDTH, limits[rule])
+    return f"current loop {human(limits[rule], '1/s')} in both drives, by: {rule}"
+
+
+def _modulus_optimum(machine: Machine) -> float:
+    """Highest P gain of a drive with open flanks: J/(2 T) at the pinion, T all small lags."""
+    core = machine.core
+    lags = core.get("controller.speed_sample") / 2 + core.get("controller.speed_latency")
+    lags += core.get("controller.current_sample") / 2 + core.get("controller.current_latency")
+    if core.kind("motor_1") == "armature" and core.controller_options["current"] == "cascade":
+        lags += 1.0 / core.get(_BANDWIDTH)
+    inertia = min(
+        core.get(f"gearbox_{n}.ratio") ** 2 * core.get(f"motor_{n}.J") + core.get(f"pinion_{n}.J")
+        for n in (1, 2)
+    )
+    return inertia / (2.0 * lags) if lags else 4.0 * core.get(_SPEED)
+
+
+def _damped(machine: Machine, path: str, value: float) -> float:
+    machine.core.set(path, value)
+    return damping(machine, closed(machine))
+
+
+def _slow(machine: Machine) -> float:
+    """Frequency of the least damped vibration, rad/s: the measure of an integral time."""
+    found = poles(machine.core, closed(machine))
+    vibrating = found[found.imag > 1e-6 * np.abs(found)]
+    if not vibrating.size:
+        return 1.0 / 0.1
+    return float(np.abs(vibrating[np.argmax(vibrating.real / np.abs(vibrating))]))
+
+
+def _keep_equaliser(before: Machine, after: Machine) -> None:
+    """The equaliser's loop gain, 2 K_E k_p/i, stays; MD37256, which is K_E, moves with k_p."""
+    after.core.set("controller.g_E", before.get("controller.g_E"))
+
+
+# --- step 4 ---------------------------------------------------------------------------------------
+
+
+def position_gain(job: Job) -> Draft:
+    """Step 4: raise the gain to the edge, by eigenvalues and by simulation; half of it is left.
+
+    Eigenvalues in three contacts: all flanks closed, and either drive off its flanks, where the
+    other one moves the table alone for a moment. Simulation with all flanks closed.
+    """
+    machine = decoupled(job.machine)
+    edge = find_edge(machine, GAIN, *gain_range(machine))
+    tuned = job.machine.copy()
+    done, details = [_as_found(job)], {"edges": {k: list(v) for k, v in edge.found.items()}}
+    if edge.lowest is None:
+        tuned.core.set(GAIN, edge.searched / _MARGIN)
+        done.append(f"no vibration up to {human(edge.searched, '1/s')}, the speed loop's own rate")
+        return Draft(tuned, done, (_growth(edge, None),), details={**details, "simulated": None})
+    done += [
+        f"edge by eigenvalues, {contact}: {human(gain, '1/s')}, {hertz:.3g} Hz"
+        for contact, (gain, hertz) in edge.found.items()
+    ]
+    if edge.lowest <= 1.001 * edge.gains[0]:
+        reason = "a vibration grows at any position gain: the speed loop by itself is unstable"
+        return Draft(tuned, done, (_growth(edge, None),), reason, details)
+    known, simulated = [edge.lowest], None
+    if edge.value is not None and edge.frequency_hz:
+        simulated = measured_edge(machine, GAIN, edge.value, edge.frequency_hz)
+        known.append(simulated or edge.value)
+        done.append(
+            f"edge by simulation of the whole machine, {CLOSED}: {human(simulated, '1/s')}"
+            if simulated
+            else f"edge by simulation, {CLOSED}: none from a tenth to 1.25 times of that"
+        )
+    gain = min(known) / _MARGIN
+    tuned.core.set(GAIN, gain)
+    done.append(f"set back to half of the lowest, a gain margin of 6 dB: {human(gain, '1/s')}")
+    return Draft(
+        tuned, done, (_growth(edge, simulated),), details={**details, "simulated": simulated}
+    )
+
+
+def _as_found(job: Job) -> str:
+    """The edge before step 2 changed the speed loop, to tell what that was worth."""
+    machine = decoupled(job.first)
+    edge = find_edge(machine, GAIN, *gain_range(machine))
+    if edge.value is None:
+        return f"as found: no edge up to {human(edge.searched, '1/s')}, {CLOSED}"
+    return f"as found: edge at {human(edge.value, '1/s')}, {edge.frequency_hz:.3g} Hz, {CLOSED}"
+
+
+def gain_range(machine: Machine) -> tuple[float, float]:
+    """From next to nothing to the rate of the speed loop itself, beyond which no cascade works."""
+    core = machine.core
+    inertia = core.get("gearbox_1.ratio") ** 2 * core.get("motor_1.J") + core.get("pinion_1.J")
+    high = core.get(_SPEED) / inertia
+    return 1e-3 * high, max(high, 4.0 * core.get(GAIN))
+
+
+def _growth(edge: Edge, simulated: float | None) -> Panel:
+    curves = tuple(Curve(name, edge.gains, rates) for name, rates in edge.growth.items())
+    marks = [(edge.value, "edge")] if edge.value else []
+    if simulated:
+        marks.append((simulated, "simulated"))
+    top = float(np.max(list(edge.growth.values())))
+    return Panel(
+        "Growth of the worst vibration", "position gain [1/s]", "growth [1/s]", curves,
+        tuple(marks), log_x=True, y_range=(-max(10.0, top), max(2.0, top)),
+    )  # fmt: skip
+
+
+# --- step 5 ---------------------------------------------------------------------------------------
+
+
+def set_back(job: Job) -> Draft:
+    """Step 5: play and friction looked at; the gain lowered until vibrations are damped."""
+    from scipy.optimize import brentq
+
+    machine = decoupled(job.machine)
+    core = machine.core
+    done = _mechanics(machine)
+    top = core.get(GAIN)
+    gains = np.geomspace(1e-2 * top, 2.0 * top, 60)
+    ratios = np.array([_damped(machine, GAIN, gain) for gain in gains])
+    wanted = min(_DAMPED, _KEPT * float(ratios[0]))
+    gain = top
+    if _damped(machine, GAIN, top) < wanted:
+        gain = float(brentq(lambda k: _damped(machine, GAIN, k) - wanted, gains[0], top, xtol=1e-6))
+    tuned = job.machine.copy()
+    tuned.core.set(GAIN, gain)
+    done.append(
+        f"position gain {human(gain, '1/s')}: every vibration damped by {wanted:.2f} or more"
+        if gain < top
+        else f"position gain stays at {human(gain, '1/s')}: every vibration is damped by "
+        f"{wanted:.2f} or more"
+    )
+    panel = Panel(
+        "Damping by position gain", "position gain [1/s]", "least damping ratio",
+        (Curve(CLOSED, gains, ratios),), ((gain, "chosen"),), log_x=True,
+    )  # fmt: skip
+    return Draft(tuned, done, (panel,), details={"damping": wanted})
+
+
+def _mechanics(machine: Machine) -> list[str]:
+    """What to look at before the gain is blamed: play of both meshes, friction of the table."""
+    core, angle = machine.core, machine.unit_of("e", "rad")
+    plays = [2 * core.get(f"mesh_{n}.gap") / core.get(f"mesh_{n}.ratio") for n in (1, 2)]
+    done = [f"play at the table: {', '.join(human(p, angle) for p in plays)}"]
+    if not math.isclose(*plays, rel_tol=0.1):
+        done.append("the plays differ by more than a tenth: look at the mesh with more of it")
+    for path in (p.path for p in machine.parameters() if p.path.endswith("@table.torque")):
+        size = core.get(path)
+        done.append(
+            f"friction of the table {human(size, machine.parameter(path).unit)}: more oil film "
+            "on the hydrostatic guide lowers it"
+        )
+    return done
