@@ -9,6 +9,7 @@ given, axes to draw in. Units are those people read: arc seconds, mrad, N·m, ms
     overview(simulate(Machine.load())).savefig("run.png")
 """
 
+from dualdrive.plots.bode import bode, drives
 from dualdrive.plots.comparison import conditions, measured_vs_model, residuals
 from dualdrive.plots.diagnosis import (
     candidates,
@@ -30,9 +31,11 @@ from dualdrive.plots.timeline import following_error, mesh_deflection, torques
 __all__ = [
     "PlotError",
     "Step",
+    "bode",
     "candidates",
     "conditions",
     "diagnosed",
+    "drives",
     "equations",
     "experiments",
     "following_error",
