@@ -9,6 +9,7 @@ import click
 from rich.table import Table
 
 from dualdrive import indexing
+from dualdrive.ensembles.runs import cores
 from dualdrive.files import refuse_existing, write_atomically
 from dualdrive.indexing import IndexingError, Iso230, LostMotion, TableRow
 from dualdrive.machine import Machine, presets
@@ -224,7 +225,7 @@ def _shown(value: float | None, unit: str) -> str:
 
 def _tables(json_to: str | None) -> None:
     with console(err=True).status("simulating both tables, under every load"):
-        rows = indexing.table()
+        rows = indexing.table(jobs=cores())
     floor = [{"effect": f.effect, **f.numbers, "why": f.why} for f in indexing.FLOOR]
     write_json(json_to, {"floor": floor, "rows": [row.to_dict() for row in rows]})
     if json_to == "-":

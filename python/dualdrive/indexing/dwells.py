@@ -86,11 +86,13 @@ def _rests(trace: Trace, targets: Floats | None, dwell: float) -> list[slice]:
     t = trace.t
     later = np.interp(t + dwell / 2, t, angle)  # after half a dwell it is where it was
     flat = (np.abs(later - angle) <= moved) & (t <= t[-1] - dwell / 2)
+    # a measured angle has begun to move where it leaves the tolerance: that end is cut off
+    held = dwell / 2 if commanded else dwell / 4
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flat.astype(np.int8), [0]])))
     found = []
     for first, beyond in edges.reshape(-1, 2):
-        last = int(np.searchsorted(t, t[beyond - 1] + dwell / 2, side="right"))
-        if t[last - 1] - t[first] >= dwell * (1 - 1e-6):
+        last = int(np.searchsorted(t, t[beyond - 1] + held, side="right"))
+        if t[last - 1] - t[first] >= (dwell / 2 + held) * (1 - 1e-6):
             found.append(slice(int(first), last))
     if not found:
         raise IndexingError(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dualdrive.traces.log import Recorder
 from dualdrive.traces.mapping import TraceMap
 from dualdrive.traces.read import read_table
-from dualdrive.traces.table import Table, numbers
+from dualdrive.traces.table import Table, numbers, split_header
 from dualdrive.units import UnitError, conversion
 
 from .iso230 import Iso230, evaluate
@@ -41,8 +41,9 @@ class _Approach(NamedTuple):
 def is_position_table(path: str | Path) -> bool:
     """Whether a CSV file has a column of targets, and so is no trace."""
     with Path(path).open("rb") as file:
-        head = file.read(4096).decode("utf-8", "replace").lower()
-    return any(re.match(r"\s*\"?target\b", line) for line in head.splitlines())
+        head = file.read(4096).decode("utf-8", "replace")
+    cells = (cell.strip(' "') for line in head.splitlines() for cell in re.split(r"[,;\t]", line))
+    return any(split_header(cell)[0].lower() == "target" for cell in cells)
 
 
 def read_positions(
