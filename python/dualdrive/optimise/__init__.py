@@ -12,10 +12,11 @@ from dualdrive.optimise.corners import Corner, corners
 from dualdrive.optimise.duty import duty_cycle
 from dualdrive.optimise.errors import OptimiseError
 from dualdrive.optimise.evaluate import Design, evaluate
-from dualdrive.optimise.front import Front, non_dominated, optimise
+from dualdrive.optimise.front import ACCURACY, Front, non_dominated, optimise
 from dualdrive.optimise.tension import LeastTension, least_tension
 
 __all__ = [
+    "ACCURACY",
     "Corner",
     "Design",
     "Front",

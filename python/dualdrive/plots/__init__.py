@@ -20,6 +20,7 @@ from dualdrive.plots.diagnosis import (
     planned_motion,
 )
 from dualdrive.plots.friction import torque_speed
+from dualdrive.plots.front import pareto
 from dualdrive.plots.indexing import indexing
 from dualdrive.plots.ladder import Step, ladder
 from dualdrive.plots.overview import overview
@@ -27,6 +28,7 @@ from dualdrive.plots.play import play
 from dualdrive.plots.record import PlotError
 from dualdrive.plots.reversal import reversal_window, reversal_zoom
 from dualdrive.plots.timeline import following_error, mesh_deflection, torques
+from dualdrive.plots.tuning import tuning, tuning_step
 
 __all__ = [
     "PlotError",
@@ -45,6 +47,7 @@ __all__ = [
     "mesh_deflection",
     "missing_torque",
     "overview",
+    "pareto",
     "planned_motion",
     "play",
     "residuals",
@@ -52,4 +55,6 @@ __all__ = [
     "reversal_zoom",
     "torque_speed",
     "torques",
+    "tuning",
+    "tuning_step",
 ]

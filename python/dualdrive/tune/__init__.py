@@ -22,12 +22,13 @@ from dualdrive.tune.parameters import (
 )
 from dualdrive.tune.result import Assessment, Step, Tuning
 from dualdrive.tune.smooth import ripple
-from dualdrive.tune.tune import PROCEDURE, tune
+from dualdrive.tune.tune import PROCEDURE, Ask, tune
 
 __all__ = [
     "KNOWN",
     "PROCEDURE",
     "Applied",
+    "Ask",
     "Assessment",
     "Cause",
     "DriveParameter",

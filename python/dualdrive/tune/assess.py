@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
 from dualdrive import figures as run_figures
 from dualdrive.machine import Machine
-from dualdrive.motion import Motion, default_motion
+from dualdrive.motion import Motion, default_motion, move
 from dualdrive.optimise.stability import growth
 from dualdrive.run import Run
 from dualdrive.simulation import simulate
+from dualdrive.tune.edge import GAIN, find_edge, gain_range
 from dualdrive.tune.errors import TuneError
 from dualdrive.tune.result import Assessment
 from dualdrive.tune.smooth import ripple
@@ -23,13 +22,16 @@ _QUIET = 0.02  # of the play: less is no hunting from flank to flank
 
 
 def usual_motion(machine: Machine) -> Motion:
-    """The machine's usual move with twice the time to settle, so that hunting is told from it."""
-    usual = default_motion(machine)
-    rest = usual.waveform.end()
-    longer = {**usual.arguments, "settle": 2.0 * (usual.end - rest)}
-    end = rest + longer["settle"]
-    text = f"{usual.text},settle={longer['settle']:g}"
-    return dataclasses.replace(usual, end=end, arguments=longer, text=text)
+    """The machine's usual move with twice the time to settle, so that hunting is told from it.
+
+    Its pace is that of the position loop; a gain beyond half the edge of vibration sets no pace.
+    """
+    calm = machine.copy()
+    edge = find_edge(calm, GAIN, *gain_range(calm)).lowest
+    if edge is not None:
+        calm.core.set(GAIN, min(calm.get(GAIN), edge / 2.0))
+    usual = default_motion(calm).arguments
+    return move(**{**usual, "settle": 2.0 * usual["settle"]})
 
 
 def begin_of(motion: Motion) -> float:

@@ -11,8 +11,8 @@ from dualdrive.optimise import LeastTension, corners, least_tension
 from dualdrive.optimise.evaluate import TENSION
 from dualdrive.optimise.stability import closed
 from dualdrive.tune.assess import assess, begin_of, play, quiet
-from dualdrive.tune.edge import damping, find_edge
-from dualdrive.tune.job import GAIN, Draft, Job
+from dualdrive.tune.edge import GAIN, damping, find_edge
+from dualdrive.tune.job import Draft, Job
 from dualdrive.tune.result import Curve, Panel
 from dualdrive.units import human
 
@@ -22,6 +22,7 @@ _EQUALISER, _TIME = "controller.g_E", "controller.T_E"
 _HALF = 0.5  # loop gain: the small-gain theorem's 1 with a margin of 6 dB
 _KEPT = 0.9  # of the damping without it, which the equaliser's integral action must leave
 _RESERVE = 1.1  # on the least tension
+_GRID = 0.05  # of the highest tension: less is none
 _LOWER, _TIMES = 0.8, 12
 
 
@@ -32,7 +33,7 @@ def couple(job: Job) -> Draft:
     is below 1 wherever g_E is: half of 1 (or of an edge below it) is stable whatever comes late in
     it, with 6 dB in hand. Integral time: the shortest that leaves 90 % of the least damping.
     Tension: a tenth above the least that keeps every flank closed over the test move; where none
-    within the rated torque does, a tenth above the least at which the table stands still.
+    within the rated torque does, the one of the smoothest torque at which the table stands still.
     """
     machine = job.machine.copy()
     core = machine.core
@@ -42,7 +43,7 @@ def couple(job: Job) -> Draft:
         return Draft(machine, [], reason=reason)
     done = [_gain(machine), _integral_time(machine)]
     found = least_tension(machine, job.motion, cases=corners(machine, {}))
-    tension, why = _tension(machine, found)
+    tension, why = _tension(machine, job, found)
     if tension is None:
         return Draft(machine, done, (_margins(found),), why)
     core.set(TENSION, tension)
@@ -79,7 +80,7 @@ def _integral_time(machine: Machine) -> str:
     return "its integral action off: any takes too much of the damping"
 
 
-def _tension(machine: Machine, found: LeastTension) -> tuple[float | None, str]:
+def _tension(machine: Machine, job: Job, found: LeastTension) -> tuple[float | None, str]:
     """The tension to set, and why; None with the reason where there is none."""
     most = machine.get("motor_1.T_rated")
     if found.tension is not None:
@@ -88,14 +89,25 @@ def _tension(machine: Machine, found: LeastTension) -> tuple[float | None, str]:
             f"tension {human(tension, 'N*m')}: flanks stay closed over the whole move from "
             f"{human(found.tension, 'N*m')} on"
         )
-    still = _quiet_from(machine, found)
-    if still is None:
+    smooth = _smoothest(machine, job, found)
+    if smooth is None:
         return None, f"the table hunts at every tension up to {human(most, 'N*m')}"
-    tension = min(max(_RESERVE * still, 0.05 * most), most)
-    return tension, (
-        f"tension {human(tension, 'N*m')}: no tension up to the rated torque keeps the flanks "
-        f"closed while it accelerates; it stands still from {human(still, 'N*m')} on"
+    return smooth, (
+        f"tension {human(smooth, 'N*m')}: no tension up to the rated torque keeps the flanks "
+        "closed while it accelerates; with this one it stands still, and no other one is smoother"
     )
+
+
+def _smoothest(machine: Machine, job: Job, found: LeastTension) -> float | None:
+    """The tension of least torque ripple among those at which the table stands still."""
+    still, trial = _quiet_from(machine, found), machine.copy()
+    ripples = {}
+    for design in found.designs:
+        tension = design.values[TENSION]
+        if still is not None and tension >= max(still, _GRID * found.designs[-1].values[TENSION]):
+            trial.core.set(TENSION, tension)
+            ripples[tension] = assess(trial, job.motion).figures.get("torque ripple 1", math.inf)
+    return min(ripples, key=lambda tension: ripples[tension]) if ripples else None
 
 
 def _quiet_from(machine: Machine, found: LeastTension) -> float | None:

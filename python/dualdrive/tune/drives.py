@@ -29,6 +29,10 @@ def compare_parameters(job: Job) -> Draft:
     done, shares = [f"{len(pairs)} numbers of each drive compared"], {}
     if job.table is not None:
         done.append(f"{job.table.name}: {len(job.table.entries)} drive parameters compared")
+        if job.unused:
+            done.append(
+                f"no place in the machine for {', '.join(job.unused)}: keep them as they are"
+            )
         differing = [n for n, entry in job.table.entries.items() if entry.differs]
         if differing:
             return Draft(machine, done, reason=_unequal(job, differing))

@@ -16,10 +16,21 @@ from dualdrive.motion import default_motion
 from dualdrive.optimise.stability import closed, poles
 from dualdrive.simulation import simulate
 
-__all__ = ["CLOSED", "Edge", "contacts", "damping", "find_edge", "measured_edge", "worst_pole"]
+__all__ = [
+    "CLOSED",
+    "GAIN",
+    "Edge",
+    "contacts",
+    "damping",
+    "find_edge",
+    "gain_range",
+    "measured_edge",
+    "worst_pole",
+]
 
 Array = NDArray[np.float64]
 
+GAIN = "controller.K_v"
 CLOSED = "all flanks closed"
 _NEAR_ZERO = 1e-7  # of the fastest pole: an angle or speed that nothing holds
 _POINTS = 80
@@ -110,6 +121,17 @@ def find_edge(machine: Machine, path: str, low: float, high: float) -> Edge:
             trial.core.set(path, edge)
             found[name] = (edge, abs(worst_pole(trial, sides).imag) / math.tau)
     return Edge(found, high, gains, growth)
+
+
+def gain_range(machine: Machine) -> tuple[float, float]:
+    """Position gains worth a look, 1/s: up to the speed loop's own rate, k_p over the inertia.
+
+    Beyond it the position loop would be faster than the loop inside it.
+    """
+    core = machine.core
+    inertia = core.get("gearbox_1.ratio") ** 2 * core.get("motor_1.J") + core.get("pinion_1.J")
+    high = max(core.get("controller.k_p") / inertia, 4.0 * core.get(GAIN))
+    return 1e-3 * high, high
 
 
 def measured_edge(machine: Machine, path: str, near: float, frequency_hz: float) -> float | None:

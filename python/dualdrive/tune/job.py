@@ -13,9 +13,7 @@ from dualdrive.tune.limits import MotionLimits
 from dualdrive.tune.parameters import DriveTable
 from dualdrive.tune.result import Panel
 
-__all__ = ["GAIN", "Draft", "Job", "decoupled"]
-
-GAIN = "controller.K_v"
+__all__ = ["Draft", "Job", "decoupled"]
 
 
 @dataclass
@@ -24,6 +22,7 @@ class Job:
 
     first:     the machine as it was found
     table:     drive parameters as read from a control, to be compared in step 1
+    unused:    numbers in it that the machine has no place for
     measured:  responses of both drives as measured; step 3 judges them in place of the model's
     """
 
@@ -34,6 +33,7 @@ class Job:
     tolerance_db: float
     tolerance_deg: float
     table: DriveTable | None = None
+    unused: tuple[str, ...] = ()
     measured: DriveComparison | None = None
 
 

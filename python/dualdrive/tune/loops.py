@@ -8,12 +8,12 @@ import numpy as np
 
 from dualdrive.machine import Machine
 from dualdrive.optimise.stability import closed, poles
-from dualdrive.tune.edge import CLOSED, Edge, damping, find_edge, measured_edge
-from dualdrive.tune.job import GAIN, Draft, Job, decoupled
+from dualdrive.tune.edge import CLOSED, GAIN, Edge, damping, find_edge, gain_range, measured_edge
+from dualdrive.tune.job import Draft, Job, decoupled
 from dualdrive.tune.result import Curve, Panel
 from dualdrive.units import human
 
-__all__ = ["gain_range", "inner_loops", "position_gain", "set_back"]
+__all__ = ["inner_loops", "position_gain", "set_back"]
 
 _BANDWIDTH, _SPEED, _INTEGRAL = "controller.omega_ci", "controller.k_p", "controller.T_N"
 _KEPT = 0.9  # of the damping without it, which an integral action must leave
@@ -43,7 +43,7 @@ def inner_loops(job: Job) -> Draft:
     gain = float(gains[np.flatnonzero(damped >= _KEPT * damped.max())[-1]])
     best = _damped(machine, _SPEED, gain)
     where = "its ceiling, J/(2 T)" if gain > 0.999 * ceiling else "the highest that damps well"
-    times = np.geomspace(1e-2, 1e2, 80) / _slow(machine)
+    times = np.geomspace(1e-1, 1e3, 100) / _slow(machine)
     left = np.array([_damped(machine, _INTEGRAL, time) for time in times])
     time = float(times[np.argmax(left >= _KEPT * best)]) if (left >= _KEPT * best).any() else 0.0
     tuned = job.machine.copy()
@@ -176,19 +176,11 @@ def _as_found(job: Job) -> str:
     return f"as found: edge at {human(edge.value, '1/s')}, {edge.frequency_hz:.3g} Hz, {CLOSED}"
 
 
-def gain_range(machine: Machine) -> tuple[float, float]:
-    """From next to nothing to the rate of the speed loop itself, beyond which no cascade works."""
-    core = machine.core
-    inertia = core.get("gearbox_1.ratio") ** 2 * core.get("motor_1.J") + core.get("pinion_1.J")
-    high = core.get(_SPEED) / inertia
-    return 1e-3 * high, max(high, 4.0 * core.get(GAIN))
-
-
 def _growth(edge: Edge, simulated: float | None) -> Panel:
     curves = tuple(Curve(name, edge.gains, rates) for name, rates in edge.growth.items())
-    marks = [(edge.value, "edge")] if edge.value else []
+    marks = [(gain, f"edge, {contact}") for contact, (gain, _) in edge.found.items()]
     if simulated:
-        marks.append((simulated, "simulated"))
+        marks.append((simulated, f"simulated, {CLOSED}"))
     top = float(np.max(list(edge.growth.values())))
     return Panel(
         "Growth of the worst vibration", "position gain [1/s]", "growth [1/s]", curves,

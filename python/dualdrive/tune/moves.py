@@ -75,7 +75,7 @@ def adjust_motion(job: Job) -> Draft:
         )
     else:
         limits, said = _limits(machine, job, limits)
-        done += said
+        done += [*said, *_with_limits(machine, job, limits)]
     panels += _errors(job, machine)
     return Draft(machine, done, tuple(panels), limits=limits)
 
@@ -119,6 +119,15 @@ def _limits(machine: Machine, job: Job, limits: MotionLimits) -> tuple[MotionLim
         else "jerk: no limit asked for, no vibration to limit it by"
     )
     return MotionLimits(a, jerk), done
+
+
+def _with_limits(machine: Machine, job: Job, limits: MotionLimits) -> list[str]:
+    """What the test move gives with the limits found; nothing where they are those it has."""
+    if job.motion.kind != "move" or limits == job.limits:
+        return []
+    found = assess(machine, _slower(job.motion, limits.acceleration, limits.jerk))
+    names = ("following error, largest", "torque ripple 1", "flank changes")
+    return ["with these limits: " + "; ".join(f"{n} {found.spoken(n)}" for n in names)]
 
 
 def _slower(motion: Motion, a: float, j: float) -> Motion:

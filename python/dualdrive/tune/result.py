@@ -18,6 +18,7 @@ from dualdrive.units import human
 __all__ = ["Assessment", "Curve", "Panel", "Status", "Step", "Tuning"]
 
 Array = NDArray[np.float64]
+_NOTHING = 1e-12  # SI: below it rounding speaks, not the machine
 #: done; declined by who was asked; refused, which ends the procedure; not run, after that
 Status = Literal["done", "declined", "refused", "not run"]
 
@@ -71,7 +72,8 @@ class Assessment:
         """A figure with its unit, or that there is none."""
         if name not in self.figures:
             return "unstable"
-        return human(self.figures[name], self.units[name])
+        value = self.figures[name]
+        return human(0.0 if abs(value) < _NOTHING else value, self.units[name])
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +103,8 @@ class Tuning:
     """The outcome.
 
     machine:  tuned as far as the procedure came; a changed copy
-    status:   tuned; refused (step 3, say); or not done: it ended, and does not stand still or is
-              unstable
+    status:   tuned; in part, as asked for; refused (step 3, say); or not done: it ended, and does
+              not stand still or is unstable
     limits:   acceleration and jerk for the control; None where the test motion has none
     """
 
@@ -112,7 +114,7 @@ class Tuning:
     after: Assessment
     motion: Motion
     limits: MotionLimits | None
-    status: Literal["tuned", "refused", "not done"]
+    status: Literal["tuned", "in part", "refused", "not done"]
     reason: str
 
     def rows(self) -> list[tuple[str, str, str]]:

@@ -44,6 +44,7 @@ def tune(
     measured: DriveComparison | None = None,
     tolerance_db: float = 1.0,
     tolerance_deg: float = 5.0,
+    until: int = len(PROCEDURE),
     ask: Ask | None = None,
     begin: Callable[[int, str], None] | None = None,
 ) -> Tuning:
@@ -53,6 +54,7 @@ def tune(
     table:     drive parameters as read from a control: compared in step 1, then set
     measured:  responses of both drives as measured (`dualdrive.linear.differ`), for step 3
     tolerance: by how much the drives' responses may part, dB and degrees
+    until:     last step to do; 0 for none, so that the table is set and the machine assessed
     ask:       called with each step's outcome; False leaves the machine as it was before the step
     begin:     called with number and title before each step
 
@@ -65,7 +67,7 @@ def tune(
     steps: list[Step] = []
     reason = ""
     for number, (title, carry_out) in enumerate(PROCEDURE, 1):
-        if reason:
+        if reason or number > until:
             steps.append(Step(number, title, (), now, now, status="not run"))
             continue
         if begin is not None:
@@ -80,7 +82,7 @@ def tune(
         else:
             step = _declined(step, now)
         steps.append(step)
-    return _ended(job, steps, first, now, reason)
+    return _ended(job, steps, first, now, reason, whole=until >= len(PROCEDURE))
 
 
 def _job(
@@ -93,10 +95,13 @@ def _job(
 ) -> Job:
     motion = usual_motion(machine) if motion is None else motion
     limits, start = MotionLimits.of(motion), machine.copy()
+    unused: tuple[str, ...] = ()
     if table is not None and not any(entry.differs for entry in table.entries.values()):
         applied = set_drive_parameters(start, table)
-        start, limits = applied.machine, applied.limits or limits
-    return Job(start, start.copy(), motion, limits, tolerance_db, tolerance_deg, table, measured)
+        start, limits, unused = applied.machine, applied.limits or limits, applied.unused
+    return Job(
+        start, start.copy(), motion, limits, tolerance_db, tolerance_deg, table, unused, measured
+    )
 
 
 def _step(number: int, title: str, job: Job, draft: Draft, before: Assessment) -> Step:
@@ -128,9 +133,13 @@ def _declined(step: Step, now: Assessment) -> Step:
     )  # fmt: skip
 
 
-def _ended(job: Job, steps: list[Step], first: Assessment, now: Assessment, reason: str) -> Tuning:
+def _ended(
+    job: Job, steps: list[Step], first: Assessment, now: Assessment, reason: str, *, whole: bool
+) -> Tuning:
     status = "refused" if reason else "tuned"
-    if not reason and not now.stable:
+    if not (reason or whole):
+        status = "in part"
+    elif not reason and not now.stable:
         status, reason = "not done", "the loop is unstable as it stands"
     elif not reason and not quiet(job.machine, now):
         status, reason = "not done", f"the table hunts, {now.spoken('hunting')} peak to peak"

@@ -1,0 +1,130 @@
+"""dualdrive optimise: how little tension is enough, and what more of it costs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from dualdrive.files import refuse_existing, write_atomically
+from dualdrive.machine import Machine
+from dualdrive.motion import parse_motion
+from dualdrive.optimise import ACCURACY, Corner, Front, OptimiseError, corners, optimise
+from dualdrive.units import parse_values
+from dualdrive_cli._shared import (
+    FAILED,
+    console,
+    give_up,
+    json_option,
+    load,
+    machine_argument,
+    overwrite_option,
+    pairs,
+    picture,
+    set_option,
+    verb,
+    write_json,
+)
+
+
+@click.command(
+    epilog="Example: dualdrive optimise heavy-table-250t --over controller.T_ten=0:100%:11 "
+    "--corner table.J=3e6:9.6e6 --plot front.png",
+)
+@machine_argument
+@set_option
+@click.option("--motion", help="Duty cycle; default: the machine's usual move, there and back.")
+@click.option(
+    "--over",
+    multiple=True,
+    metavar="PATH=VALUES",
+    help="Numbers to choose, start:stop:count or a,b,c; repeatable. Default: tension and gain.",
+)
+@click.option(
+    "--corner",
+    "spread",
+    multiple=True,
+    metavar="PATH=LOW:HIGH",
+    help="What is not known or changes; repeatable; 80%:120% of the machine's own. Default: "
+    "table.J=80%:120% and meshes.gap=70%:130%.",
+)
+@click.option("--no-corners", is_flag=True, help="The machine as it is, alone.")
+@click.option(
+    "--accuracy",
+    type=click.Choice(sorted(ACCURACY)),
+    default="peak_error",
+    show_default=True,
+    help="What stands for accuracy.",
+)
+@click.option("--plot", type=Path, callback=picture, help="Draw the front and the flanks' margin.")
+@json_option
+@overwrite_option
+@verb
+def command(
+    machine: str,
+    settings: tuple[str, ...],
+    motion: str | None,
+    over: tuple[str, ...],
+    spread: tuple[str, ...],
+    no_corners: bool,
+    accuracy: str,
+    plot: Path | None,
+    json_to: str | None,
+    overwrite: bool,
+) -> None:
+    """Find the least tension that keeps every flank closed, and trade heat against accuracy.
+
+    Every design on the grid makes the duty cycle at every corner and counts with its worst. Designs
+    whose loop is unstable at a corner have no figures; exit code 1 where all are.
+    """
+    if plot:
+        refuse_existing(plot, overwrite=overwrite)
+    m = load(machine, settings)
+    cases = _cases(m, spread, no_corners)
+    grid = {path: _values(m, path, text) for path, text in pairs(over)} or None
+    duty = parse_motion(motion) if motion else None
+    with console(err=True).status("optimising") as status:
+
+        def show(done: int, total: int) -> None:
+            status.update(f"optimising: {done} of {total} runs")
+
+        try:
+            found = optimise(m, duty, over=grid, cases=cases, accuracy=accuracy, progress=show)
+        except OptimiseError as error:
+            give_up(error, FAILED)
+    if plot:
+        _draw(found, plot)
+    write_json(json_to, found.figures())
+    if json_to != "-":
+        click.echo(found.table())
+        if plot:
+            click.echo(f"written: {plot}")
+
+
+def _cases(m: Machine, spread: tuple[str, ...], no_corners: bool) -> list[Corner]:
+    if no_corners:
+        if spread:
+            raise click.UsageError("--no-corners and --corner: give one of them")
+        return corners(m, {})
+    ends = {}
+    for path, text in pairs(spread):
+        low, sign, high = text.partition(":")
+        if not sign:
+            raise click.BadParameter(f"--corner {path}={text}: write {path}=LOW:HIGH")
+        ends[path] = (low, high)
+    return corners(m, ends or None)
+
+
+def _values(m: Machine, path: str, text: str) -> list[float]:
+    """Percentages of a torque are those of the rated torque."""
+    unit = m.parameter(path).unit
+    reference = m.get("motor_1.T_rated") if unit == "N*m" else None
+    values: list[float] = parse_values(text, unit, key=path, reference=reference).tolist()
+    return values
+
+
+def _draw(found: Front, path: Path) -> None:
+    from dualdrive import plots
+
+    with write_atomically(path) as temporary:
+        plots.pareto(found).savefig(temporary)
