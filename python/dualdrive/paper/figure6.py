@@ -13,7 +13,7 @@ from dualdrive.motion import move
 from dualdrive.paper.exhibit import Claim, Exhibit, Table, verdict
 from dualdrive.paper.flanks import flanks_since
 from dualdrive.paper.response import Oscillation, oscillation
-from dualdrive.paper.settings import ARCSEC, heavy_table
+from dualdrive.paper.settings import ARCSEC, heavy_table, short
 from dualdrive.run import Run
 from dualdrive.simulation import simulate
 
@@ -26,7 +26,7 @@ FLOOR_TORQUE, FLOOR_ANGLE = 0.1, 0.01 * ARCSEC
 UNTUNED: Final = "equaliser gain 0"
 HIGH_GAIN: Final = "tension on, K_v 16/s"
 TUNED: Final = "tuned"
-GAINS: Final = (0.0, 0.05, 0.2, 0.5, 1.0, 2.0)
+GAINS: Final = (0.05, 0.2, 0.5, 1.0, 2.0)
 TIMES: Final = (0.0, 0.03, 0.1, 0.5)
 
 
@@ -94,7 +94,7 @@ def _numbers(machine: Machine) -> str:
         return machine.get(f"controller.{name}")
 
     return (
-        f"K_v {value('K_v'):.3g}/s, k_p {value('k_p'):.3g} N·m·s/rad, tension "
+        f"K_v {value('K_v'):.3g}/s, k_p {short(value('k_p'))} N·m·s/rad, tension "
         f"{value('T_ten'):.3g} N·m, g_E {value('g_E'):.3g}, T_E {value('T_E'):.3g} s"
     )
 

@@ -8,7 +8,16 @@ from typing import Final
 
 from dualdrive.machine import Machine
 
-__all__ = ["ARCSEC", "GAP_HALF", "STEP", "UNIT_SINE_HZ", "frictionless", "heavy_table", "untuned"]
+__all__ = [
+    "ARCSEC",
+    "GAP_HALF",
+    "STEP",
+    "UNIT_SINE_HZ",
+    "frictionless",
+    "heavy_table",
+    "short",
+    "untuned",
+]
 
 ARCSEC: Final = pi / 648000
 
@@ -52,3 +61,8 @@ def untuned(gain: float, gap: float, tension: float = 0.0) -> Machine:
     machine = frictionless(K_v=gain, K_i=gain / 0.5, k_p=8e4, T_N=0.1, T_ten=tension, f_v=0.0)
     machine.set("meshes.gap", gap)
     return machine
+
+
+def short(number: float) -> str:
+    """Three digits: 8e4 rather than 8e+04."""
+    return f"{number:.3g}".replace("e+0", "e").replace("e+", "e")

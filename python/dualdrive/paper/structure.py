@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from dualdrive.machine import Machine
+from dualdrive.paper.settings import short
 from dualdrive.units import human
 
 __all__ = ["Arrow", "Block", "Diagram", "structure"]
@@ -163,7 +164,7 @@ def _speed_loop(s: _Sketch, n: int) -> None:
     integral = bool(s.number("T_N"))
     text = _lines(
         f"speed {'PI' if integral else 'P'} {n}",
-        f"k_p {_short(s.number('k_p'))}",
+        f"k_p {short(s.number('k_p'))}",
         f"T_N {s.words('T_N')}" if integral else "",
         f"± {s.words(f'motor_{n}.T_max')}",
         _sampled(s, "speed"),
@@ -196,7 +197,7 @@ def _mechanics(s: _Sketch) -> None:
     core, motors = s.machine.core, len(s.drives)
     inertia = "J" if s.machine.axis == "rotary" else "m"
     s.block(
-        "table", _lines("table", f"{inertia} {_short(s.machine.get('table.J'))}"), "body", 16.6, 0
+        "table", _lines("table", f"{inertia} {short(s.machine.get('table.J'))}"), "body", 16.6, 0
     )
     pinions = [name for name in core.bodies if name.startswith("pinion_")]
     for name in pinions:
@@ -282,11 +283,6 @@ def _equaliser(s: _Sketch) -> None:
         text = _lines("tension", s.words("T_ten"), filtered, falling)
         s.block("tension", text, "box", 7.0, 0)
         s.arrow("tension", "equaliser", sign="−")
-
-
-def _short(number: float) -> str:
-    """8e4 rather than 8e+04."""
-    return f"{number:.3g}".replace("e+0", "e").replace("e+", "e")
 
 
 def _sampled(s: _Sketch, loop: str) -> str:
