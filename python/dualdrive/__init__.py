@@ -12,6 +12,7 @@ from dualdrive._core import __version__
 
 if TYPE_CHECKING:  # for editors and type checkers: what _HOMES says; a test compares the two
     from dualdrive import compare as compare
+    from dualdrive import cycles as cycles
     from dualdrive import demo as demo
     from dualdrive import figures as figures
     from dualdrive import identify as identify
@@ -59,6 +60,7 @@ _HOMES: dict[str, str] = {
 #: parts that are used by their own name: dualdrive.motion.move(...)
 _PARTS = (
     "compare",
+    "cycles",
     "demo",
     "figures",
     "identify",
