@@ -256,7 +256,7 @@ def driven(visits: list[tuple[float, float]], hunting: float = 0.0) -> Trace:
     command, seen = [np.zeros(rest)], [np.zeros(rest)]
     at, stood = 0.0, 0.0
     for target, stands in visits:
-        way = np.linspace(0, 1, ramp)
+        way = (1 - np.cos(np.linspace(0, np.pi, ramp))) / 2  # it sets out gently
         command += [at + (target - at) * way, np.full(rest, target)]
         seen += [stood + (stands - stood) * way, np.full(rest, stands)]
         at, stood = target, stands

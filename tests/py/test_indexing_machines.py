@@ -13,7 +13,17 @@ import pytest
 from click.testing import CliRunner, Result
 
 from dualdrive import Machine
-from dualdrive.indexing import FLOOR, IndexingError, cycle_for, evaluate_trace, measure, table
+from dualdrive.indexing import (
+    FLOOR,
+    LOADS,
+    PRINTED,
+    IndexingError,
+    cycle_for,
+    evaluate_trace,
+    measure,
+    table,
+)
+from dualdrive.indexing.tables import loaded
 from dualdrive.simulation import simulate
 from dualdrive.traces import Trace
 from dualdrive_cli.main import main
@@ -21,6 +31,7 @@ from dualdrive_cli.main import main
 ARCSEC = np.pi / 648000
 #: targets close to each other, for short runs
 NEAR = np.radians([0.0, 5.0, 10.0])
+COLUMNS = ("traditional", "double motors")
 TRAINS = ("heavy-table-single-motor", "heavy-table-double-pinion", "heavy-table-dual-servo")
 
 
@@ -135,7 +146,7 @@ def test_every_command_works_on_every_drive_train(
 def test_the_tables_beside_the_printed_ones() -> None:
     rows = table(loads=("empty", "550t"), floor=(), repeats=2, targets=NEAR)
     keys = [(row.table, row.load, row.column, row.figure) for row in rows]
-    unloaded = [(1, "empty", c, f) for c in ("traditional", "double motors") for f in "ARB"]
+    unloaded = [(1, "empty", c, f) for c in COLUMNS for f in "ARB"]
     assert keys == [*unloaded, (2, "550t", "traditional", "A"), (2, "550t", "double motors", "A")]
     assert [row.printed for row in rows] == [8, 5, 4, 4, 4, 3, 10, 4]
     for row in rows:
@@ -147,6 +158,18 @@ def test_the_tables_beside_the_printed_ones() -> None:
     assert "9.0 arcsec at the table" in rows[0].reason
     with pytest.raises(IndexingError, match="load '7t': unknown"):
         table(loads=("7t",))
+
+
+def test_the_printed_numbers_and_the_loads() -> None:
+    """Tables 1 and 2 as printed, arc seconds; inertias as the presets were designed."""
+    table_2 = {load: [PRINTED[load, c]["A"] for c in COLUMNS] for load in ("100t", "250t", "550t")}
+    assert table_2 == {"100t": [8, 3], "250t": [9, 4], "550t": [10, 4]}
+    assert [PRINTED["empty", c] for c in COLUMNS] == [
+        {"A": 8, "R": 5, "B": 4},
+        {"A": 4, "R": 4, "B": 3},
+    ]
+    inertias = [loaded("heavy-table-double-pinion", load).get("table.J") for load in LOADS]
+    assert inertias == pytest.approx([3.0e6, 4.95e6, 9.6e6, 16.8e6])
 
 
 def test_the_floor_is_named_and_bounded() -> None:

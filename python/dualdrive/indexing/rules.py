@@ -1,7 +1,7 @@
 """What ISO 230-2 asks of a test: how many targets, how often, and what may be evaluated.
 
-Source: ISO 230-2:2014, 5.3 and 6.2 (GB/T 17421.2 has the same text); counts of rotary targets by
-travel as in clause 5.3.3.
+Source: ISO 230-2:2014 (GB/T 17421.2), on target positions and on evaluation; clause 6.2 for travel
+beyond 360 degrees or 2 m.
 """
 
 from __future__ import annotations
