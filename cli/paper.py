@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 
 import click
+from rich.markup import escape
 from rich.table import Table as Grid
 
 from dualdrive.files import make_folder, refuse_existing, write_atomically
@@ -14,7 +15,7 @@ from dualdrive.paper import EXHIBITS, Exhibit, Table, page, reproduce, shown
 from dualdrive_cli._shared import console, json_option, overwrite_option, verb, write_json
 
 
-@click.command(epilog="Example: dualdrive paper fig2 fig5 -o pictures")
+@click.command(epilog="Example: dualdrive paper fig3 fig5 -o pictures")
 @click.argument("exhibits", nargs=-1, type=click.Choice(["all", *EXHIBITS]), metavar="[EXHIBIT]...")
 @click.option(
     "-o", "--output", type=Path, metavar="DIR", help="Draw each into this folder, as NAME.png."
@@ -53,9 +54,11 @@ def command(
     pictures = _places(names, output, kind)
     if page_to and output is None:
         raise click.UsageError("--page shows pictures: say with -o where they go")
+    if page_to:
+        refuse_existing(page_to, overwrite=overwrite)
     if output:
         make_folder(output)
-    for path in [*pictures.values(), *filter(None, [page_to])]:
+    for path in pictures.values():
         refuse_existing(path, overwrite=overwrite)
     begin = time.perf_counter()
     found = []
@@ -93,10 +96,12 @@ def _one(name: str, picture: Path | None, jobs: int) -> Exhibit:
 def _show(exhibit: Exhibit) -> None:
     screen = console()
     screen.print(f"[bold]{exhibit.title}[/bold]  {exhibit.seconds:.1f} s")
-    screen.print(exhibit.about)
+    screen.print(exhibit.about, markup=False)
     for line in exhibit.chosen:
         screen.print(f"  chosen: {line}", markup=False)
     for sheet in exhibit.sheets():
+        if sheet.title:
+            screen.print(f"\n{sheet.title}", markup=False)
         screen.print(_grid(sheet))
     for line in exhibit.notes:
         screen.print(f"  {line}", markup=False)
@@ -104,9 +109,10 @@ def _show(exhibit: Exhibit) -> None:
 
 
 def _grid(sheet: Table) -> Grid:
-    grid = Grid(*sheet.columns, title=sheet.title or None, title_justify="left", box=None)
+    """Escaped throughout: rich would take the unit [s] for a style."""
+    grid = Grid(*map(escape, sheet.columns), box=None)
     for row in sheet.rows:
-        grid.add_row(*map(shown, row))
+        grid.add_row(*(escape(shown(cell)) for cell in row))
     return grid
 
 
