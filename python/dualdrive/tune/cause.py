@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +23,8 @@ from dualdrive.optimise.stability import closed
 __all__ = ["Cause", "causes"]
 
 _WIDEST = 5.0  # factor either way
-_POINTS = 60
+_NOTHING = 1e-2  # of the misfit
+_POINTS = 40
 _OWN = re.compile(r"(motor|pinion|gearbox|mesh)_2\.(J|b|K_d|stiffness|ratio)$|@\w+_2\.")
 
 
@@ -63,7 +65,7 @@ def causes(machine: Machine, seen: DriveComparison) -> list[Cause]:
     nothing = misfit(alike)
     found = []
     for path in _numbers(alike):
-        factor, left = _fitted(alike, path, misfit)
+        factor, left = _fitted(alike, path, misfit, nothing)
         found.append(Cause(path, factor, 1.0 - left / nothing))
     for label in _own_effects(machine):
         trial = machine.copy()
@@ -81,8 +83,13 @@ def _wrapped(difference: NDArray[np.complex128]) -> NDArray[np.complex128]:
     return np.asarray(difference.real + 1j * turned, np.complex128)
 
 
-def _fitted(alike: Machine, path: str, misfit: object) -> tuple[float, float]:
-    """The factor on one number that comes nearest, and what is left then."""
+def _fitted(
+    alike: Machine, path: str, misfit: Callable[[Machine], float], nothing: float
+) -> tuple[float, float]:
+    """The factor on one number that comes nearest, and what is left then.
+
+    A number that does next to nothing at both ends of the range is not looked at further.
+    """
     from scipy.optimize import minimize_scalar
 
     own = alike.get(path)
@@ -90,11 +97,13 @@ def _fitted(alike: Machine, path: str, misfit: object) -> tuple[float, float]:
     def at(logarithm: float) -> float:
         trial = alike.copy()
         trial.core.set(path, own * math.exp(logarithm))
-        return misfit(trial)  # type: ignore[operator,no-any-return]
+        return misfit(trial)
 
-    best = None
-    for low, high in ((-math.log(_WIDEST), 0.0), (0.0, math.log(_WIDEST))):
-        tried = minimize_scalar(at, bounds=(low, high), method="bounded", options={"xatol": 5e-3})
+    best, widest = None, math.log(_WIDEST)
+    if all(abs(at(end) - nothing) < _NOTHING * nothing for end in (-widest, widest)):
+        return 1.0, nothing
+    for low, high in ((-widest, 0.0), (0.0, widest)):
+        tried = minimize_scalar(at, bounds=(low, high), method="bounded", options={"xatol": 1e-2})
         if best is None or tried.fun < best.fun:
             best = tried
     assert best is not None

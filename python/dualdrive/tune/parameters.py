@@ -79,7 +79,7 @@ def drive_parameters(machine: Machine, limits: MotionLimits | None = None) -> Dr
     base = _base(machine)
     entries = {}
     for number, parameter in KNOWN.items():
-        if parameter.path and machine.core.unread(parameter.path) and parameter.where == SLAVE:
+        if parameter.where == SLAVE and len(machine.core.motors) < 2:
             continue
         value = _read(machine, base, parameter, limits)
         master = None if parameter.where == SLAVE else value
@@ -163,6 +163,8 @@ def _loop_gain(machine: Machine, base: Base, gain: float) -> float:
 def _write(machine: Machine, base: Base, number: str, value: float) -> bool:
     """Set one number; False where the machine has no place for it."""
     parameter = KNOWN[number]
+    if parameter.where == SLAVE and len(machine.core.motors) < 2:
+        return False
     if number in (*_LIMITS, _GAIN):
         return True
     if number == "32620":
