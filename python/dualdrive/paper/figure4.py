@@ -9,7 +9,9 @@ from math import degrees
 from typing import Final
 
 from dualdrive.motion import sine, step
+from dualdrive.paper import limit_cycle
 from dualdrive.paper.exhibit import Claim, Exhibit, Table, verdict
+from dualdrive.paper.limit_cycle import Lasting
 from dualdrive.paper.response import (
     Oscillation,
     Sine,
@@ -28,7 +30,7 @@ __all__ = ["Figure4", "Swing", "figure4"]
 GAIN: Final = 6.0
 GAINS: Final = (1.0, 2.0, 4.0, 6.0, 8.0, 10.0)
 GAPS: Final = (0.275e-3, 0.55e-3, 1.1e-3, 2.2e-3, 4.4e-3)
-TENSIONS: Final = (0.0, 3.0, 5.0)
+TENSIONS: Final = (0.0, 3.0, 3.35, 3.5, 5.0)
 SINE_GAINS: Final = (2.0, 6.0)
 SINES_HZ: Final = (0.05, 0.1, UNIT_SINE_HZ, 0.5, 1.0)
 #: s, of 30 s; below the floor (rad) nothing oscillates
@@ -49,6 +51,7 @@ class Figure4:
 
     steps, sines: without (False) and with (True) backlash, at GAIN
     plain, played: gain -> step without and with backlash
+    lasting:      gain -> whether its limit cycle is stable
     gaps:         half gap -> step at GAIN
     tensions:     N m -> step at GAIN
     answers:      (gain, frequency in Hz) -> answer to a sine without and with backlash
@@ -58,6 +61,7 @@ class Figure4:
     sines: Mapping[bool, Run]
     plain: Mapping[float, Swing]
     played: Mapping[float, Swing]
+    lasting: dict[float, Lasting]
     gaps: Mapping[float, Swing]
     tensions: Mapping[float, Swing]
     answers: Mapping[tuple[float, float], tuple[Sine, Sine]]
@@ -65,11 +69,13 @@ class Figure4:
 
 def figure4() -> Exhibit:
     """Reproduce figure 4 and put the paper's claims about it to the test."""
+    played = {gain: _swing(_step(gain, GAP_HALF)) for gain in GAINS}
     data = Figure4(
         steps={play: _step(GAIN, GAP_HALF * play) for play in (False, True)},
         sines={play: _sine(GAIN, GAP_HALF * play, UNIT_SINE_HZ) for play in (False, True)},
         plain={gain: _swing(_step(gain, 0.0)) for gain in GAINS},
-        played={gain: _swing(_step(gain, GAP_HALF)) for gain in GAINS},
+        played=played,
+        lasting={gain: limit_cycle.lasting(gain, played[gain].left) for gain in GAINS},
         gaps={gap: _swing(_step(GAIN, gap)) for gap in GAPS},
         tensions={tension: _swing(_step(GAIN, GAP_HALF, tension)) for tension in TENSIONS},
         answers={
@@ -97,8 +103,9 @@ def figure4() -> Exhibit:
         tables=_tables(data),
         notes=(
             "Backlash without tension or dry friction always ends in a limit cycle here: within "
-            "the gap integral action pushes the table back and forth. A tension of 5 N·m closes "
-            "the flanks and ends it; 3 N·m do not.",
+            "the gap integral action pushes the table back and forth. Enough tension closes the "
+            f"flanks and ends it: {_ending(data)}.",
+            limit_cycle.note(data.lasting),
             "Amplitude in proportion to Δ at one frequency is what scaling demands where play is "
             "the only nonlinearity; it is the oscillation, not stability, that grows with Δ.",
         ),
@@ -213,9 +220,6 @@ def _tables(data: Figure4) -> tuple[Table, ...]:
     gains = tuple(
         (k, *_step_cells(data.plain[k].step), *_step_cells(data.played[k].step)) for k in GAINS
     )
-    left = tuple(
-        (k, data.played[k].left.frequency, data.played[k].left.amplitude / ARCSEC) for k in GAINS
-    )
     gaps = tuple(
         (1e3 * g, data.gaps[g].left.frequency, data.gaps[g].left.amplitude / ARCSEC) for g in GAPS
     )
@@ -231,7 +235,7 @@ def _tables(data: Figure4) -> tuple[Table, ...]:
     oscillates = ("frequency [Hz]", "amplitude [″]")
     each = ("to 50 % [s]", "to 100 % [s]", "settled [s]", "overshoot [%]")
     return (
-        Table("Limit cycle against gain, Δ 1.1 mrad", ("K [1/s]", *oscillates), left),
+        limit_cycle.table(data.lasting),
         Table("Limit cycle against gap, K = 6/s", ("Δ [mrad]", *oscillates), gaps),
         Table("Limit cycle against tension, K = 6/s", ("tension [N·m]", *oscillates), tensions),
         Table(
@@ -245,6 +249,12 @@ def _tables(data: Figure4) -> tuple[Table, ...]:
             sines,
         ),
     )
+
+
+def _ending(data: Figure4) -> str:
+    """Between which tensions the limit cycle at GAIN ends."""
+    alive = [tension for tension, swing in data.tensions.items() if swing.left.frequency]
+    return f"{max(alive):g} N·m do not yet, {min(set(TENSIONS) - set(alive)):g} N·m do"
 
 
 def _step_cells(found: Step) -> tuple[float | None, ...]:
