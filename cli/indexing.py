@@ -220,7 +220,7 @@ def _shown(value: float | None, unit: str) -> str:
     if value is None:
         return "-"
     size = value / conversion(_SHOWN[unit][1], unit).scale
-    return f"{size:.4f}" if abs(size) >= 1e-3 or size == 0 else f"{size:.0e}"
+    return f"{round(size, 4) + 0.0:.4f}"  # + 0.0: no minus before zero
 
 
 def _tables(json_to: str | None) -> None:
@@ -234,8 +234,17 @@ def _tables(json_to: str | None) -> None:
         console().print(_paper(title, [row for row in rows if row.table == number]), "")
     for one in indexing.FLOOR:
         click.echo(f"floor: {one.effect}: {one.why}")
-    for reason in dict.fromkeys(f"{row.column}, {row.figure}: {row.reason}" for row in rows):
-        click.echo(f"note: {reason}")
+    for (column, reason), figures in _reasons(rows).items():
+        click.echo(f"note: {column}, {', '.join(figures)}: {reason}")
+
+
+def _reasons(rows: list[TableRow]) -> dict[tuple[str, str], list[str]]:
+    """(column, reason) -> the figures it holds for."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for row in rows:
+        figures = found.setdefault((row.column, row.reason), [])
+        figures += [] if row.figure in figures else [row.figure]
+    return found
 
 
 def _paper(title: str, rows: list[TableRow]) -> Table:

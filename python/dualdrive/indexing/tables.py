@@ -81,7 +81,7 @@ FLOOR: Final = (
 #: the position loop is sampled, with the floor and without, so that the floor is all that differs
 _SAMPLE: Final = 4e-3
 #: the test: eight targets round the circle, five cycles
-_CYCLE: Final = {"v": 0.05, "a": 0.01, "j": 0.05, "dwell": 6.0, "window": 1.0}
+_CYCLE: Final = {"v": 0.05, "a": 0.01, "j": 0.05, "dwell": 5.0, "window": 1.0}
 
 
 @dataclass(frozen=True)
