@@ -30,8 +30,9 @@ from dualdrive.diagnose.heldout import intervals
 from dualdrive.diagnose.judge import Judgement, judge
 from dualdrive.diagnose.loop import ClosedLoop
 from dualdrive.diagnose.result import Diagnosis
+from dualdrive.diagnose.search import search
 from dualdrive.diagnose.shape import shapes
-from dualdrive.diagnose.survey import Clock, Survey, survey
+from dualdrive.diagnose.survey import Clock, Survey
 from dualdrive.diagnose.words import paragraph
 from dualdrive.identify import which_mode
 from dualdrive.interrupt import interrupt
@@ -137,7 +138,7 @@ def diagnose(
                 settings=own,
             )
             c = ClosedLoop(core, played, tolerance=tolerance)
-        result = survey(c, clock, threads=threads or os.cpu_count() or 1, tell=tell)
+        result = search(c, clock, threads=threads or os.cpu_count() or 1, tell=tell)
         whole = Clock(budget, stop.is_set)
         whole.begin, whole.cut = clock.begin, clock.cut
         verdict = judge(result)

@@ -24,6 +24,7 @@ _SOFTER = 0.1  # of the stiffness that a compliant shaft is added with: nearly r
 _LINEAR = ("phase", "centre", "asymmetry")
 _SHAPES = ("phase", "asymmetry", "centre", "spacing")
 _ASYMMETRY = 0.3  # probe of a number without a usual size of its own
+_LIMITS, _ABOUT = ("T_max", "U_max"), (0.96, 1.03)  # a limit shows in what was recorded
 _SHORTEST = 5e-5  # s: a delay below that costs a simulation more than it could show
 _PRESLIDING = 1e-4  # rad at the table
 
@@ -40,10 +41,12 @@ class Hypothesis:
     """Effects that may be missing, with their counted numbers; empty: nothing is missing.
 
     fixed: parameter path -> value of what is counted, where a scan found one
+    searched: among how many values those were found
     """
 
     effects: tuple[tuple[str, str], ...] = ()
     fixed: Mapping[str, float] = field(default_factory=dict)
+    searched: int = 1
 
     @property
     def label(self) -> str:
@@ -51,7 +54,8 @@ class Hypothesis:
         return " + ".join(f"{e}@{p}" for e, p in self.effects) or "nothing"
 
     def __add__(self, other: Hypothesis) -> Hypothesis:
-        return Hypothesis(self.effects + other.effects, {**self.fixed, **other.fixed})
+        fixed = {**self.fixed, **other.fixed}
+        return Hypothesis(self.effects + other.effects, fixed, self.searched * other.searched)
 
     def put_in(
         self,
@@ -70,16 +74,18 @@ class Hypothesis:
             ValueError: the machine has no such part, or carries the effect already.
 
         """
-        grown, free = core.copy(), []
+        grown, free, usual = core.copy(), list[str](), dict[str, float]()
         for effect, place in self.effects:
             label = grown.add_effect(effect, place)
             [own] = [e for e in grown.effects if e["label"] == label]
             paths = [f"{label}.{name}" for name in own["parameters"]]
             free += [path for path in paths if _is_free(grown, path)]
-            for path, size in {**_loosened(grown, own), **(parts or {}).get(label, {})}.items():
-                grown.set(path, size)
+            usual.update({**_loosened(grown, own), **(parts or {}).get(label, {})})
         for path in free:
-            if sizes and not is_strength(grown, path) and (size := _scaled(grown, path, sizes)):
+            if sizes and not is_strength(grown, path) and path not in usual:
+                usual[path] = _scaled(grown, path, sizes)
+        for path, size in usual.items():
+            if size:
                 grown.set(path, size)
         for path, value in self.fixed.items():
             grown.set(path, value)
@@ -89,7 +95,12 @@ class Hypothesis:
         self, grown: Any, free: Sequence[str], sizes: Mapping[str, float]
     ) -> list[Unknown]:
         """What is free of the effects in a machine they were put in, scaled for the records."""
-        usual = {path: _scaled(grown, path, sizes) or _typical(grown, path) for path in free}
+        usual = {
+            path: float(grown.get(path))
+            if path.endswith(_LIMITS)
+            else _scaled(grown, path, sizes) or _typical(grown, path)
+            for path in free
+        }
         found = unknowns(grown, free, None, usual)
         late = [p.unit == "s" and is_strength(grown, p.path) for p in found]
         return [
@@ -247,6 +258,8 @@ def _moved(p: Unknown, value: float, travel: Sequence[float]) -> list[float]:
     name = p.path.rpartition(".")[2]
     if name == "centre" and travel:
         return [float(x) for x in travel]
+    if name in _LIMITS:
+        return [factor * value for factor in _ABOUT]
     step = 0.5 * value
     if p.unit == "rad" and name.endswith("phase"):
         step = 0.5 * math.pi

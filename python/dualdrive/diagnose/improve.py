@@ -16,7 +16,7 @@ from dualdrive.diagnose.diagnose import diagnose
 from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.loop import ClosedLoop
 from dualdrive.diagnose.result import Diagnosis, plain
-from dualdrive.diagnose.survey import records_alone
+from dualdrive.diagnose.search import records_alone
 from dualdrive.identify import which_mode
 from dualdrive.replay import core_of, named, records
 from dualdrive.traces import Trace

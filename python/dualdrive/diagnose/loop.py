@@ -29,7 +29,7 @@ from dualdrive.traces import Trace
 Array = NDArray[np.float64]
 
 RTOL = 1e-6  # local tolerance: far below a record's noise
-_MOST_STEPS = 20_000  # of an integrator per second: a trial that takes more chatters
+_MOST_STEPS = 8_000  # of an integrator per second: a trial that takes more chatters
 _CALM = 0.1  # s after the command has stopped
 #: how far the zero of a current or torque sensor may be off, as a share of its channel's spread
 CURRENT_ZERO = 0.05

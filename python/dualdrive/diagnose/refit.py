@@ -1,33 +1,55 @@
 """A hypothesis fitted: its effects' numbers and every nuisance together.
 
-Levenberg-Marquardt on whitened rows. The nuisances' slopes are the engine's own where that is
-cheap, else those of the machine without the effect (a chord, good enough because the nuisances
-hardly move); those of the effects are secants, so that every law can be fitted.
+A fit begins where the change of the machine was seen to lower chi^2 most (`Trial`), since the
+linear score foretells little once flanks change. The nuisances' slopes are the engine's own where
+that is cheap, else those of the machine without the effect; those of the effects are secants, so
+that every law can be fitted, limits and delays among them. See `descent.py`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
+from dualdrive.diagnose.descent import Point, descend
 from dualdrive.diagnose.evidence import Evidence
 from dualdrive.diagnose.hypotheses import Hypothesis, is_strength
 from dualdrive.identify.unknowns import Unknown
 
 Array = NDArray[np.float64]
 
-_ROUNDS, _MANY = 8, 16  # of steps: simulated, and in a balance, which costs next to nothing
-_REJECTED = 4  # growing dampings tried before a descent ends
-_SETTLED = 0.3  # a fall of chi^2 that tells nothing
-_ELSEWHERE = 4  # starts tried from other nuisances than those of the refitted machine
-_RENEW = 0.03  # fall of chi^2, relative, that makes slopes worth renewing
+_SIMULATED, _IN_A_BALANCE = 16, 60  # steps tried: a balance costs next to nothing
 _SECANT, _LEAST = 0.02, 0.1  # step of a secant: share of a number, and of its usual size
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where a fit may begin: nuisances, shape (m,), and path -> SI value of the effects' numbers.
+
+    Numbers that are not given begin at their usual size.
+    """
+
+    u: Array
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """The best of several starts of a hypothesis: what it leaves there, and its chi^2."""
+
+    hypothesis: Hypothesis
+    grown: Any
+    free: Sequence[Unknown]
+    u: Array
+    v: Array
+    left: Sequence[Array]
+    chi: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,68 +107,84 @@ def _at(grown: Any, free: Sequence[Unknown], v: Array) -> Any:
 
 
 class Fitter:
-    """Fits hypotheses to one evidence; `stop` ends a fit between two simulations.
+    """Fits hypotheses to one evidence; `stop` ends a fit between two simulations."""
 
-    origins: nuisances, shape (m,) each, from which a fit may begin beside those of the machine
-        without the effect, which the missing effect may have dragged far away
-    """
-
-    def __init__(
-        self,
-        evidence: Evidence,
-        stop: Callable[[], bool] = lambda: False,
-        origins: Sequence[Array] = (),
-    ) -> None:
-        self.evidence, self.stop, self.origins = evidence, stop, origins
+    def __init__(self, evidence: Evidence, stop: Callable[[], bool] = lambda: False) -> None:
+        self.evidence, self.stop = evidence, stop
         self.sizes = evidence.confrontation.sizes()
 
-    def nominal(self, u: Array) -> Refit | None:
-        """No effect at all: the nuisances at their best."""
-        return self._descend(
-            Hypothesis(), self.evidence.confrontation.core, [], u, np.zeros(0), None
-        )
+    def nominal(self, *starts: Array) -> Refit | None:
+        """No effect at all: the nuisances at their best, from each of several starts."""
+        core, c = self.evidence.confrontation.core, self.evidence.confrontation
+        found = []
+        for u in starts:
+            left, slopes = c.left(core, u), c.slopes(core, u)
+            if left is not None and slopes is not None:
+                trial = Trial(
+                    Hypothesis(), core, [], u, np.zeros(0), left, self.evidence.chi(u, left)
+                )
+                found.append(self._fitted(trial, slopes, renewals=4))
+        return min(found, key=lambda r: r.chi, default=None)
 
-    def __call__(
-        self, hypothesis: Hypothesis, base: Refit, starts: Sequence[dict[str, float]]
-    ) -> Refit | None:
-        """From the best of several starts (path -> SI value); None where none can be simulated."""
+    def tried(
+        self, hypothesis: Hypothesis, starts: Iterable[Start], enough: float = -math.inf
+    ) -> Trial | None:
+        """The best of the starts; None where none can be simulated, or the time is up.
+
+        enough: chi^2 below which no further start is tried
+
+        Raises:
+            ValueError: effects that can't sit there together.
+
+        """
         c = self.evidence.confrontation
         grown, paths = hypothesis.put_in(c.core, self.sizes, c.part_sizes(hypothesis.effects))
         free = hypothesis.unknowns(grown, paths, self.sizes)
-        best: tuple[float, Array, Array] | None = None
-        for u in (base.u, *self.origins):
-            for start in starts if u is base.u else starts[:_ELSEWHERE]:
-                v = np.array([_coordinate(p, start.get(p.path)) for p in free])
-                left = self.evidence.confrontation.left(_at(grown, free, v), u)
-                if left is None or self.stop():
-                    continue
-                chi = self.evidence.chi(u, left)
-                if best is None or chi < best[0]:
-                    best = (chi, u, v)
-        if best is None:
-            return None
-        chord = None if self._cheap(grown) else base.slopes
-        return self._descend(hypothesis, grown, free, best[1], best[2], chord)
+        best: Trial | None = None
+        for start in starts:
+            if self.stop() or (best is not None and best.chi < enough):
+                break
+            u = np.clip(start.u, c.low, c.high)
+            v = np.array([_coordinate(p, start.values.get(p.path)) for p in free])
+            left = c.left(_at(grown, free, v), u)
+            if left is None:
+                continue
+            chi = self.evidence.chi(u, left)
+            if best is None or chi < best.chi:
+                best = Trial(hypothesis, grown, free, u, v, left, chi)
+        return best
 
-    def afresh(self, known: Refit, u: Array) -> Refit | None:
-        """The same hypothesis from other nuisances: a wrong machine may have dragged them away."""
-        at = _at(known.grown, known.free, known.v)
-        chord = self.evidence.confrontation.slopes(at, u) if not self._late(known.grown) else None
-        return self._descend(
-            known.hypothesis, known.grown, known.free, u, known.v, chord or known.slopes
-        )
+    def __call__(self, trial: Trial, slopes: Sequence[Array], *, renewals: int = 1) -> Refit:
+        """A trial followed down.
 
-    def again(self, known: Refit, *, fresh: bool = False) -> Refit:
+        slopes: of the nuisances, near by: of the machine without the effect, say
+        renewals: how often slopes of its own may be computed, at a dozen simulations each
+        """
+        c = self.evidence.confrontation
+        if self._cheap(trial.grown):
+            slopes = c.slopes(_at(trial.grown, trial.free, trial.v), trial.u) or slopes
+        elif self._late(trial.grown):  # its own would cost seconds
+            slopes = c.slopes(c.core, trial.u) or slopes
+        return self._fitted(trial, slopes, renewals=renewals)
+
+    def again(self, known: Refit, *, u: Array | None = None, fresh: bool = False) -> Refit:
         """A refit continued from where it stands, under this evidence.
 
-        fresh: whether the engine's own slopes are worth their time here
+        u: other nuisances to begin from: a wrong machine may have dragged them away
+        fresh: whether slopes of its own are worth their time here
         """
-        chord: Sequence[Array] | None = known.slopes
-        if fresh and not self._late(known.grown):
-            at = _at(known.grown, known.free, known.v)
-            chord = self.evidence.confrontation.slopes(at, known.u) or known.slopes
-        found = self._descend(known.hypothesis, known.grown, known.free, known.u, known.v, chord)
-        return found or replace(known, chi=self.evidence.chi(known.u, known.left))
+        c = self.evidence.confrontation
+        where, left = (known.u, known.left) if u is None else (u, c.left(known.machine, u))
+        if left is None:
+            return known
+        slopes, columns = known.slopes, known.columns
+        fresh = fresh and not self._late(known.grown)
+        if fresh:
+            slopes = c.slopes(known.machine, where) or known.slopes
+            columns = self._secants(known.grown, known.free, where, known.v, left) or columns
+        chi = self.evidence.chi(where, left)
+        trial = Trial(known.hypothesis, known.grown, known.free, where, known.v, left, chi)
+        return self._fitted(trial, slopes, columns, renewals=2 if fresh else 0)
 
     def _cheap(self, grown: Any) -> bool:
         """Whether the engine's own slopes cost little: every law affine and none late."""
@@ -161,77 +199,40 @@ class Fitter:
         named = [e["effect"] for e in grown.effects if not e["formula"]]
         return any("delay" in _core.effect_type(name).acts_on for name in named)
 
-    def _descend(
+    def _fitted(
         self,
-        hypothesis: Hypothesis,
-        grown: Any,
-        free: Sequence[Unknown],
-        u: Array,
-        v: Array,
-        chord: Sequence[Array] | None,
+        trial: Trial,
+        slopes: Sequence[Array],
         columns: Sequence[Array] | None = None,
-    ) -> Refit | None:
-        c, seen = self.evidence.confrontation, self.evidence
-        left = c.left(_at(grown, free, v), u)
-        slopes = chord if chord is not None else c.slopes(_at(grown, free, v), u)
-        if left is None or slopes is None:
-            return None
-        columns = self._secants(grown, free, u, v, left) if columns is None else columns
+        *,
+        renewals: int,
+    ) -> Refit:
+        t = trial
         if columns is None:
-            return None
-        found = Refit(hypothesis, grown, free, u, v, left, slopes, columns, seen.chi(u, left))
-        damping, cheap, renewed = 1e-4, c.mode == "balance", False
-        for _ in range(_MANY if cheap else _ROUNDS):
-            if self.stop():
-                return replace(found, resolved=False, note="cut by the time limit")
-            better, damping = self._step(found, damping)
-            if better is None:
-                if chord is None or renewed:
-                    break
-                own = c.slopes(found.machine, found.u)  # the chord leads nowhere from here
-                if own is None:
-                    break
-                found, renewed, damping = replace(found, slopes=own), True, 1e-4
-                continue
-            gained = found.chi - better.chi
-            v_moved = bool(len(free)) and bool(np.any(better.v != found.v))
-            if chord is None and gained > (0.0 if cheap else _RENEW) * found.chi:
-                slopes = c.slopes(better.machine, better.u) or found.slopes
-            moved = self._secants(grown, free, better.u, better.v, better.left) if v_moved else None
-            found = replace(better, slopes=slopes, columns=moved or found.columns)
-            if gained < _SETTLED:
-                break
-        return found
-
-    def _step(self, at: Refit, damping: float) -> tuple[Refit | None, float]:
-        """A step that lowers chi^2, None where none of the dampings finds one."""
-        c, seen = self.evidence.confrontation, self.evidence
-        rows = seen.rows(at.u, at.left, at.slopes)
-        jacobian = np.concatenate([rows.slopes, seen.white(at.columns)], axis=1)
-        m = len(at.u)
-        belief = np.concatenate([rows.precision, np.zeros(len(at.v))])
-        gradient = jacobian.T @ rows.left
-        gradient[:m] -= np.where(rows.precision > 0, rows.pull / rows.sigma, 0.0)
-        gram = jacobian.T @ jacobian + np.diag(belief)
-        scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        low = np.concatenate([c.low, [p.bounds[0] for p in at.free]])
-        high = np.concatenate([c.high, [p.bounds[1] for p in at.free]])
-        here = np.concatenate([at.u, at.v])
-        for _ in range(_REJECTED):
-            step = _bounded(gram, gradient, scale, damping, low - here, high - here)
-            if not np.isfinite(step).all():
-                break
-            there = here + step
-            u, v = there[:m], there[m:]
-            left = c.left(_at(at.grown, at.free, v), u)
-            if left is not None:
-                chi = seen.chi(u, left)
-                if chi < at.chi:
-                    return replace(at, u=u, v=v, left=left, chi=chi), max(damping / 10, 1e-8)
-            damping = max(damping, 1e-4) * 10
-            if self.stop():
-                break
-        return None, damping
+            columns = self._secants(t.grown, t.free, t.u, t.v, t.left)
+        raw = (t.hypothesis, t.grown, t.free)
+        if columns is None:
+            note = "its slopes can not be simulated"
+            nothing = [np.zeros((len(x), len(t.v))) for x in t.left]
+            return Refit(*raw, t.u, t.v, t.left, slopes, nothing, t.chi, False, note)
+        m = len(t.u)
+        jacobian = [np.concatenate(both, axis=1) for both in zip(slopes, columns, strict=True)]
+        problem = _OneHypothesis(self, t, renewals)
+        begin = Point(np.concatenate([t.u, t.v]), t.left, jacobian, t.chi)
+        balance = self.evidence.confrontation.mode == "balance"
+        most = _IN_A_BALANCE if balance else _SIMULATED
+        end, whole = descend(problem, begin, most, self.stop)
+        return Refit(
+            *raw,
+            end.x[:m],
+            end.x[m:],
+            end.left,
+            [j[:, :m] for j in end.jacobian],
+            [j[:, m:] for j in end.jacobian],
+            end.chi,
+            whole,
+            "" if whole else "cut by the time limit",
+        )
 
     def _secants(
         self, grown: Any, free: Sequence[Unknown], u: Array, v: Array, left: Sequence[Array]
@@ -254,27 +255,41 @@ class Fitter:
         return [np.stack(parts, axis=1) for parts in zip(*found, strict=True)]
 
 
-def _bounded(
-    gram: Array, gradient: Array, scale: Array, damping: float, low: Array, high: Array
-) -> Array:
-    """The damped step inside its bounds: what would leave them is held there, the rest solved."""
-    free = np.ones(len(gradient), dtype=bool)
-    step = np.zeros(len(gradient))
-    for _ in range(len(gradient)):
-        rows = np.flatnonzero(free)
-        if not len(rows):
-            break
-        right = gradient + gram @ np.where(free, 0.0, step)
-        even = gram[np.ix_(rows, rows)] * np.outer(scale[rows], scale[rows])
-        even[np.diag_indices_from(even)] += damping + 1e-10
-        step[rows] = -scale[rows] * np.linalg.solve(even, scale[rows] * right[rows])
-        outside = free & ((step < low) | (step > high))
-        if not outside.any():
-            break
-        step = np.clip(step, low, high)
-        free &= ~outside
-    result: Array = np.clip(step, low, high)
-    return result
+class _OneHypothesis:
+    """A hypothesis as a descent sees it (`descent.Problem`)."""
+
+    def __init__(self, fitter: Fitter, trial: Trial, renewals: int) -> None:
+        self.evidence, self._fitter, self._trial = fitter.evidence, fitter, trial
+        c = self.evidence.confrontation
+        self.low = np.concatenate([c.low, [p.bounds[0] for p in trial.free]])
+        self.high = np.concatenate([c.high, [p.bounds[1] for p in trial.free]])
+        self._left = math.inf if c.mode == "balance" else renewals
+        self._known: Array | None = None  # where slopes were computed last
+
+    def left(self, x: Array) -> list[Array] | None:
+        return self.evidence.confrontation.left(self._machine(x), x[: self._count])
+
+    def renewed(self, point: Point) -> list[Array] | None:
+        same = self._known is not None and np.array_equal(point.x, self._known)
+        if self._left <= 0 or same or self._fitter.stop():
+            return None
+        self._left, self._known = self._left - 1, point.x
+        u, v = point.x[: self._count], point.x[self._count :]
+        slopes = None
+        if not self._fitter._late(self._trial.grown):
+            slopes = self.evidence.confrontation.slopes(self._machine(point.x), u)
+        columns = self._fitter._secants(self._trial.grown, self._trial.free, u, v, point.left)
+        if columns is None:
+            return None
+        old = [j[:, : self._count] for j in point.jacobian]
+        return [np.concatenate(b, axis=1) for b in zip(slopes or old, columns, strict=True)]
+
+    @property
+    def _count(self) -> int:
+        return len(self._trial.u)
+
+    def _machine(self, x: Array) -> Any:
+        return _at(self._trial.grown, self._trial.free, x[self._count :])
 
 
 def _coordinate(p: Unknown, value: float | None) -> float:

@@ -105,6 +105,20 @@ class Scorer:
         error = float(np.sqrt(len(each)) * np.std(each, ddof=1)) if len(each) > 1 else 0.0
         return Gain(before - chi, float(each.sum()), error, step[m:] / size, step[:m])
 
+    def whole(self, columns: Array) -> Gain:
+        """The best single column of (n, k) at its full size: what has no strength to scale."""
+        found = []
+        for k, column in enumerate(columns.T):
+            left = self.rows.left + column
+            pull = np.stack([self.rows.slopes[own].T @ left[own] for own in self._own])
+            square = np.array([left[own] @ left[own] for own in self._own])
+            chi, step, foretold = _solve(self._gram, pull, square, self._prior, self._prior_pull)
+            each = self._before[2] - foretold
+            error = float(np.sqrt(len(each)) * np.std(each, ddof=1)) if len(each) > 1 else 0.0
+            chosen = np.eye(columns.shape[1])[k]
+            found.append(Gain(self._before[0] - chi, float(each.sum()), error, chosen, step))
+        return max(found, key=lambda g: g.gain)
+
     def rest(self, columns: Array) -> Array:
         """What the nuisances can not imitate of columns (n, k), within their priors."""
         inverse = np.linalg.pinv(self._gram.sum(0) + self._prior, rcond=_RIDGE, hermitian=True)

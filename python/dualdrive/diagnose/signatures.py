@@ -1,4 +1,4 @@
-"""Signatures of hypotheses, their scores, and refits of the best."""
+"""Signatures of hypotheses, and their scores."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from dualdrive import _core
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.evidence import Evidence
 from dualdrive.diagnose.hypotheses import Hypothesis, Setting, is_strength, probes
-from dualdrive.diagnose.orders import members_of, strongest_orders
-from dualdrive.diagnose.refit import Fitter, Refit
+from dualdrive.diagnose.orders import HIGHEST, members_of, strongest_orders
 from dualdrive.diagnose.score import Gain, Scorer
 
 Array = NDArray[np.float64]
@@ -167,93 +166,9 @@ def with_orders(
         if place not in known:
             known[place] = strongest_orders(evidence, rest, place)
         usual = float(grown.get(paths[0]))
-        orders = [*(float(n) for n, _ in known[place]), usual]
-        found += [Hypothesis(h.effects, {**h.fixed, paths[0]: n}) for n in dict.fromkeys(orders)]
+        orders = {float(n): HIGHEST for n, _ in known[place]} | {usual: 1}
+        found += [Hypothesis(h.effects, {**h.fixed, paths[0]: n}, k) for n, k in orders.items()]
     return found
-
-
-def starts_of(score: Score) -> list[Setting]:
-    """Where a refit may begin: what the score expects, and the probes themselves."""
-    settings, strengths = score.signature.settings, score.gain.strengths
-    grown = score.signature.grown
-    base = dict(settings[0])
-    expected, amplitude = dict(base), float(strengths[0])
-    whole = amplitude
-    for one, g in zip(settings[1:], strengths[1:], strict=True):
-        moved = next(path for path in one if one[path] != base[path] and one[path] != 0.0)
-        if is_strength(grown, moved):
-            expected[moved] = float(g) * one[moved]
-        elif moved.endswith("phase"):
-            expected[moved] = base[moved] + math.atan2(float(g), amplitude)
-            whole = math.hypot(amplitude, float(g))
-        elif not moved.endswith("centre") and (sum_ := whole + float(g)) > 0:
-            share = min(max(float(g) / sum_, -1.0), 2.0)
-            expected[moved] = base[moved] + share * (one[moved] - base[moved])
-            whole = sum_
-    first = next((path for path in base if is_strength(grown, path)), "")
-    size = max(whole, 0.1)
-    if first:
-        expected[first] = base[first] * whole
-    found = [expected, {**base, first: base[first] * size} if first else base, base]
-    for one in settings[1:]:
-        found.append({**one, first: one[first] * size} if first else dict(one))
-    found += [
-        {**found[1], path: factor * x}
-        for path, x in base.items()
-        if path.endswith((".speed", ".stiffness"))
-        for factor in (0.2, 3.0)
-    ]
-    return found
-
-
-def fit_all(
-    fitter: Fitter,
-    base: Refit,
-    scores: Sequence[Score],
-    threads: int,
-    tell: Callable[[str], None],
-) -> list[Refit]:
-    """Refit each, side by side; those that can't be simulated or were never begun are left out.
-
-    Laws that contain a simpler one of the same place come after it and begin from it.
-    """
-    whole = [s for s in scores if s.signature.hypothesis.effects[-1][0] in CONTAINS]
-    simple = [s for s in scores if s not in whole]
-    known: dict[tuple[str, str], Refit] = {}
-
-    def one(score: Score) -> Refit | None:
-        if fitter.stop():
-            return None
-        h = score.signature.hypothesis
-        tell(f"refitting with {h.label}")
-        effect, place = h.effects[-1]
-        first = next(
-            (known[e, place] for e in CONTAINS.get(effect, ()) if (e, place) in known), None
-        )
-        if first is None:
-            return fitter(h, base, starts_of(score))
-        return fitter(h, first, _grown_from(score, first))
-
-    found: list[Refit] = []
-    for several in (simple, whole):
-        if threads == 1 or len(several) < 2:
-            fitted = [one(s) for s in several]
-        else:
-            with ThreadPoolExecutor(threads) as pool:
-                fitted = list(pool.map(one, several))
-        found += [r for r in fitted if r is not None]
-        known.update({r.hypothesis.effects[-1]: r for r in found})
-    return found
-
-
-def _grown_from(score: Score, simple: Refit) -> list[dict[str, float]]:
-    """Starts of a whole law that do what the simpler one did: the same level, little more."""
-    label = score.signature.hypothesis.label
-    level = next(x for path, x in simple.values().items() if path.endswith(".torque"))
-    settings = score.signature.settings[0]
-    base = {**settings, f"{label}.torque": level, f"{label}.static_ratio": 1.15}
-    speeds = [settings[f"{label}.speed"] * factor for factor in (0.1, 0.3, 1.0, 3.0)]
-    return [{**base, f"{label}.speed": v} for v in speeds]
 
 
 def score_all(
@@ -272,7 +187,10 @@ def score_all(
         signature = prober(h)
         if signature is None:
             return None
-        gains = [judge(e.white(signature.columns)) for e, judge in judges]
+        sized = any(is_strength(signature.grown, path) for path in signature.settings[0])
+        gains = [
+            (judge if sized else judge.whole)(e.white(signature.columns)) for e, judge in judges
+        ]
         scaled = [
             replace(g, gain=g.gain / o, held_out=g.held_out / o)
             for g, o in zip(gains, over, strict=True)

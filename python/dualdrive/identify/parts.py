@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,8 @@ from dualdrive.replay import Record
 
 #: of the play in the mesh behind it: where play of a reducer begins
 _OF_MESH = 0.2
-#: of the most that was recorded: a limit there is met, and not met by much
-_SHARE = 0.95
+#: share of the samples below what is taken for the peak: noise is above it
+_PEAK = 0.995
 
 
 def sizes_of_part(
@@ -20,9 +20,10 @@ def sizes_of_part(
 ) -> dict[str, float]:
     """Path -> where to begin with each number of a structural effect that is off.
 
-    A torque limit begins at 95 % of the largest torque recorded of its motors, from the current
-    where that alone was recorded; a voltage limit at 95 % of the largest voltage; neither where
-    nothing of it was recorded. Play of a reducer begins at a fifth of that in its mesh.
+    A torque limit begins where the largest torque recorded of its motors lies but for the noise,
+    from the current where that alone was recorded; a voltage limit at the largest voltage; neither
+    where nothing of it was recorded, or the machine's own limit lies below. Play of a reducer
+    begins at a fifth of that in its mesh.
     """
     found = {}
     for name in effect["parameters"]:
@@ -33,26 +34,29 @@ def sizes_of_part(
             if sum(gaps) > 0.0:
                 found[path] = _OF_MESH * sum(gaps) / len(gaps)
             continue
-        limits = [core.get(member) for member in core.members(path)]
-        if np.isinf(limits).any():
-            peak = max(_recorded(core, effect["members"], name, played), default=0.0)
-            if peak > 0.0:
-                found[path] = _SHARE * peak
+        peaks = _peaks(core, effect["members"], name, played)
+        if peaks and 0.0 < min(peaks) < max(core.get(member) for member in core.members(path)):
+            found[path] = min(peaks)
     return found
 
 
-def _recorded(
+def _peaks(
     core: Any, motors: Sequence[str], limit: str, played: Sequence[Record]
-) -> Iterator[float]:
-    """Largest size of what a limit limits, of every record and motor that has it."""
-    for record in played:
-        for motor in motors:
-            n = motor.rpartition("_")[2]
-            channels = {
-                "T_max": {f"T_{n}": 1.0, f"I_{n}": core.get(f"{motor}.K_d")},
-                "U_max": {f"U_{n}": 1.0},
-            }
-            for channel, factor in channels.get(limit, {}).items():
-                if channel in record.trace:
-                    yield factor * float(np.max(np.abs(record.trace[channel])))
-                    break
+) -> list[float]:
+    """Largest size of what a limit limits, over all records, of every motor that has it."""
+    if limit not in ("T_max", "U_max"):
+        return []
+    found = []
+    for motor in motors:
+        n = motor.rpartition("_")[2]
+        volts = {f"U_{n}": 1.0}
+        torques = {f"T_{n}": 1.0, f"I_{n}": core.get(f"{motor}.K_d")}
+        own = [
+            factor * float(np.quantile(np.abs(record.trace[channel]), _PEAK))
+            for record in played
+            for channel, factor in (torques if limit == "T_max" else volts).items()
+            if channel in record.trace
+        ]
+        if own:
+            found.append(max(own))
+    return found

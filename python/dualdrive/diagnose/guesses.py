@@ -1,0 +1,136 @@
+"""First guesses from the torque balance: numbers from which a refit of the loop may begin.
+
+Where a record of a closed loop holds torques (or currents) and angles, every equation of motion can
+be closed on the recorded motion. That is noisier than the loop, but hardly curved: no flank is met
+too early or too late, nothing sticks that moved. A strong effect is fitted there in a few hundred
+milliseconds, and its refit in the loop then begins in the right valley.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive import _core
+from dualdrive.diagnose import whitening
+from dualdrive.diagnose.confront import Confrontation
+from dualdrive.diagnose.equations import TorqueBalance
+from dualdrive.diagnose.evidence import Evidence, effective, evidence
+from dualdrive.diagnose.hypotheses import SCALES, Hypothesis
+from dualdrive.diagnose.loop import ClosedLoop
+from dualdrive.diagnose.refit import Fitter, Refit, Start
+from dualdrive.diagnose.score import Scorer
+from dualdrive.diagnose.signatures import Prober, Score, score_all, with_orders
+from dualdrive.diagnose.starts import near
+
+Array = NDArray[np.float64]
+
+_FITTED = 8  # hypotheses
+_GAINS = 12.0  # fall of chi^2 over its inflation that makes a fit worth while
+
+
+@dataclass(frozen=True, eq=False)
+class Guesses:
+    """Numbers that close the equations of motion.
+
+    nominal: path -> SI value, nothing missing
+    by_label: label -> path -> SI value, the machine's and the effect's
+    hypotheses: label -> the hypothesis with its counted numbers
+    """
+
+    nominal: Mapping[str, float] = field(default_factory=dict)
+    by_label: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    hypotheses: Mapping[str, Hypothesis] = field(default_factory=dict)
+
+    def start(self, c: Confrontation, u: Array, label: str = "") -> Start | None:
+        """A start in the loop: the machine's numbers from here, all else as in u."""
+        known = self.by_label.get(label) if label else self.nominal
+        if not known:
+            return None
+        moved = u.copy()
+        for j, p in enumerate(c.nominal):
+            if p.path in known:
+                moved[j] = p.coordinate(known[p.path])
+        return Start(np.clip(moved, c.low, c.high), known)
+
+
+def guessed(
+    c: Confrontation,
+    hypotheses: Sequence[Hypothesis],
+    stop: Callable[[], bool],
+    threads: int,
+    tell: Callable[[str], None],
+) -> Guesses:
+    """Fit what a balance shows of the hypotheses; none where no balance can be drawn up."""
+    balance = _balance(c)
+    left = balance.left(balance.core, balance.start) if balance is not None else None
+    if balance is None or left is None or stop():
+        return Guesses()
+    seen = [h for h in hypotheses if _shows(h)]
+    tell(f"closing the torque balance with {len(seen)} effects")
+    first = evidence(balance, whitening.sized(balance.series, left))
+    base = Fitter(first, stop).nominal(balance.levelled(balance.core, balance.start))
+    if base is None:
+        return Guesses()
+    noise = evidence(balance, whitening.sized(balance.series, base.left))
+    fitter = Fitter(noise, stop)
+    found: list[Refit] = []
+    for score in _best(balance, noise, base, seen, threads, stop):
+        trial = fitter.tried(score.signature.hypothesis, near(score, base))
+        if trial is not None:
+            found.append(fitter(trial, base.slopes))
+    found.sort(key=lambda r: r.chi)
+    return Guesses(
+        _numbers(balance, base),
+        {r.hypothesis.label: {**_numbers(balance, r), **r.values()} for r in reversed(found)},
+        {r.hypothesis.label: r.hypothesis for r in reversed(found)},
+    )
+
+
+def _best(
+    balance: TorqueBalance,
+    seen: Evidence,
+    base: Refit,
+    hypotheses: Sequence[Hypothesis],
+    threads: int,
+    stop: Callable[[], bool],
+) -> list[Score]:
+    scorer = Scorer(seen.rows(base.u, base.left, base.slopes))
+    floors = [max(s.floor, 1e-3 * s.spread) for s in balance.series]
+    prober = Prober(balance, base.u, base.left, floors)
+    rest = scorer.rest(scorer.rows.left[:, None])[:, 0]
+    over = effective(seen.white(base.left), seen)
+    listed = with_orders(seen, rest, hypotheses)
+    scores = score_all(prober, [(seen, scorer)], [over], listed, threads, stop)
+    worth = [s for s in scores if s.gain.gain > _GAINS]
+    return sorted(worth, key=lambda s: -s.gain.gain)[:_FITTED]
+
+
+def _numbers(balance: TorqueBalance, r: Refit) -> dict[str, float]:
+    return {p.path: p.value(float(x)) for p, x in zip(balance.nominal, r.u, strict=False)}
+
+
+def _shows(h: Hypothesis) -> bool:
+    """Whether a torque balance shows all its effects."""
+    for effect, place in h.effects:
+        kind = _core.effect_type(effect)
+        channel = place.startswith(("theta_", "omega_", "I_", "T_", "U_"))
+        if kind.structural or not kind.in_balance or effect in SCALES or channel:
+            return False
+    return True
+
+
+def _balance(c: Confrontation) -> TorqueBalance | None:
+    if not isinstance(c, ClosedLoop):
+        return None
+    try:
+        return TorqueBalance(
+            c.core,
+            {r.name: r.trace for r in c.records},
+            {r.name: r.settings for r in c.records},
+        )
+    except (ValueError, KeyError, StopIteration):
+        return None  # no torques, or too little motion

@@ -1,0 +1,162 @@
+"""The search for what is missing: noise, scores, refits, second effects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive.diagnose import whitening
+from dualdrive.diagnose.confront import Confrontation
+from dualdrive.diagnose.evidence import Evidence, effective, evidence
+from dualdrive.diagnose.guesses import Guesses, guessed
+from dualdrive.diagnose.hypotheses import Hypothesis, candidates, members
+from dualdrive.diagnose.pairs import with_pairs
+from dualdrive.diagnose.refit import Fitter, Refit
+from dualdrive.diagnose.score import Scorer
+from dualdrive.diagnose.settle import ENOUGH, settle
+from dualdrive.diagnose.shortlist import distinct, refitted, without_twins
+from dualdrive.diagnose.signatures import Prober, Score, score_all, with_orders
+from dualdrive.diagnose.survey import Clock, Survey, excess, key_of
+from dualdrive.identify import FitError
+
+Array = NDArray[np.float64]
+
+SHORTLIST = 6
+_ROUNDS = 3  # of noise
+_CLEARLY = 1.4  # times the noise: something is missing, whatever a score says of its name
+WORTH_A_REFIT = 10.0  # fall of chi^2 over its inflation, below which no name could be given
+_TAKEN_APART = 10  # best groups of which the single parts are tried
+_SETTLED = 0.1  # change of the noise's size below which another round changes nothing
+
+
+def search(
+    confrontation: Confrontation,
+    clock: Clock,
+    *,
+    wanted: Sequence[Hypothesis] | None = None,
+    shortlist: int = SHORTLIST,
+    threads: int = 2,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Survey:
+    """Try every hypothesis.
+
+    Raises:
+        FitError: the machine itself can not be simulated.
+
+    """
+    c = confrontation
+    tell("the machine as it stands")
+    nominal = records_alone(c, clock)
+    tell("refitting the nominal numbers")
+    seen, base = _refitted(c, nominal.u, clock)
+    known = candidates(c.core, c.channels, balance=c.mode == "balance")
+    every = list(known if wanted is None else wanted)
+    plain = Survey(seen, nominal, base, [], {key_of(base): 0.0}, 1.0, [])
+    clear = excess(plain, base.left).max() > _CLEARLY * ENOUGH
+    guesses = guessed(c, every, clock.stop, threads, tell) if clear else Guesses()
+    if (start := guesses.start(c, base.u)) is not None:  # it may have met a better valley
+        other = Fitter(seen, clock.stop).nominal(start.u)
+        base = other if other is not None and other.chi < base.chi else base
+    scorer = Scorer(seen.rows(base.u, base.left, base.slopes))
+    scores, untried = _scored(c, seen, base, scorer, every, clock, threads, tell)
+    single, twins = without_twins(seen, scorer, scores)
+    least = 1.0 if clear else WORTH_A_REFIT
+    refits, missing = refitted(
+        Fitter(seen, clock.stop),
+        base,
+        nominal.u,
+        [s for s in single if s.gain.gain > least],
+        guesses,
+        shortlist,
+        threads,
+        tell,
+    )
+    if missing:
+        clock.leave_out(f"not refitted: {', '.join(missing)}")
+    found = replace(
+        plain, base=base, refits=refits, scores=scores, untried=untried, twins=twins, refitted=base
+    )
+    return with_pairs(settle(found, clock, tell), clock, tell)
+
+
+def _scored(
+    c: Confrontation,
+    seen: Evidence,
+    base: Refit,
+    scorer: Scorer,
+    every: Sequence[Hypothesis],
+    clock: Clock,
+    threads: int,
+    tell: Callable[[str], None],
+) -> tuple[list[Score], list[str]]:
+    """Scores under what is left as white noise and as coloured noise, the larger counting.
+
+    Groups come first, and the single parts of those that gain something.
+    """
+    prober = Prober(c, base.u, base.left, [max(s.floor, 1e-3 * s.spread) for s in c.series])
+    coloured = evidence(c, whitening.fitted(c.series, base.left))
+    judges = [(seen, scorer), (coloured, Scorer(coloured.rows(base.u, base.left, base.slopes)))]
+    over = [effective(e.white(base.left), e) for e, _ in judges]
+    rest = [j.rest(j.rows.left[:, None])[:, 0] for _, j in judges]
+
+    def tried(hypotheses: Sequence[Hypothesis]) -> list[Score]:
+        tell(f"trying {len(hypotheses)} effects at their places")
+        listed = distinct(with_orders(coloured, rest[1], hypotheses))
+        return score_all(prober, judges, over, listed, threads, clock.stop)
+
+    scores = tried(every)
+    best = sorted(scores, key=lambda s: -s.gain.gain)
+    groups = {s.label: s.signature.hypothesis for s in best if s.gain.gain > WORTH_A_REFIT}
+    several = list(groups.values())[:_TAKEN_APART]
+    parts = [m for h in several for m in members(c.core, Hypothesis(h.effects))]
+    if parts:
+        scores += tried(parts)
+    known = {s.label for s in scores}
+    untried = sorted({h.label for h in every} - known)
+    if clock.stop() and untried:
+        clock.leave_out(f"not tried: {', '.join(untried)}")
+    return sorted(scores, key=lambda s: -s.gain.gain), untried
+
+
+def _refitted(c: Confrontation, u: Array, clock: Clock) -> tuple[Evidence, Refit]:
+    """Nominal numbers refitted under the noise that they leave, in rounds."""
+    left = c.left(c.core, u)
+    for last in reversed(range(_ROUNDS)):
+        if left is None:
+            break
+        seen = evidence(c, whitening.sized(c.series, left))
+        base = Fitter(seen, clock.stop).nominal(u)
+        if base is None:
+            break
+        if last == 0 or _alike(left, base.left):
+            return seen, base
+        u, left = base.u, list(base.left)
+    raise FitError(f"{c.core.name}: the machine can not be simulated on these records")
+
+
+def records_alone(c: Confrontation, clock: Clock | None = None) -> Refit:
+    """What belongs to the records fitted, the machine's numbers held: an error as `compare` has it.
+
+    Raises:
+        FitError: the machine can not be simulated.
+
+    """
+    held = copy(c)
+    held.sigma = c.sigma.copy()
+    held.sigma[: len(c.nominal)] = 1e-9
+    seen = evidence(held, whitening.plain(c.series))
+    stop = clock.stop if clock is not None else lambda: False
+    found = Fitter(seen, stop).nominal(c.levelled(c.core, c.start))
+    if found is None:
+        raise FitError(f"{c.core.name}: the machine can not be simulated on these records")
+    return found
+
+
+def _alike(first: Sequence[Array], second: Sequence[Array]) -> bool:
+    a = np.array([np.sqrt(np.mean(x**2)) for x in first])
+    b = np.array([np.sqrt(np.mean(x**2)) for x in second])
+    return bool(np.all(np.abs(np.log((b + 1e-300) / (a + 1e-300))) < _SETTLED))

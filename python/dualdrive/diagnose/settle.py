@@ -1,0 +1,146 @@
+"""All hypotheses judged by one measure: the noise that the best of them leaves.
+
+Noise and misfit are told apart in rounds. At first all that the refitted machine leaves counts as
+noise; each better hypothesis leaves less, and the rest is judged again under the noise it leaves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive.diagnose import whitening
+from dualdrive.diagnose.evidence import Evidence, effective, evidence
+from dualdrive.diagnose.hypotheses import is_strength
+from dualdrive.diagnose.refit import Fitter, Refit
+from dualdrive.diagnose.score import Scorer
+from dualdrive.diagnose.survey import Clock, Survey, excess, key_of
+
+Array = NDArray[np.float64]
+
+_NOISE = 1.5  # residual over floor, up to which what is left may be taken for noise
+_ROUNDS = 3
+_CLOSE = 60.0  # of criterion behind the best: refitted again under the new noise
+_FEW = 4  # of them
+_POLISH = 2
+_SETTLED = 0.1  # change of the noise's size below which another round changes nothing
+ENOUGH = 1.1  # residual over floor in every series, below which nothing is left to explain
+
+
+def settle(found: Survey, clock: Clock, tell: Callable[[str], None]) -> Survey:
+    """Judge all again under the noise that the best of them leaves, until that is settled."""
+    seen, every = found.evidence, [found.base, *found.refits]
+    criterion, inflation = _criterion(seen, every)
+    for number in range(_ROUNDS):
+        ordered = sorted(every, key=lambda r: criterion[key_of(r)])
+        tell(f"noise under {ordered[0].hypothesis.label}")
+        left = ordered[0].left
+        series = seen.confrontation.series
+        # colour is read off noise; what a wrong model leaves is weighed by its size alone
+        noise = excess(_now(found, seen, every, criterion), left).max() < _NOISE
+        now = evidence(
+            seen.confrontation, (whitening.fitted if noise else whitening.sized)(series, left)
+        )
+        fitter = Fitter(now, clock.stop)
+        least = criterion[key_of(ordered[0])]
+        close = [r for r in ordered[:_FEW] if criterion[key_of(r)] < least + _CLOSE]
+        again = [
+            fitter.again(r, fresh=number == 0 and r is not found.base)
+            if r is found.base or r in close
+            else replace(r, chi=now.chi(r.u, r.left))
+            for r in every
+        ]
+        found = replace(found, base=again[0])
+        best = int(np.argmin([r.chi for r in again]))
+        if number == 0:
+            so_far = _now(found, now, every, criterion)
+            if excess(so_far, again[best].left).max() > ENOUGH:
+                again[best] = _polished(fitter, again[best], found.nominal.u)
+        settled = _same_noise(seen, now)
+        seen, every = now, again
+        criterion, inflation = _criterion(seen, every)
+        if settled or clock.stop():
+            break
+    base, *refits = every
+    return replace(
+        found,
+        evidence=seen,
+        base=base,
+        refits=sorted(refits, key=lambda r: criterion[key_of(r)]),
+        criterion=criterion,
+        inflation=inflation,
+    )
+
+
+def _now(
+    found: Survey, seen: Evidence, every: Sequence[Refit], criterion: Mapping[str, float]
+) -> Survey:
+    """The survey as it stands between two rounds."""
+    base, *refits = every
+    return replace(found, evidence=seen, base=base, refits=refits, criterion=criterion)
+
+
+def _polished(fitter: Fitter, best: Refit, nominal: Array) -> Refit:
+    """The leader with slopes of its own until they gain nothing: all others are judged by it.
+
+    It begins again from the nominal numbers, too, where the machine without it had moved them.
+    """
+    if len(best.free) and not fitter.stop():
+        other = fitter.again(best, u=nominal, fresh=True)
+        best = other if other.chi < best.chi else best
+    for _ in range(_POLISH):
+        if fitter.stop():
+            break
+        better = fitter.again(best, fresh=True)
+        gained = best.chi - better.chi
+        best = better if gained > 0 else best
+        if gained < 0.02 * best.chi:
+            break
+    return best
+
+
+def _criterion(seen: Evidence, every: Sequence[Refit]) -> tuple[dict[str, float], float]:
+    """Quasi-BIC: chi^2 over the overdispersion of the best, and log n per number that is needed.
+
+    A number that may as well have its neutral value (an asymmetry of zero, a second strength of
+    zero) counts as the simpler law that it leaves: by its own chi^2 where that costs less. A
+    counted number that was picked from many, the order of a harmonic, pays for the looking.
+    """
+    least = min(every, key=lambda r: r.chi)
+    inflation = effective(seen.white(least.left), seen)
+    count = max(seen.count / inflation, 10.0)
+    each = float(np.log(count))
+    found = {}
+    for r in every:
+        spare = sum(max(each - z, 0.0) for z in _spare(seen, r, inflation))
+        looked = 2.0 * float(np.log(r.hypothesis.searched))
+        found[key_of(r)] = r.chi / inflation + len(r.v) * each - spare + looked
+    return found, inflation
+
+
+def _spare(seen: Evidence, r: Refit, inflation: float) -> list[float]:
+    """Squared distance from its neutral value, in standard deviations, of every number with one."""
+    if not r.free:
+        return []
+    rows = seen.rows(r.u, r.left, r.slopes)
+    own = Scorer(rows).rest(seen.white(r.columns))
+    information = np.diag(np.linalg.pinv(np.linalg.pinv(own.T @ own, hermitian=True)))
+    found, strong = [], set()
+    for j, p in enumerate(r.free):
+        label, strength = p.path.rpartition(".")[0], is_strength(r.grown, p.path)
+        if p.path.endswith(".asymmetry") or (strength and label in strong):
+            found.append(float(r.v[j] ** 2 * information[j] / inflation))
+        if strength:
+            strong.add(label)
+    return found
+
+
+def _same_noise(first: Evidence, second: Evidence) -> bool:
+    one, two = (
+        np.array([float(np.mean(w.scale[w.keep])) if w.keep.any() else 1.0 for w in e.whiteners])
+        for e in (first, second)
+    )
+    return bool(np.all(np.abs(np.log(one / two)) < _SETTLED))
