@@ -8,12 +8,14 @@ from math import exp, log, pi, sqrt
 import numpy as np
 import pytest
 
+from dualdrive.motion import step
 from dualdrive.paper import EXHIBITS, Claim, Exhibit, reproduce
 from dualdrive.paper.exhibit import Number, Table, shown, verdict
 from dualdrive.paper.figure2 import shared, stage_totals
 from dualdrive.paper.figure5 import PRINTED
 from dualdrive.paper.flanks import flanks_since
 from dualdrive.paper.response import oscillation, sine_response, step_response
+from dualdrive.paper.settings import heavy_table, simulated
 
 ARCSEC = pi / 648000
 exhibit = cache(reproduce)
@@ -214,6 +216,11 @@ def test_figure_6_hunts_before_and_is_smooth_after() -> None:
 
 
 # -------------------------------------------------------------------------------------- in all
+
+
+def test_a_run_that_stops_early_gives_no_figures() -> None:
+    with pytest.raises(RuntimeError, match=r"heavy-table-empty, step:0\.001.*: too_many_steps: "):
+        simulated(heavy_table("empty"), step(1e-3), end=1.0, max_steps=3)
 
 
 def test_an_unknown_exhibit_is_refused() -> None:

@@ -13,10 +13,9 @@ from dualdrive.motion import Motion, move, step
 from dualdrive.paper import slave_lag
 from dualdrive.paper.exhibit import Claim, Exhibit, Table, verdict
 from dualdrive.paper.flanks import flanks_since
-from dualdrive.paper.settings import ARCSEC, heavy_table
+from dualdrive.paper.settings import ARCSEC, heavy_table, simulated
 from dualdrive.paper.slave_lag import SlaveLag
 from dualdrive.run import Run
-from dualdrive.simulation import simulate
 
 __all__ = ["LIMIT", "TENSION", "Figure2", "Stage", "figure2", "shared", "stage_totals"]
 
@@ -103,7 +102,11 @@ def figure2() -> Exhibit:
             "move: 0.04 rad, 0.05 rad/s, 0.03 rad/s², 0.06 rad/s³ from 2 s",
             slave_lag.CHOSEN,
         ),
-        claims=(*_claims(data), slave_lag.claim(data.lag)),
+        claims=(
+            *_stage_claims(data),
+            _move_claim(data.move),
+            slave_lag.claim(data.lag),
+        ),
         tables=(_stage_table(data), slave_lag.table(data.lag)),
         notes=(
             "Motor torques lie 2 N·m off the law where pinion friction (300 N·m, 2 at the motor) "
@@ -119,7 +122,7 @@ def figure2() -> Exhibit:
 
 
 def _run(load: str, numbers: Mapping[str, float], motion: Motion) -> Run:
-    return simulate(heavy_table(load, numbers), motion, signals=_SIGNALS, energy=False)
+    return simulated(heavy_table(load, numbers), motion, signals=_SIGNALS)
 
 
 def _ramp(numbers: Mapping[str, float]) -> Run:
@@ -129,9 +132,8 @@ def _ramp(numbers: Mapping[str, float]) -> Run:
     times, parts = np.array(_RAMP).T
     load = (times, parts * 2.0 * LIMIT * to_table)
     end = float(times[-1]) + 2.0
-    return simulate(
-        machine, step(0.0, settle=end), load=load, end=end, signals=_SIGNALS, output_step=5e-3,
-        energy=False,
+    return simulated(
+        machine, step(0.0, settle=end), load=load, end=end, signals=_SIGNALS, output_step=5e-3
     )  # fmt: skip
 
 
@@ -139,11 +141,11 @@ def _located(run: Run) -> tuple[Stage, ...]:
     """Where the slow run passes the paper's stages: flanks that open, limits that are met."""
     top, bottom = int(np.argmax(run["T_1"] + run["T_2"])), int(np.argmin(run["T_1"] + run["T_2"]))
     at = {
-        0: 3.0,
-        2: _first(run, "mesh_2", "gap", since=3.0),
+        0: _RAMP[1][0],
+        2: _first(run, "mesh_2", "gap", since=_RAMP[1][0]),
         3: _first(run, "controller.speed_1", "high"),
         4: float(run.t[top]),
-        6: _first(run, "mesh_1", "gap", since=43.0),
+        6: _first(run, "mesh_1", "gap", since=_RAMP[3][0]),
         7: _first(run, "controller.speed_2", "low"),
         8: float(run.t[bottom]),
     }
@@ -159,15 +161,14 @@ def _first(run: Run, element: str, mode: str, since: float = 0.0) -> float | Non
     return next((e.t for e in run.events if e[1::2] == (element, mode) and e.t >= since), None)
 
 
-def _claims(data: Figure2) -> tuple[Claim, ...]:
+def _stage_claims(data: Figure2) -> tuple[Claim, ...]:
+    """What the slow run shows."""
     at = {stage.number: stage for stage in data.stages}
     run = data.ramp
     rising = (run.t >= at[3].t) & (run.t <= at[4].t)
     held = float(np.ptp(run["T_1"][rising]))
-    met = flanks_since(data.move, 1.9)
-    wanted = [(1, -1), (1, 0), (1, 1)]
     closed = _first(run, "mesh_2", "front", since=at[2].t)
-    begin = flanks_since(run, 3.0)[0]
+    begin = flanks_since(run, at[0].t)[0]
     mirrored = [(a, b) for a, b in ((2, 6), (3, 7), (4, 8))]
     apart = max(abs(at[a].T_1 + at[b].T_2) for a, b in mirrored)
     return (
@@ -198,13 +199,16 @@ def _claims(data: Figure2) -> tuple[Claim, ...]:
             f"M1 at 2, 3, 4 and −M2 at 6, 7, 8 within {apart:.3f} N·m",
             verdict(apart < 0.5),
         ),
-        Claim(
-            "accelerating, the pair goes through 0 to 4",
-            f"flanks {' → '.join(map(str, met[:3]))}; M1 to {data.move['T_1'].max():.1f}, M2 to "
-            f"{data.move['T_2'].max():.1f} N·m; braking, {data.move['T_1'].min():.1f} and "
-            f"{data.move['T_2'].min():.1f} N·m",
-            verdict(met[:3] == wanted, data.move["T_1"].max() > LIMIT - 0.1),
-        ),
+    )
+
+
+def _move_claim(run: Run) -> Claim:
+    met, first, second = flanks_since(run, 1.9)[:3], run["T_1"], run["T_2"]
+    return Claim(
+        "accelerating, the pair goes through 0 to 4",
+        f"flanks {' → '.join(map(str, met))}; M1 to {first.max():.1f}, M2 to "
+        f"{second.max():.1f} N·m; braking, {first.min():.1f} and {second.min():.1f} N·m",
+        verdict(met == [(1, -1), (1, 0), (1, 1)], first.max() > LIMIT - 0.1),
     )
 
 

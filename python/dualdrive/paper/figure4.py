@@ -20,9 +20,8 @@ from dualdrive.paper.response import (
     sine_response,
     step_response,
 )
-from dualdrive.paper.settings import ARCSEC, GAP_HALF, STEP, UNIT_SINE_HZ, untuned
+from dualdrive.paper.settings import ARCSEC, GAP_HALF, STEP, UNIT_SINE_HZ, simulated, untuned
 from dualdrive.run import Run
-from dualdrive.simulation import simulate
 
 __all__ = ["Figure4", "Swing", "figure4"]
 
@@ -115,14 +114,14 @@ def figure4() -> Exhibit:
 
 def _step(gain: float, gap: float, tension: float = 0.0) -> Run:
     machine = untuned(gain, gap, tension)
-    return simulate(machine, step(STEP), end=END, signals=["theta_ref", "theta_m"], energy=False)
+    return simulated(machine, step(STEP), end=END, signals=["theta_ref", "theta_m"])
 
 
 def _sine(gain: float, gap: float, hertz: float) -> Run:
     periods = max(8, 4 + round(20 * hertz))
     motion = sine(STEP, hertz, periods=periods)
     signals = ["theta_ref", "theta_m"]
-    return simulate(untuned(gain, gap), motion, signals=signals, energy=False)
+    return simulated(untuned(gain, gap), motion, signals=signals)
 
 
 def _answer(gain: float, gap: float, hertz: float) -> Sine:

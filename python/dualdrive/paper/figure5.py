@@ -11,9 +11,8 @@ from dualdrive.machine import Machine
 from dualdrive.motion import sine, step
 from dualdrive.paper.exhibit import Exhibit, Number, Table
 from dualdrive.paper.response import Sine, Step, sine_response, step_response
-from dualdrive.paper.settings import STEP, UNIT_SINE_HZ, frictionless
+from dualdrive.paper.settings import STEP, UNIT_SINE_HZ, frictionless, simulated
 from dualdrive.run import Run
-from dualdrive.simulation import simulate
 
 __all__ = ["PRINTED", "READINGS", "Figure5", "Reading", "figure5"]
 
@@ -116,13 +115,13 @@ def figures(reading: Reading, run: Run) -> Step:
 def _step(reading: Reading) -> Run:
     motion = step(STEP, at=TENSIONING)
     signals = ["theta_ref", "theta_m", "T_1", "T_2"]
-    return simulate(_machine(reading), motion, end=END, signals=signals, energy=False)
+    return simulated(_machine(reading), motion, end=END, signals=signals)
 
 
 def _sine(reading: Reading) -> Run:
     motion = sine(STEP, UNIT_SINE_HZ, start=TENSIONING, periods=6)
     signals = ["theta_ref", "theta_m"]
-    return simulate(_machine(reading), motion, signals=signals, energy=False)
+    return simulated(_machine(reading), motion, signals=signals)
 
 
 def _machine(reading: Reading) -> Machine:

@@ -13,9 +13,8 @@ from dualdrive.motion import move
 from dualdrive.paper.exhibit import Claim, Exhibit, Table, verdict
 from dualdrive.paper.flanks import flanks_since
 from dualdrive.paper.response import Oscillation, oscillation
-from dualdrive.paper.settings import ARCSEC, heavy_table, short
+from dualdrive.paper.settings import ARCSEC, heavy_table, short, simulated
 from dualdrive.run import Run
-from dualdrive.simulation import simulate
 
 __all__ = ["REST", "Figure6", "figure6"]
 
@@ -106,7 +105,7 @@ def _equalised(gain: float, time: float) -> Machine:
 def _run(machine: Machine) -> Run:
     signals = ["T_1", "T_2", "e", "theta_m", "theta_ref", "omega_m", "mesh_1.flank", "mesh_2.flank"]
     motion = move(0.02, 0.03, 0.01, 0.05, start=2.0, end=14.0)
-    return simulate(machine, motion, signals=signals, energy=False)
+    return simulated(machine, motion, signals=signals)
 
 
 def _torque(run: Run) -> Oscillation:

@@ -15,8 +15,7 @@ from dualdrive.cycles import CycleError, shooting
 from dualdrive.motion import step
 from dualdrive.paper.exhibit import Table
 from dualdrive.paper.response import Oscillation, oscillation
-from dualdrive.paper.settings import ARCSEC, GAP_HALF, STEP, untuned
-from dualdrive.simulation import simulate
+from dualdrive.paper.settings import ARCSEC, GAP_HALF, STEP, simulated, untuned
 
 __all__ = ["Lasting", "lasting", "note", "table"]
 
@@ -47,18 +46,21 @@ class Lasting:
         return abs(self.nudged.amplitude / self.simulated.amplitude - 1.0) < 1e-3
 
 
-def lasting(gain: float, simulated: Oscillation) -> Lasting:
-    """Nudge the limit cycle of this gain, and look for it as a periodic orbit."""
+def lasting(gain: float, seen: Oscillation) -> Lasting:
+    """Nudge the limit cycle of this gain, and look for it as a periodic orbit.
+
+    seen: what a run with equal drives settles on
+    """
     machine = untuned(gain, GAP_HALF)
     apart = {"omega_c1": NUDGE, "omega_c2": -NUDGE}
-    run = simulate(machine, step(STEP), end=END, initial=apart, signals=["theta_m"], energy=False)
+    run = simulated(machine, step(STEP), end=END, initial=apart, signals=["theta_m"])
     nudged = oscillation(run.t, run["theta_m"], LAST, 0.01 * ARCSEC)
     try:
         orbit = shooting(machine)
     except CycleError:
-        return Lasting(simulated, nudged, None, None)
+        return Lasting(seen, nudged, None, None)
     multiplier = float(np.abs(orbit.multipliers).max())
-    return Lasting(simulated, nudged, multiplier, orbit.frequency_hz)
+    return Lasting(seen, nudged, multiplier, orbit.frequency_hz)
 
 
 def table(found: dict[float, Lasting]) -> Table:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import pi
-from typing import Final
+from typing import Any, Final
 
 from dualdrive.machine import Machine
+from dualdrive.motion import Motion
+from dualdrive.run import Run
+from dualdrive.simulation import simulate
 
 __all__ = [
     "ARCSEC",
@@ -16,6 +19,7 @@ __all__ = [
     "frictionless",
     "heavy_table",
     "short",
+    "simulated",
     "untuned",
 ]
 
@@ -51,6 +55,17 @@ def frictionless(**controller: float) -> Machine:
     for name, value in controller.items():
         machine.set(f"controller.{name}", value)
     return machine
+
+
+def simulated(machine: Machine, motion: Motion, **options: Any) -> Run:
+    """The machine through a motion; options are those of `simulate`.
+
+    Raises RuntimeError where the run stops early: nothing is read off a part of it.
+    """
+    run = simulate(machine, motion, energy=False, **options)
+    if not run.ok:
+        raise RuntimeError(f"{machine.name}, {motion.text}: {run.status}: {run.message}")
+    return run
 
 
 def untuned(gain: float, gap: float, tension: float = 0.0) -> Machine:

@@ -11,9 +11,8 @@ import numpy as np
 from dualdrive.motion import move
 from dualdrive.paper.exhibit import Claim, Table, verdict
 from dualdrive.paper.flanks import flanks_since
-from dualdrive.paper.settings import ARCSEC, heavy_table
+from dualdrive.paper.settings import ARCSEC, heavy_table, simulated
 from dualdrive.run import Run
-from dualdrive.simulation import simulate
 
 __all__ = ["CHOSEN", "LAGS", "SPEED_GAINS", "SlaveLag", "claim", "lagging", "table"]
 
@@ -50,7 +49,7 @@ def lagging() -> SlaveLag:
 def _run(load: str, gain: float, lag: float, numbers: Mapping[str, float]) -> Run:
     own = {"controller.k_p": gain, "controller.delta_t": lag}
     motion = move(0.02, 0.03, 0.01, 0.05, start=2.0, end=14.0)
-    return simulate(heavy_table(load, {**numbers, **own}), motion, signals=["e"], energy=False)
+    return simulated(heavy_table(load, {**numbers, **own}), motion, signals=["e"])
 
 
 def claim(data: SlaveLag) -> Claim:
