@@ -129,28 +129,22 @@ def _frequencies(text: str | None) -> Any:
     """Frequencies in Hz; a range is spaced evenly in logarithm."""
     if text is None:
         return None
-    import numpy as np
-
     if text.count(":") != 2:
-        return np.sort(parse_values(text, "Hz", key="--frequencies"))
+        return sorted(parse_values(text, "Hz", key="--frequencies").tolist())
     start, stop, count = text.split(":")
     low, high = (parse(part, "Hz", key="--frequencies") for part in (start, stop))
     if not (0 < low < high and count.isdigit() and int(count) > 1):
         raise ValueError(f"--frequencies {text}: needs 0 < start < stop and a count above 1")
-    return np.geomspace(low, high, int(count))
+    return linear.spaced(low, high, int(count))
 
 
 def _simulated(
     m: Machine, model: linear.FrequencyResponse, size: str, speed: str, as_given: bool
 ) -> linear.FrequencyResponse:
     """The same question put to the nonlinear machine, at 25 frequencies unless they were given."""
-    import numpy as np
     from rich.progress import Progress
 
-    f = model.frequency_hz
-    if not as_given:
-        alive = f[model.magnitude_db > model.magnitude_db.max() - 40]
-        f = np.geomspace(alive[0], alive[-1], 25)
+    f = model.frequency_hz if as_given else linear.worth_measuring(model)
     unit = {"theta_ref": "rad", "Omega_1": "rad/s"}.get(model.input, "N*m")
     name = {"theta_ref": "theta_ref", "Omega_1": "Omega_1"}.get(model.input, "T_load")
     amplitude = parse(size, m.unit_of(name, unit), key="--simulate")

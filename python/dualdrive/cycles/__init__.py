@@ -2,7 +2,7 @@
 
 from dualdrive.cycles.branch import Branch, branch
 from dualdrive.cycles.describing import Predicted, describing_function
-from dualdrive.cycles.errors import CycleError
+from dualdrive.cycles.errors import CycleError, NoCycleError
 from dualdrive.cycles.orbit import Orbit
 from dualdrive.cycles.shooting import shooting
 from dualdrive.cycles.survey import Survey, survey
@@ -10,6 +10,7 @@ from dualdrive.cycles.survey import Survey, survey
 __all__ = [
     "Branch",
     "CycleError",
+    "NoCycleError",
     "Orbit",
     "Predicted",
     "Survey",

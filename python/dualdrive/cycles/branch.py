@@ -59,7 +59,10 @@ class Branch:
 
     @property
     def folds(self) -> list[float]:
-        """Values at which the curve turns back: two orbits meet there and vanish."""
+        """Values at which the curve turns back: two orbits meet there and vanish.
+
+        Each is the outermost orbit that was met; the fold is a little beyond it.
+        """
         turns = np.flatnonzero(np.diff(np.sign(np.diff(self.values)))) + 1
         return [float(value) for value in self.values[turns]]
 
@@ -193,10 +196,10 @@ class _Curve:
         size[:n] = np.maximum(size[:n], np.abs(miss))  # a filter that stood at zero wakes
         for _ in range(_ITERATIONS):
             flow, state, period = self._flow(point), point[:-2], float(point[-2])
-            M = flow.monodromy(state, period, size[:n])
             worst = float(np.abs(miss / size[:n]).max())
             if worst < _CLOSED:
-                return point, M, worst
+                return point, flow.monodromy(state, period, size[:n]), worst
+            M = flow.monodromy(state, period, size[:n], state + miss)
             rate = flow.rate(state, period)
             nudge = np.zeros_like(point)
             nudge[-1] = _DIFFERENCE * self.range

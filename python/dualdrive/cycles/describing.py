@@ -223,8 +223,10 @@ def _flank(core: _core.Machine, mesh: str) -> tuple[float, float]:
 
 
 def _note(core: _core.Machine) -> str:
-    rubbing = [e["label"] for e in core.effects if e["effect"] in ("coulomb", "stribeck", "lugre")]
-    return f"{', '.join(map(str, rubbing))} left out" if rubbing else ""
+    kinds = ("coulomb", "stribeck", "lugre", "angle_dependent_friction")
+    labels = [str(effect["label"]) for effect in core.effects if effect["effect"] in kinds]
+    rubbing = [label for label in labels if core.get(f"{label}.torque") > 0]
+    return f"{', '.join(rubbing)} left out" if rubbing else ""
 
 
 def _decays_when_larger(core: _core.Machine, meshes: list[str], n: float, omega: float) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
-from dualdrive.cycles.errors import CycleError
+from dualdrive.cycles.errors import CycleError, NoCycleError
 from dualdrive.linear.twin import late_paths
 from dualdrive.machine import Machine
 
@@ -56,7 +56,7 @@ class Flow:
         return Flow(machine)
 
     def run(self, state: Array, span: float, *, points: int = 1) -> _core.Trajectory:
-        """Simulate for `span` s with `points` output steps. Raises CycleError where that fails."""
+        """Simulate for `span` s with `points` output steps. Raises NoCycleError if that fails."""
         known = {name for name, _, _ in self.core.signals()}
         found = _core.simulate(
             self.core,
@@ -68,7 +68,7 @@ class Flow:
             energy=False,
         )
         if found.status != "success":
-            raise CycleError(f"{self.machine.name}: the simulation ended early: {found.message}")
+            raise NoCycleError(f"{self.machine.name}: the simulation ended early: {found.message}")
         return found
 
     def after(self, state: Array, span: float) -> Array:
@@ -87,12 +87,18 @@ class Flow:
             found.append(self.after(found[-1], span / count))
         return np.array(found)
 
-    def monodromy(self, state: Array, span: float, scale: Array) -> Array:
-        """d(state after span) / d(state), shape (states, states), by central differences."""
+    def monodromy(
+        self, state: Array, span: float, scale: Array, after: Array | None = None
+    ) -> Array:
+        """d(state after span) / d(state), shape (states, states), by central differences.
+
+        With `after`, the state after span, by forward ones: half the runs, good enough to search.
+        """
         columns = []
         for k, size in enumerate(scale * _DIFFERENCE):
             step = np.zeros(len(state))
             step[k] = size
-            ahead, behind = (self.after(state + sign * step, span) for sign in (1, -1))
-            columns.append((ahead - behind) / (2 * size))
+            ahead = self.after(state + step, span)
+            behind, width = (self.after(state - step, span), 2) if after is None else (after, 1)
+            columns.append((ahead - behind) / (width * size))
         return np.column_stack(columns)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.cycles.describing import Predicted, describing_function, phasors
-from dualdrive.cycles.errors import CycleError
+from dualdrive.cycles.errors import NoCycleError
 from dualdrive.cycles.flow import Flow
 from dualdrive.cycles.orbit import half_range
 
@@ -23,7 +23,7 @@ _ALIKE = 0.02  # by how much their lengths may differ
 def from_simulation(flow: Flow, kick: float, settle: float) -> tuple[Array, float]:
     """A state on the motion that a kick of the table (rad/s) leaves after `settle` s; its period.
 
-    Raises CycleError where the machine comes to rest or does not repeat itself.
+    Raises NoCycleError where the machine comes to rest or does not repeat itself.
     """
     name = flow.machine.name
     start = np.zeros(len(flow.states))
@@ -38,21 +38,21 @@ def from_simulation(flow: Flow, kick: float, settle: float) -> tuple[Array, floa
         default=0.0,
     )  # fmt: skip
     if half_range(e) <= _AT_REST * play or half_range(e) == 0:
-        raise CycleError(
+        raise NoCycleError(
             f"{name}: comes to rest after a kick of {kick:g} rad/s: no cycle was started; "
             "try a larger kick, or a guess from the describing function"
         )
     times = _rising(t, e - e.mean())
     lengths = np.diff(times)[-_PERIODS:]
     if lengths.size < 2:
-        raise CycleError(
+        raise NoCycleError(
             f"{name}: less than two swings in {span:g} s; give a longer settle, or a guess"
         )
     for count in (1, 2, 3, 4):  # an orbit may close after several swings only
         sums = np.convolve(lengths, np.ones(count), "valid")
         if sums.size and np.ptp(sums) <= _ALIKE * sums.mean() / count:
             return flow.after(late, float(times[-1 - count])), float(sums.mean())
-    raise CycleError(
+    raise NoCycleError(
         f"{name}: does not repeat itself after {settle:g} s (swings last {lengths.min():.3g} s to "
         f"{lengths.max():.3g} s); give a longer settle"
     )
@@ -67,12 +67,12 @@ def _rising(t: Array, x: Array) -> Array:
 def from_prediction(flow: Flow, predicted: Predicted | None = None) -> tuple[Array, float]:
     """The state and period of the describing function's cycle, the first unless one is given.
 
-    Raises CycleError where there is none.
+    Raises NoCycleError where there is none.
     """
     if predicted is None:
         found = describing_function(flow.machine)
         if not found:
-            raise CycleError(f"{flow.machine.name}: the describing function foretells no cycle")
+            raise NoCycleError(f"{flow.machine.name}: the describing function foretells no cycle")
         predicted = found[0]
     states = phasors(flow.machine, predicted)
     return np.array([states[name].real for name in flow.states]), 1.0 / predicted.frequency_hz

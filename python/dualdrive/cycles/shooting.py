@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.cycles.describing import Predicted
-from dualdrive.cycles.errors import CycleError
+from dualdrive.cycles.errors import CycleError, NoCycleError
 from dualdrive.cycles.flow import Flow
 from dualdrive.cycles.guesses import from_prediction, from_simulation
 from dualdrive.cycles.orbit import Orbit, describe
@@ -46,7 +46,8 @@ def shooting(
     kick:    initial speed of the table, rad/s
     settle:  s
 
-    Raises CycleError where no cycle starts, or the search from that guess does not close.
+    Raises CycleError for a machine that can't be asked, NoCycleError where no cycle starts or the
+    search from that guess does not close.
     """
     flow = Flow(machine.copy())
     if isinstance(guess, Orbit):
@@ -91,17 +92,18 @@ def scales(flow: Flow, state: Array, period: float) -> Array:
 
 
 def close(flow: Flow, state: Array, period: float) -> Closure:
-    """Newton's method from a guess. Raises CycleError where it does not close an orbit."""
+    """Newton's method from a guess. Raises NoCycleError where it does not close an orbit."""
     name, first = flow.machine.name, period
     scale = scales(flow, state, period)
     held = int(np.abs(flow.rate(state, period) / scale).argmax())
     free = np.delete(np.arange(len(state)), held)
     miss = (flow.after(state, period) - state) / scale
     for _ in range(_ITERATIONS):
-        M = flow.monodromy(state, period, scale)
         size = float(np.abs(miss).max())
         if size < _CLOSED:
+            M = flow.monodromy(state, period, scale)
             return _refuse_rest(flow, Closure(state, period, M, size), scale)
+        M = flow.monodromy(state, period, scale, state + miss * scale)
         J = (M - np.eye(len(state))) * scale / scale[:, None]
         by_period = flow.rate(state, period) * period / scale
         step = np.linalg.lstsq(np.column_stack([J[:, free], by_period]), -miss, rcond=1e-13)[0]
@@ -118,7 +120,7 @@ def close(flow: Flow, state: Array, period: float) -> Closure:
         else:
             break
         state, period, miss = trial, longer, new
-    raise CycleError(
+    raise NoCycleError(
         f"{name}: no orbit closes near this guess (period {first:.4g} s; best miss "
         f"{np.abs(miss).max():.2g} of the states' size); try another guess"
     )
@@ -128,5 +130,5 @@ def _refuse_rest(flow: Flow, found: Closure, scale: Array) -> Closure:
     """A machine at rest repeats itself with any period."""
     moved = np.ptp(flow.along(found.state, found.period), axis=0)
     if (moved <= 1e-6 * scale).all():
-        raise CycleError(f"{flow.machine.name}: the search ended at rest, not in a cycle")
+        raise NoCycleError(f"{flow.machine.name}: the search ended at rest, not in a cycle")
     return found

@@ -7,7 +7,7 @@ from dualdrive.linear.export import state_space
 from dualdrive.linear.frequency import frequency_response, open_loop, poles
 from dualdrive.linear.measured import read_response, write_response
 from dualdrive.linear.response import FrequencyResponse, Margins
-from dualdrive.linear.swept import multisine, stepped_sine
+from dualdrive.linear.swept import multisine, spaced, stepped_sine, worth_measuring
 
 __all__ = [
     "INPUTS",
@@ -25,7 +25,9 @@ __all__ = [
     "open_loop",
     "poles",
     "read_response",
+    "spaced",
     "state_space",
     "stepped_sine",
+    "worth_measuring",
     "write_response",
 ]

@@ -75,7 +75,8 @@ def frozen(core: _core.Machine, modes: Modes, friction: str = "forward") -> dict
         given, sides = modes, sides_at_rest(core)
     else:
         sides = sides_at_rest(core) if modes is None else _sides(modes, names)
-    found |= {name: FLANKS[side] for name, side in zip(names, sides, strict=True)}
+    closed = zip(names, sides, strict=True)  # a gap of zero width is no switch
+    found |= {name: FLANKS[side] for name, side in closed if name in elements}
     return {**found, **given}
 
 

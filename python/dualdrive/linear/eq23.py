@@ -104,6 +104,10 @@ def _refuse_others(plant: _core.Machine) -> None:
 def _mode(plant: _core.Machine, sides: tuple[int, int]) -> Mode:
     """Change from the core's states, which hold twists, to X, and take the offsets apart."""
     meshes = gaps(plant)
+    half = np.array([plant.get(f"{mesh}.gap") for mesh in meshes])
+    plant = plant.copy()
+    for mesh in meshes:  # the law is affine in a half gap; one of zero would be no switch
+        plant.set(f"{mesh}.gap", 1.0)
     closed = frozen(plant, sides)
     system = _core.linearise(plant, modes=closed)
     X = np.array([system.C[system.signals.index(name)] for name in STATES])
@@ -114,23 +118,20 @@ def _mode(plant: _core.Machine, sides: tuple[int, int]) -> Mode:
         return np.asarray(X @ _core.linearise(machine, given, modes=closed).a)
 
     still = offset(plant)
-    half = np.array([plant.get(f"{mesh}.gap") for mesh in meshes])
-    v = np.array(sides) * half
     C = np.zeros((len(STATES), 2))
-    for n, mesh in enumerate(meshes):  # the law is affine in a half gap: exact at any two of them
+    for n, mesh in enumerate(meshes):
         if sides[n]:
-            narrow, wide = plant.copy(), plant.copy()
-            narrow.set(f"{mesh}.gap", 1.0)
+            wide = plant.copy()
             wide.set(f"{mesh}.gap", 2.0)
-            C[:, n] += sides[n] * (offset(wide) - offset(narrow))
-    rest = still - C @ v
-    rest[np.abs(rest) <= 1e-12 * (np.abs(C) @ np.abs(v))] = 0.0
+            C[:, n] += sides[n] * (offset(wide) - still)
+    rest = still - C @ np.array(sides)
+    rest[np.abs(rest) <= 1e-12 * np.abs(C).sum(1)] = 0.0
     return Mode(
         sides=sides,
         A=X @ system.A @ back,
         B=np.column_stack([offset(plant, **{name: 1.0}) - still for name in INPUTS]),
         C=C,
-        v=v,
+        v=np.array(sides) * half,
         guards=np.array([system.C[system.signals.index(f"{m}.deflection")] for m in meshes]) @ back,
         load=offset(plant, T_load=1.0) - still,
         offset=rest,

@@ -23,7 +23,7 @@ from dualdrive.linear.small_signal import small_signal
 from dualdrive.machine import Machine
 from dualdrive.simulation import simulate
 
-__all__ = ["multisine", "stepped_sine"]
+__all__ = ["multisine", "spaced", "stepped_sine", "worth_measuring"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -32,6 +32,18 @@ _HARMONICS = 10
 _SAMPLES = 64  # per period of the highest frequency that is read
 _DECAYED = 12.0  # time constants of the slowest pole: e^-12 is left
 _LONGEST = 60.0  # s, of waiting
+
+
+def spaced(low: float, high: float, count: int) -> Array:
+    """Frequencies from low to high, evenly spaced in logarithm."""
+    return np.geomspace(low, high, count)
+
+
+def worth_measuring(model: FrequencyResponse, count: int = 25) -> Array:
+    """Frequencies over the range in which a response is within 40 dB of its peak."""
+    size = model.magnitude_db
+    alive = model.frequency_hz[size > size.max() - 40]
+    return spaced(float(alive[0]), float(alive[-1]), count if alive.size > 1 else 1)
 
 
 def stepped_sine(

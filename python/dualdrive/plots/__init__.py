@@ -11,6 +11,7 @@ given, axes to draw in. Units are those people read: arc seconds, mrad, N·m, ms
 
 from dualdrive.plots.bode import bode, drives
 from dualdrive.plots.comparison import conditions, measured_vs_model, residuals
+from dualdrive.plots.cycles import cycle, cycle_branch, cycle_map
 from dualdrive.plots.diagnosis import (
     candidates,
     diagnosed,
@@ -36,6 +37,9 @@ __all__ = [
     "bode",
     "candidates",
     "conditions",
+    "cycle",
+    "cycle_branch",
+    "cycle_map",
     "diagnosed",
     "drives",
     "equations",
