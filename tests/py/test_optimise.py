@@ -77,17 +77,20 @@ def test_heat_at_rest_is_that_of_the_tension() -> None:
 # --- least tension --------------------------------------------------------------------------------
 
 
-def test_least_tension_is_the_static_law_of_a_gentle_move() -> None:
+@pytest.mark.parametrize("way", [1, -1])
+def test_least_tension_is_the_static_law_of_a_gentle_move(way: int) -> None:
     """A flank opens where the ring's need at the motors exceeds T_ten (figure 2, stage 2).
 
     The pinions' own inertia and friction load both drives alike and drop out.
     """
     machine = heavy("empty")
-    motion = move(0.06, 0.03, 0.01, 0.008, start=3.0, settle=4.0)
+    motion = move(way * 0.06, 0.03, 0.01, 0.008, start=3.0, settle=4.0)
     found = least_tension(machine, motion, cases=corners(machine, {}))
     t = np.linspace(3.0, motion.waveform.end(), 4001)
     speed = np.asarray(motion.waveform.rate(t))
-    need = 3.0e6 * np.asarray(motion.waveform.acceleration(t)) + 1e5 * speed + 2000.0 * (speed > 0)
+    need = (
+        3.0e6 * np.asarray(motion.waveform.acceleration(t)) + 1e5 * speed + 2000.0 * np.sign(speed)
+    )
     assert found.tension == pytest.approx(np.abs(need).max() / (150 * 20), rel=0.03)
     assert found.best is not None
     assert found.best.apart

@@ -12,7 +12,9 @@ from dualdrive.linear.contacts import frozen
 from dualdrive.linear.twin import late_paths
 from dualdrive.machine import Machine
 
-__all__ = ["closed", "growth", "poles"]
+__all__ = ["closed", "growth", "poles", "worst_pole"]
+
+_NEAR_ZERO = 1e-7  # of the fastest pole
 
 
 def closed(machine: Machine) -> tuple[int, ...]:
@@ -32,6 +34,13 @@ def poles(core: _core.Machine, sides: tuple[int, ...]) -> NDArray[np.complex128]
     return np.linalg.eigvals(np.array(system.A)).astype(np.complex128)
 
 
+def worst_pole(core: _core.Machine, sides: tuple[int, ...]) -> complex:
+    """The pole of largest real part; those at zero, of what nothing holds, are left out."""
+    found = poles(core, sides)
+    moving = found[np.abs(found) > _NEAR_ZERO * np.abs(found).max(initial=0.0)]
+    return complex(moving[np.argmax(moving.real)])
+
+
 def growth(machine: Machine, values: Mapping[str, float]) -> float:
     """Largest real part of a pole with all flanks closed and friction sliding, 1/s.
 
@@ -40,4 +49,4 @@ def growth(machine: Machine, values: Mapping[str, float]) -> float:
     changed = machine.core.copy()
     for path, value in values.items():
         changed.set(path, value)
-    return float(np.max(poles(changed, closed(machine)).real))
+    return worst_pole(changed, closed(machine)).real

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from dualdrive.machine import Machine
-from dualdrive.optimise import LeastTension, corners, least_tension
+from dualdrive.optimise import LeastTension, OptimiseError, corners, least_tension
 from dualdrive.optimise.evaluate import TENSION
 from dualdrive.optimise.stability import closed
 from dualdrive.tune.assess import assess, begin_of, play, quiet
@@ -42,7 +42,10 @@ def couple(job: Job) -> Draft:
         reason = f"controller.tension = {kind}: must be constant to be tuned; set it so first"
         return Draft(machine, [], reason=reason)
     done = [_gain(machine), _integral_time(machine)]
-    found = least_tension(machine, job.motion, cases=corners(machine, {}))
+    try:
+        found = least_tension(machine, job.motion, cases=corners(machine, {}))
+    except OptimiseError as error:
+        return Draft(machine, done, reason=str(error))
     tension, why = _tension(machine, job, found)
     if tension is None:
         return Draft(machine, done, (_margins(found),), why)
@@ -138,12 +141,11 @@ def _reached(machine: Machine, job: Job) -> str:
 
 def _calm(machine: Machine, job: Job) -> list[str]:
     """Lower the position gain while the table hunts in spite of the tension."""
-    for _ in range(_TIMES):
+    for lowered in range(_TIMES):
         if quiet(machine, assess(machine, job.motion)):
-            return []
+            gain = human(machine.get(GAIN), "1/s")
+            return [f"it hunted still: position gain lowered to {gain}"] if lowered else []
         machine.core.set(GAIN, _LOWER * machine.get(GAIN))
-        if quiet(machine, assess(machine, job.motion)):
-            return [f"it hunted still: position gain lowered to {human(machine.get(GAIN), '1/s')}"]
     return []
 
 

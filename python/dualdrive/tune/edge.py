@@ -13,7 +13,7 @@ from dualdrive import _core
 from dualdrive.linear.contacts import frozen
 from dualdrive.machine import Machine
 from dualdrive.motion import default_motion
-from dualdrive.optimise.stability import closed, poles
+from dualdrive.optimise.stability import closed, poles, worst_pole
 from dualdrive.simulation import simulate
 
 __all__ = [
@@ -25,15 +25,13 @@ __all__ = [
     "find_edge",
     "gain_range",
     "measured_edge",
-    "worst_pole",
 ]
 
 Array = NDArray[np.float64]
 
 GAIN = "controller.K_v"
 CLOSED = "all flanks closed"
-_NEAR_ZERO = 1e-7  # of the fastest pole: an angle or speed that nothing holds
-_POINTS = 80
+_POINTS = 50
 _LOAD = 0.2  # of the rated torque, so that all flanks stay closed
 _PUSH = 0.05  # of that load
 _GONE = 1e-4  # of a push: what is left then says nothing of growth
@@ -82,13 +80,6 @@ def contacts(machine: Machine) -> dict[str, tuple[int, ...]]:
     return found if gaps else {CLOSED: ()}
 
 
-def worst_pole(machine: Machine, sides: tuple[int, ...]) -> complex:
-    """The pole of largest real part; those of an angle that nothing holds are left out."""
-    found = poles(machine.core, sides)
-    moving = found[np.abs(found) > _NEAR_ZERO * np.abs(found).max(initial=0.0)]
-    return complex(moving[np.argmax(moving.real)])
-
-
 def damping(machine: Machine, sides: tuple[int, ...]) -> float:
     """The least damping ratio of a vibration in this contact; 1 where nothing vibrates."""
     found = poles(machine.core, sides)
@@ -108,7 +99,7 @@ def find_edge(machine: Machine, path: str, low: float, high: float) -> Edge:
 
     def rate(gain: float, sides: tuple[int, ...]) -> float:
         trial.core.set(path, gain)
-        return worst_pole(trial, sides).real
+        return worst_pole(trial.core, sides).real
 
     growth, found = {}, {}
     for name, sides in contacts(machine).items():
@@ -119,7 +110,7 @@ def find_edge(machine: Machine, path: str, low: float, high: float) -> Edge:
             if k:
                 edge = float(brentq(rate, gains[k - 1], gains[k], args=(sides,), rtol=1e-9))
             trial.core.set(path, edge)
-            found[name] = (edge, abs(worst_pole(trial, sides).imag) / math.tau)
+            found[name] = (edge, abs(worst_pole(trial.core, sides).imag) / math.tau)
     return Edge(found, high, gains, growth)
 
 

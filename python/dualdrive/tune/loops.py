@@ -35,11 +35,15 @@ def inner_loops(job: Job) -> Draft:
     """
     machine = decoupled(job.machine)
     done = [_current(machine)]
-    machine.core.set(GAIN, 0.0)
+    for name in (GAIN, "controller.K_i", "controller.K_d"):  # position loop open
+        machine.core.set(name, 0.0)
     ceiling = _modulus_optimum(machine)
     gains = np.geomspace(ceiling / 100.0, ceiling, 60)
     machine.core.set(_INTEGRAL, 0.0)
     damped = np.array([_damped(machine, _SPEED, gain) for gain in gains])
+    if damped.max() <= 0.0:
+        reason = "a vibration grows at any speed gain, position loop open: look at the speed loop"
+        return Draft(job.machine.copy(), done, reason=reason)
     gain = float(gains[np.flatnonzero(damped >= _KEPT * damped.max())[-1]])
     best = _damped(machine, _SPEED, gain)
     where = "its ceiling, J/(2 T)" if gain > 0.999 * ceiling else "the highest that damps well"

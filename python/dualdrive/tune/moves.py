@@ -108,12 +108,13 @@ def _limits(machine: Machine, job: Job, limits: MotionLimits) -> tuple[MotionLim
         motion = _slower(job.motion, a, min(limits.jerk, a * limits.jerk / limits.acceleration))
         peak = _peak(machine, motion)
     room = f"largest torque {human(peak, 'N*m')} of {human(highest, 'N*m')} allowed"
+    angle = machine.unit_of("e", "rad")
     kept = "as asked for" if a == limits.acceleration else "lowered"
-    done.append(f"acceleration {human(a, 'rad/s^2')} {kept}: {room}")
+    done.append(f"acceleration {human(a, f'{angle}/s^2')} {kept}: {room}")
     hertz = _vibration(machine)
     jerk = min(limits.jerk, a * hertz) if hertz else limits.jerk
     done.append(
-        f"jerk {human(jerk, 'rad/s^3')}: {human(a / jerk, 's')} to rise"
+        f"jerk {human(jerk, f'{angle}/s^3')}: {human(a / jerk, 's')} to rise"
         + (f", one period of {hertz:.3g} Hz is {human(1 / hertz, 's')}" if hertz else "")
         if math.isfinite(jerk)
         else "jerk: no limit asked for, no vibration to limit it by"
