@@ -176,6 +176,21 @@ def test_multipliers_are_the_decay_of_a_disturbance() -> None:
     np.testing.assert_allclose(off[7:11] / off[6:10], largest.real, rtol=2e-3)
 
 
+def test_equal_drives_hide_that_a_cycle_repels() -> None:
+    """Figure 4 at K 2: meshes that are nudged apart by 1e-7 rad/s part by 1.162 each period."""
+    machine = play_alone("empty", 2e4, K_v=2, K_i=4, k_p=8e4)
+    orbit = cycles.shooting(machine)
+    assert orbit.frequency_hz == pytest.approx(0.69, abs=0.005)
+    assert not orbit.stable
+    growth = abs(orbit.multipliers[0])
+    start = {**orbit.state, "omega_c1": orbit.state["omega_c1"] + 1e-7}
+    times = orbit.period * np.arange(30)
+    run = simulate(machine, step(0.0, end=float(times[-1])), initial=start, times=times,
+                   signals=["mesh_1.twist", "mesh_2.twist"], energy=False)  # fmt: skip
+    apart = run["mesh_1.twist"] - run["mesh_2.twist"]
+    np.testing.assert_allclose(apart[21:] / apart[20:-1], growth, rtol=1e-3)
+
+
 def test_a_closed_flank_without_play_has_the_multipliers_of_its_poles() -> None:
     """A linear machine: exp(pole T) are the eigenvalues of the map over any T."""
     from dualdrive.cycles.flow import Flow

@@ -26,7 +26,8 @@ __all__ = ["Closure", "close", "scales", "shooting"]
 
 Array = NDArray[np.float64]
 
-_CLOSED = 1e-9  # residual, of each state's size
+_CLOSED = 1e-9  # miss, of each state's size
+_ROUNDED = 1e-7  # miss that is taken where rounding leaves no better
 _ITERATIONS = 25
 _HALVINGS = 6
 
@@ -93,37 +94,69 @@ def scales(flow: Flow, state: Array, period: float) -> Array:
 
 def close(flow: Flow, state: Array, period: float) -> Closure:
     """Newton's method from a guess. Raises NoCycleError where it does not close an orbit."""
-    name, first = flow.machine.name, period
-    scale = scales(flow, state, period)
-    held = int(np.abs(flow.rate(state, period) / scale).argmax())
-    free = np.delete(np.arange(len(state)), held)
-    miss = (flow.after(state, period) - state) / scale
+    search = _Search(flow, scales(flow, state, period), state, period)
+    now = _Point(state, period, search.miss(state, period))
     for _ in range(_ITERATIONS):
-        size = float(np.abs(miss).max())
-        if size < _CLOSED:
-            M = flow.monodromy(state, period, scale)
-            return _refuse_rest(flow, Closure(state, period, M, size), scale)
-        M = flow.monodromy(state, period, scale, state + miss * scale)
-        J = (M - np.eye(len(state))) * scale / scale[:, None]
-        by_period = flow.rate(state, period) * period / scale
-        step = np.linalg.lstsq(np.column_stack([J[:, free], by_period]), -miss, rcond=1e-13)[0]
+        better = None if now.size < _CLOSED else search.improve(now)
+        if better is None:
+            break
+        now = better
+    if now.size < _ROUNDED:
+        M = flow.monodromy(now.state, now.period, search.scale)
+        return _refuse_rest(flow, Closure(now.state, now.period, M, now.size), search.scale)
+    raise NoCycleError(
+        f"{flow.machine.name}: no orbit closes near this guess (period {period:.4g} s; best miss "
+        f"{now.size:.2g} of the states' size); try another guess"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """A state, a period, and by how much the orbit misses, of each state's size."""
+
+    state: Array
+    period: float
+    miss: Array
+
+    @property
+    def size(self) -> float:
+        return float(np.abs(self.miss).max())
+
+
+class _Search:
+    """Newton steps in the scaled state, one coordinate of it held, and the period."""
+
+    def __init__(self, flow: Flow, scale: Array, state: Array, period: float) -> None:
+        self.flow, self.scale, self.first = flow, scale, period
+        held = int(np.abs(flow.rate(state, period) / scale).argmax())
+        self.free = np.delete(np.arange(len(state)), held)
+
+    def miss(self, state: Array, period: float) -> Array:
+        """Where the orbit is after a period, less where it began."""
+        return np.asarray((self.flow.after(state, period) - state) / self.scale)
+
+    def improve(self, now: _Point) -> _Point | None:
+        """A point that misses by less, on the way of a Newton step; None where there is none."""
+        step = self._newton(now)
         for halving in range(_HALVINGS + 1):
             part = step / 2**halving
-            longer = period * (1 + part[-1])
-            if not 0.3 * first < longer < 3 * first:
+            period = now.period * (1 + part[-1])
+            if not 0.3 * self.first < period < 3 * self.first:
                 continue
-            trial = state.copy()
-            trial[free] += part[:-1] * scale[free]
-            new = (flow.after(trial, longer) - trial) / scale
-            if np.abs(new).max() < (1 - 0.1 / 2**halving) * size or np.abs(new).max() < _CLOSED:
-                break
-        else:
-            break
-        state, period, miss = trial, longer, new
-    raise NoCycleError(
-        f"{name}: no orbit closes near this guess (period {first:.4g} s; best miss "
-        f"{np.abs(miss).max():.2g} of the states' size); try another guess"
-    )
+            state = now.state.copy()
+            state[self.free] += part[:-1] * self.scale[self.free]
+            trial = _Point(state, period, self.miss(state, period))
+            if trial.size < max((1 - 0.1 / 2**halving) * now.size, _CLOSED):
+                return trial
+        return None
+
+    def _newton(self, now: _Point) -> Array:
+        scale, after = self.scale, now.state + now.miss * self.scale
+        M = self.flow.monodromy(now.state, now.period, scale, after)
+        J = (M - np.eye(scale.size)) * scale / scale[:, None]
+        by_period = self.flow.rate(now.state, now.period) * now.period / scale
+        columns = np.column_stack([J[:, self.free], by_period])
+        return np.asarray(np.linalg.lstsq(columns, -now.miss, rcond=1e-13)[0])
 
 
 def _refuse_rest(flow: Flow, found: Closure, scale: Array) -> Closure:
