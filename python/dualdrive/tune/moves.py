@@ -68,15 +68,20 @@ def adjust_motion(job: Job) -> Draft:
     machine.core.set(_WEIGHT, weight)
     done = [f"feed-forward weight {weight:g}: least RMS following error"]
     panels = [_weights(machine, sound, weight)]
-    limits = job.limits
+    limits, slower = job.limits, None
     if limits is None:
         done.append(
             f"acceleration and jerk: the test motion ({job.motion.kind}) has none to adjust"
         )
     else:
         limits, said = _limits(machine, job, limits)
-        done += [*said, *_with_limits(machine, job, limits)]
-    panels += _errors(job, machine)
+        slower = _with_limits(machine, job, limits)
+        done += said
+        if slower is not None:
+            names = ("following error, largest", "torque ripple 1", "flank changes")
+            gave = "; ".join(f"{name} {slower.spoken(name)}" for name in names)
+            done.append(f"with these limits: {gave}")
+    panels += _errors(job, machine, slower)
     return Draft(machine, done, tuple(panels), limits=limits)
 
 
@@ -122,13 +127,11 @@ def _limits(machine: Machine, job: Job, limits: MotionLimits) -> tuple[MotionLim
     return MotionLimits(a, jerk), done
 
 
-def _with_limits(machine: Machine, job: Job, limits: MotionLimits) -> list[str]:
-    """What the test move gives with the limits found; nothing where they are those it has."""
+def _with_limits(machine: Machine, job: Job, limits: MotionLimits) -> Assessment | None:
+    """The test move with the limits found; None where they are those it has."""
     if job.motion.kind != "move" or limits == job.limits:
-        return []
-    found = assess(machine, _slower(job.motion, limits.acceleration, limits.jerk))
-    names = ("following error, largest", "torque ripple 1", "flank changes")
-    return ["with these limits: " + "; ".join(f"{n} {found.spoken(n)}" for n in names)]
+        return None
+    return assess(machine, _slower(job.motion, limits.acceleration, limits.jerk))
 
 
 def _slower(motion: Motion, a: float, j: float) -> Motion:
@@ -155,18 +158,23 @@ def _weights(machine: Machine, sound: list[tuple[float, float]], weight: float) 
     unit, size = _readable(machine)
     x, y = (np.array(column) for column in zip(*sound, strict=True))
     curve = Curve("test move", x, y / size)
-    return Panel("RMS following error by feed-forward", "weight", f"[{unit}]", (curve,),
+    return Panel("RMS following error by feed-forward", "weight", f"error [{unit}]", (curve,),
                  ((weight, "chosen"),))  # fmt: skip
 
 
-def _errors(job: Job, machine: Machine) -> list[Panel]:
+def _errors(job: Job, machine: Machine, slower: Assessment | None) -> list[Panel]:
     unit, size = _readable(machine)
-    curves = []
-    for name, one in (("before this step", job.machine), ("after it", machine)):
-        run = assess(one, job.motion).run
-        if run is not None:
-            curves.append(Curve(name, run.t, run["e"] / size))
-    return [Panel("Following error on the test move", "time [s]", f"[{unit}]", tuple(curves))]
+    found = {
+        "before this step": assess(job.machine, job.motion),
+        "after it": assess(machine, job.motion),
+        "with the limits found": slower,
+    }
+    curves = tuple(
+        Curve(name, one.run.t, one.run["e"] / size)
+        for name, one in found.items()
+        if one is not None and one.run is not None
+    )
+    return [Panel("Following error on the test move", "time [s]", f"error [{unit}]", curves)]
 
 
 def _readable(machine: Machine) -> tuple[str, float]:

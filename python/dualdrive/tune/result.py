@@ -73,7 +73,10 @@ class Assessment:
         if name not in self.figures:
             return "unstable"
         value = self.figures[name]
-        return human(0.0 if abs(value) < _NOTHING else value, self.units[name])
+        unit = self.units[name]
+        if abs(value) < _NOTHING:
+            return "0 arcsec" if unit == "rad" else human(0.0, unit)
+        return human(value, unit)
 
 
 @dataclass(frozen=True, eq=False)
