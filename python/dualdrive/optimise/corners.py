@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import product
 
 from dualdrive.machine import Machine
-from dualdrive.optimise.errors import OptimiseError
+from dualdrive.optimise.errors import OptimiseError, refuse_all_but_two_drives
 from dualdrive.units import parse
 
 __all__ = ["SPREAD", "Corner", "corners"]
@@ -34,8 +34,10 @@ def corners(
     spread:  path or tie group -> (low, high), SI or with units; ``80%`` is a fraction of the
              machine's own number. Default: `SPREAD`; an empty one leaves the machine alone
 
-    Raises OptimiseError naming path, value and rule; MachineError for an unknown path.
+    Raises OptimiseError naming path, value and rule, and for a machine without two drives;
+    MachineError for an unknown path.
     """
+    refuse_all_but_two_drives(machine)
     ends = {
         path: tuple(_value(machine, path, end) for end in both)
         for path, both in (SPREAD if spread is None else spread).items()
@@ -44,8 +46,8 @@ def corners(
     for path, both in ends.items():
         if len(both) != 2 or not both[0] < both[1]:
             raise OptimiseError(
-                f"{path} = {', '.join(map(str, both))}: must be low and high, low below high; "
-                "write e.g. table.J=80%:120%"
+                f"{path} = {', '.join(f'{end:g}' for end in both)}: must be low and high, "
+                "low below high; write e.g. table.J=80%:120%"
             )
     if ends:
         for chosen in product(*ends.values()):
