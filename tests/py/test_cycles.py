@@ -92,6 +92,9 @@ def test_predictions_satisfy_the_formula(load: str, law: dict[str, float], dampi
         assert by_formula(cycle.mesh_amplitude, 1.1e-3) == pytest.approx(cycle.n_over_k, rel=1e-9)
         balance = 1 + cycle.n_over_k * (2e7 + damping * s) * G(machine, s)
         assert abs(balance) < 1e-6
+        torque = cycle.n_over_k * abs(2e7 + damping * s) * cycle.mesh_amplitude
+        table = 20 * 2 * torque / abs(machine.get("table.J") * s**2 + machine.get("table.b") * s)
+        assert cycle.amplitude == pytest.approx(table, rel=1e-9)
 
 
 @pytest.mark.parametrize("damping", [0.0, 2e4])

@@ -187,6 +187,16 @@ def test_what_is_added_at_a_cut_is_divided_by_the_return_difference(block: str) 
     np.testing.assert_allclose(inside.response, 1 / (1 + loop.response), rtol=1e-7)
 
 
+def test_inner_loops_are_measured_with_the_outer_ones_open() -> None:
+    loop = linear.open_loop(table(), "speed_1", F)
+    outer = ["position", "equaliser"]
+    inside = linear.frequency_response(table(), "T_1*", "T_1*", F, cut=outer)
+    np.testing.assert_allclose(inside.response, 1 / (1 + loop.response), rtol=1e-7)
+    current = linear.open_loop(table(), "current_1", F)
+    inside = linear.frequency_response(table(), "U_1", "U_1", F, cut=[*outer, "speed_1", "speed_2"])
+    np.testing.assert_allclose(inside.response, 1 / (1 + current.response), rtol=1e-7)
+
+
 # ------------------------------------------------------------------------- delays and sampling
 
 
