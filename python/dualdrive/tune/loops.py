@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dualdrive.machine import Machine
 from dualdrive.optimise.stability import closed, poles
@@ -14,6 +15,8 @@ from dualdrive.tune.result import Curve, Panel
 from dualdrive.units import human
 
 __all__ = ["inner_loops", "position_gain", "set_back"]
+
+Array = NDArray[np.float64]
 
 _BANDWIDTH, _SPEED, _INTEGRAL = "controller.omega_ci", "controller.k_p", "controller.T_N"
 _KEPT = 0.9  # of the damping without it, which an integral action must leave
@@ -27,8 +30,8 @@ _MARGIN = 2.0  # gain margin, 6 dB: half the edge (Ziegler & Nichols 1942)
 def inner_loops(job: Job) -> Draft:
     """Step 2: the same numbers for both drives, by rules.
 
-    Current loop: as fast as sampling (symmetrical half of it, 1/(2 T)) and voltage allow: a step to
-    rated current at the largest speed must find the voltage, w L I + R I + C_e omega <= U_max.
+    Current loop: as fast as its lateness T, 1/(2 T), and the voltage allow: a step to rated current
+    at the largest speed must find its voltage, omega_ci L I + R I + C_e omega <= U_max.
     Speed loop: the highest P gain that leaves 90 % of the best damping, all flanks closed, integral
     action and position loop off, and not above the modulus optimum of the drive by itself, J/(2 T),
     T the sum of small lags; then the shortest integral time that leaves 90 % of what is left.
@@ -55,7 +58,6 @@ def inner_loops(job: Job) -> Draft:
         tuned.core.set(path, value)
     if _BANDWIDTH in {p.path for p in machine.parameters()}:
         tuned.core.set(_BANDWIDTH, machine.get(_BANDWIDTH))
-    _keep_equaliser(job.machine, tuned)
     done += [
         f"speed gain {human(gain, 'N*m*s/rad')} at the pinion, {where}: damping ratio {best:.3f}",
         f"integral time {human(time, 's')}, the shortest that leaves {_KEPT:.0%} of that damping"
@@ -64,14 +66,18 @@ def inner_loops(job: Job) -> Draft:
         "second-order filters: the model's speed loop has none; none is proposed",
     ]
     panels = (
-        Panel("Damping by speed gain, integral action off", "gain at the pinion [N·m·s/rad]",
-              "least damping ratio", (Curve(CLOSED, gains, damped),),
-              ((gain, "chosen"),), log_x=True),
-        Panel("Damping by integral time", "integral time [s]", "least damping ratio",
-              (Curve(CLOSED, times, left),),
-              ((time, "chosen"),) if time else (), log_x=True),
+        _damping_by("speed gain, integral action off", "gain at the pinion [N·m·s/rad]",
+                    gains, damped, gain),
+        _damping_by("integral time", "integral time [s]", times, left, time),
     )  # fmt: skip
     return Draft(tuned, done, panels, details={"ceiling": ceiling, "damping": best})
+
+
+def _damping_by(what: str, x: str, values: Array, ratios: Array, chosen: float) -> Panel:
+    return Panel(
+        f"Damping by {what}", x, "least damping ratio", (Curve(CLOSED, values, ratios),),
+        ((chosen, "chosen"),) if chosen else (), log_x=True,
+    )  # fmt: skip
 
 
 def _current(machine: Machine) -> str:
@@ -123,11 +129,6 @@ def _slow(machine: Machine) -> float:
     if not vibrating.size:
         return 1.0 / 0.1
     return float(np.abs(vibrating[np.argmax(vibrating.real / np.abs(vibrating))]))
-
-
-def _keep_equaliser(before: Machine, after: Machine) -> None:
-    """The equaliser's loop gain, 2 K_E k_p/i, stays; MD37256, which is K_E, moves with k_p."""
-    after.core.set("controller.g_E", before.get("controller.g_E"))
 
 
 # --- step 4 ---------------------------------------------------------------------------------------
@@ -217,10 +218,7 @@ def set_back(job: Job) -> Draft:
         else f"position gain stays at {human(gain, '1/s')}: every vibration is damped by "
         f"{wanted:.2f} or more"
     )
-    panel = Panel(
-        "Damping by position gain", "position gain [1/s]", "least damping ratio",
-        (Curve(CLOSED, gains, ratios),), ((gain, "chosen"),), log_x=True,
-    )  # fmt: skip
+    panel = _damping_by("position gain", "position gain [1/s]", gains, ratios, gain)
     return Draft(tuned, done, (panel,), details={"damping": wanted})
 
 
