@@ -97,5 +97,5 @@ def note(found: dict[float, Lasting]) -> str:
     return (
         f"At K = {' and '.join(unstable)} the oscillation is one of two exactly equal drives: "
         "started apart by 1 mrad/s, they do not come back to it but go on in another, slower one. "
-        "Where no orbit closes or its largest multiplier is above 1, shooting says the same."
+        "The orbits that shooting finds say the same: their largest multiplier is above 1 there."
     )
