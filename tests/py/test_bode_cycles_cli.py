@@ -39,16 +39,6 @@ def test_margins_and_poles_are_told(dualdrive: Callable[[str], Result]) -> None:
     assert "closed loop unstable: it has no margins" in unstable.output
 
 
-def test_a_simulated_response_is_written_and_overlaid(dualdrive: Callable[[str], Result]) -> None:
-    line = "bode bench --simulate 5arcsec --frequencies 1:20:3 -o swept.csv --plot swept.png"
-    swept = dualdrive(line)
-    assert swept.exit_code == 0, swept.output
-    again = dualdrive("bode bench --measured swept.csv --json -")
-    responses = json.loads(again.output)["responses"]
-    assert [one["origin"] for one in responses] == ["model", "measured"]
-    assert len(responses[1]["frequency_hz"]) == 3
-
-
 def test_drives_that_differ_are_named(dualdrive: Callable[[str], Result]) -> None:
     line = "bode heavy-table-250t --drives --set motor_2.J=0.06 --plot drives.png"
     result = dualdrive(line)
