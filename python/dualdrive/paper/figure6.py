@@ -82,10 +82,8 @@ def _tuned(start: Machine) -> tuple[Machine, str]:
     from dualdrive.tune import tune
 
     machine = tune(start, _motion()).machine
-    return (
-        machine,
-        f"`dualdrive tune`, steps (1) to (8), for this move from the state before: {_numbers(machine)}",
-    )
+    how = "`dualdrive tune`, steps (1) to (8), for this move from the state before"
+    return machine, f"{how}: {_numbers(machine)}"
 
 
 def _numbers(machine: Machine) -> str:
@@ -94,7 +92,8 @@ def _numbers(machine: Machine) -> str:
 
     return (
         f"K_v {value('K_v'):.3g}/s, k_p {short(value('k_p'))} N·m·s/rad, "
-        f"T_N {value('T_N'):.3g} s, tension {value('T_ten'):.3g} N·m, g_E {value('g_E'):.3g}, T_E {value('T_E'):.3g} s"
+        f"T_N {value('T_N'):.3g} s, tension {value('T_ten'):.3g} N·m, "
+        f"g_E {value('g_E'):.3g}, T_E {value('T_E'):.3g} s"
     )
 
 
