@@ -152,9 +152,7 @@ def test_columns_and_units_can_be_said(tmp_path: Path) -> None:
 def test_measured_drives_are_held_against_each_other(tmp_path: Path) -> None:
     f = np.geomspace(1, 100, 30)
     one = linear.FrequencyResponse(f, np.asarray(1 / (1 + 1j * f / 20), complex), "a", "b")
-    two = linear.FrequencyResponse(
-        f[3:], np.asarray(1 / (1 + 1j * f[3:] / 30), complex), "a", "b"
-    )
+    two = linear.FrequencyResponse(f[3:], np.asarray(1 / (1 + 1j * f[3:] / 30), complex), "a", "b")
     found = linear.differ(one, two, tolerance_db=1, tolerance_deg=8)
     # the phases part by atan(f/20) - atan(f/30): 8 deg at 11.2 Hz; 1 dB at about 16 Hz
     assert found.from_hz is not None

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -63,6 +62,7 @@ class FrequencyResponse:
     coherence:     of a measured or simulated response, 0 to 1, shape (n,); else None
     distortion:    of a simulated one: RMS of harmonics over the fundamental, shape (n,); else None
     stable:        of the system that answers; None where it isn't known
+    origin:        model, simulated or measured
     """
 
     frequency_hz: Array
@@ -75,7 +75,6 @@ class FrequencyResponse:
     distortion: Array | None = None
     stable: bool | None = None
     origin: str = "model"
-    details: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         f = np.asarray(self.frequency_hz, float)
