@@ -7,8 +7,9 @@ motion on the recorded motion. All that follows (noise, scores, refits, verdict)
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -20,6 +21,8 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 
+#: one-sigma of an asymmetry of friction: without it a refit trades friction one way for drag
+ASYMMETRY = 0.2
 #: relative one-sigma tolerance of nominal numbers, for all or by path; the usual ones where None
 Tolerance = float | Mapping[str, float] | None
 
@@ -32,7 +35,7 @@ def nominal_unknowns(core: Any, paths: Sequence[str], tolerance: Tolerance) -> l
 
     """
     if not isinstance(tolerance, Mapping):
-        return unknowns(core, list(paths), tolerance, {}) if paths else []
+        return _believed(unknowns(core, list(paths), tolerance, {}) if paths else [])
     if stray := set(tolerance) - set(default_free(core)):
         raise ValueError(
             f"tolerance: {', '.join(sorted(stray))} is not refitted here; "
@@ -40,7 +43,17 @@ def nominal_unknowns(core: Any, paths: Sequence[str], tolerance: Tolerance) -> l
         )
     own = {path: tolerance[path] for path in paths if path in tolerance}
     usual = {**default_tolerances(core, paths), **own}
-    return unknowns(core, list(paths), usual, {}) if paths else []
+    return _believed(unknowns(core, list(paths), usual, {}) if paths else [])
+
+
+def _believed(nominal: Sequence[Unknown]) -> list[Unknown]:
+    """The same, friction believed to be much alike both ways where nothing else is said of it."""
+    return [
+        replace(p, sigma=ASYMMETRY / p.scale)
+        if p.path.endswith(".asymmetry") and not math.isfinite(p.sigma)
+        else p
+        for p in nominal
+    ]
 
 
 @dataclass(frozen=True, eq=False)

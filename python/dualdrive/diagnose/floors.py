@@ -12,6 +12,7 @@ from dualdrive.diagnose.confront import Series
 Array = NDArray[np.float64]
 
 _FEWEST, _STRETCH = 30, 0.15  # samples, s: a standstill long enough to show its noise
+_LEAST, _MOST = 0.5, 2.0  # of the record's own estimate: a model that hunts is no noise
 
 
 def ratios(series: Sequence[Series], left: Sequence[Array], best: Sequence[Array]) -> Array:
@@ -35,7 +36,8 @@ def floor_of(series: Series, left: Array) -> float:
     """RMS noise of a series: what is left where the machine stands, or else the record's estimate.
 
     left: what the best hypothesis leaves; a constant of each standstill is taken out, since dry
-        friction may hold any torque there.
+        friction may hold any torque there. Where even that hypothesis fails the machine may move
+        at standstill, so that the record's own estimate bounds it.
     """
     t, still = series.t, series.still & series.keep
     ends = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
@@ -46,4 +48,5 @@ def floor_of(series: Series, left: Array) -> float:
             square, count = square + float(own @ own), count + len(own) - 1
     if count < 2 * _FEWEST:
         return series.floor
-    return max(float(np.sqrt(square / count)), 0.5 * series.floor)
+    seen = float(np.sqrt(square / count))
+    return min(max(seen, _LEAST * series.floor), _MOST * series.floor)

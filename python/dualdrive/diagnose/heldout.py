@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 _Z = 1.959964  # of a 95 % interval
 _RIDGE = 1e-10
-_OPEN = 1e3  # usual sizes: wider than that, a number is not determined at all
+_OPEN, _OPEN_LOG = 1e3, 50.0  # usual sizes, e-fold: wider, a number is not determined at all
 
 
 def held_out(seen: Evidence, refit: Refit) -> list[Array]:
@@ -53,7 +53,7 @@ def intervals(seen: Evidence, refit: Refit, inflation: float) -> dict[str, Inter
     named = [*zip(nominal, refit.u, sigma[: len(nominal)], strict=False)]
     named += [*zip(refit.free, refit.v, sigma[m:], strict=True)]
     for p, x, s in named:
-        s = min(float(s), _OPEN)
+        s = min(float(s), _OPEN_LOG if p.logarithmic else _OPEN)
         low, high = sorted((p.value(float(x - _Z * s)), p.value(float(x + _Z * s))))
         value = p.value(float(x))
         if p.unit == "rad" and p.path.endswith("phase"):

@@ -35,8 +35,8 @@ FAINT = 0.5
 #: share of its gain that a name must keep where each stretch is foretold from the others
 KEPT = 0.25
 #: residual over floor, RMS, from which something is surely left
-LEFT_OVER = 1.12
-FAR_OVER = 1.25  # in one series alone
+LEFT_OVER = 1.22
+FAR_OVER = 1.35  # in one series alone
 BALANCE = 2.2  # wider in a torque balance, whose floors are reckoned, not seen at standstill
 
 

@@ -21,6 +21,7 @@ from dualdrive.diagnose.settle import ENOUGH, settle
 from dualdrive.diagnose.shortlist import distinct, refitted, without_twins
 from dualdrive.diagnose.signatures import Prober, Score, score_all, with_orders
 from dualdrive.diagnose.survey import Clock, Survey, excess, key_of
+from dualdrive.diagnose.valleys import better_valley
 from dualdrive.identify import FitError
 
 Array = NDArray[np.float64]
@@ -57,10 +58,15 @@ def search(
     every = list(known if wanted is None else wanted)
     plain = Survey(seen, nominal, base, [], {key_of(base): 0.0}, 1.0, [])
     clear = excess(plain, base.left).max() > _CLEARLY * ENOUGH
+    if clear and c.mode == "closed_loop":
+        tell("other valleys of the nominal numbers")
+        base = better_valley(seen, base, clock.stop)
+        seen, base = _refitted(c, base.u, clock)
     guesses = guessed(c, every, clock.stop, threads, tell) if clear else Guesses()
     if (start := guesses.start(c, base.u)) is not None:  # it may have met a better valley
         other = Fitter(seen, clock.stop).nominal(start.u)
         base = other if other is not None and other.chi < base.chi else base
+    plain = replace(plain, evidence=seen, base=base, criterion={key_of(base): 0.0})
     scorer = Scorer(seen.rows(base.u, base.left, base.slopes))
     scores, untried = _scored(c, seen, base, scorer, every, clock, threads, tell)
     single, twins = without_twins(seen, scorer, scores)
@@ -97,7 +103,11 @@ def _scored(
 
     Groups come first, and the single parts of those that gain something.
     """
-    prober = Prober(c, base.u, base.left, [max(s.floor, 1e-3 * s.spread) for s in c.series])
+    noise = [
+        max(s.floor, 1e-3 * s.spread, float(np.std(left[s.keep])) if s.keep.any() else 0.0)
+        for s, left in zip(c.series, base.left, strict=True)
+    ]
+    prober = Prober(c, base.u, base.left, noise)
     coloured = evidence(c, whitening.fitted(c.series, base.left))
     judges = [(seen, scorer), (coloured, Scorer(coloured.rows(base.u, base.left, base.slopes)))]
     over = [effective(e.white(base.left), e) for e, _ in judges]
@@ -125,6 +135,11 @@ def _scored(
 def _refitted(c: Confrontation, u: Array, clock: Clock) -> tuple[Evidence, Refit]:
     """Nominal numbers refitted under the noise that they leave, in rounds."""
     left = c.left(c.core, u)
+    lopsided = [j for j, p in enumerate(c.nominal) if p.path.endswith(".asymmetry")]
+    if left is not None and lopsided:  # friction alike both ways first: else drag becomes friction
+        even = Fitter(evidence(_held(c, lopsided), whitening.sized(c.series, left)), clock.stop)
+        first = even.nominal(u)
+        u, left = (first.u, list(first.left)) if first is not None else (u, left)
     for last in reversed(range(_ROUNDS)):
         if left is None:
             break
@@ -145,10 +160,7 @@ def records_alone(c: Confrontation, clock: Clock | None = None) -> Refit:
         FitError: the machine can not be simulated.
 
     """
-    held = copy(c)
-    held.sigma = c.sigma.copy()
-    held.sigma[: len(c.nominal)] = 1e-9
-    seen = evidence(held, whitening.plain(c.series))
+    seen = evidence(_held(c, list(range(len(c.nominal)))), whitening.plain(c.series))
     stop = clock.stop if clock is not None else lambda: False
     found = Fitter(seen, stop).nominal(c.levelled(c.core, c.start))
     if found is None:
@@ -160,3 +172,11 @@ def _alike(first: Sequence[Array], second: Sequence[Array]) -> bool:
     a = np.array([np.sqrt(np.mean(x**2)) for x in first])
     b = np.array([np.sqrt(np.mean(x**2)) for x in second])
     return bool(np.all(np.abs(np.log((b + 1e-300) / (a + 1e-300))) < _SETTLED))
+
+
+def _held(c: Confrontation, numbers: Sequence[int]) -> Confrontation:
+    """The same with some nuisances believed to be what they are."""
+    held = copy(c)
+    held.sigma = c.sigma.copy()
+    held.sigma[list(numbers)] = 1e-9
+    return held
