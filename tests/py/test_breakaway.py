@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from dualdrive import Machine, _core, simulate
+from dualdrive import Machine, _core, parse_motion, simulate
 
 FRICTION, AMPLITUDE, FREQUENCY = 20.0, 60.0, 0.3
 
@@ -52,3 +52,63 @@ def test_a_pinion_that_breaks_away_goes_on(gap: float) -> None:
     run = simulate(machine, times=np.linspace(0.0, end, 9965), energy=False)
     assert (run.status, run.message) == ("success", "")
     assert len(run.events) < 100
+
+
+# ------------------------------------------------------------------- out of a creep, by rounding
+
+ENGINES = ["exact", "explicit"]
+
+
+def creeping_table(friction: float, stiffness: float) -> _core.Machine:
+    machine = _core.Machine()
+    machine.add_body("motor_1")
+    machine.add_body("table")
+    machine.connect("shaft", "motor_1", "table", "compliant")
+    machine.add_motor("motor_1", "motor_1", "direct")
+    machine.add_effect("coulomb", "table")
+    for path, value in {
+        "motor_1.J": 1.0,
+        "motor_1.b": 40.0,
+        "table.J": 10.0,
+        "table.b": 40.0,
+        "shaft.stiffness": stiffness,
+        "coulomb@table.torque": friction,
+    }.items():
+        machine.set(path, value)
+    return machine
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_creep_that_ends_at_a_move_ends_once(engine: str) -> None:
+    """From 1 s on the motor gives just the friction: speed decays to rounding, until 20 s."""
+    for friction in (300.0, 17.3, 1000.0 / 3.0):
+        for stiffness in (1.0e4, 1.1e4, 5.0e4):
+            for start in (1.2, 1.5):
+                torque = [-start * friction, -friction, -friction, -0.5 * friction]
+                drive = _core.sampled([0.0, 1.0, 20.0, 21.0], torque, _core.Interpolation.linear)
+                run = _core.simulate(creeping_table(friction, stiffness), {"T_1": drive}, end=21.0,
+                                     engine=engine, output_step=0.1, energy=False)  # fmt: skip
+                assert (run.status, run.message) == ("success", "")
+                modes = [event[2:] for event in run.events]
+                assert modes[0] == ("stuck", "backward")
+                assert modes[-1] == ("backward", "stuck")
+                assert len(modes) < 10
+                # in between only what rounding makes of a speed of exp(-80 t / 11) and less
+                assert all(3.0 < event[0] < 20.1 for event in run.events[1:])
+                assert run.values[-1, run.names.index("omega_m")] == 0.0
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("name", ["heavy-table-dual-servo", "heavy-table-double-pinion"])
+def test_a_move_out_of_a_long_rest_is_that_of_cvode(name: str, engine: str) -> None:
+    machine = Machine.load(name)
+    for dwell in (6.0, 8.0):
+        motion = parse_motion(f"cycle:-0.5deg;0deg,v=0.03,a=0.01,j=0.05,dwell={dwell},start=2")
+        mine, theirs = (
+            simulate(machine, motion, end=6.5 + dwell, engine=e, rtol=1e-11, energy=False,
+                     output_step=0.05)
+            for e in (engine, "cvode")
+        )  # fmt: skip
+        assert (mine.status, mine.message) == ("success", "")
+        apart = np.abs(mine.values - theirs.values).max(axis=0)
+        assert (apart <= 1e-7 * np.abs(theirs.values).max(axis=0)).all()

@@ -125,10 +125,14 @@ Mode Simulation::next_mode(int element, int which) {
         }
         case SwitchKind::stick: {
             if (m == stick::stuck) return which == 0 ? stick::forward : stick::backward;
+            // Its speed has come to zero: the torque, less the friction it slid under, points away from where it slid.
+            // Where the two are equal, as after a long creep, rounding would deny this; were it heard, the body would
+            // slide on the way its guard has just ended, and the guard fall again at the same instant. Without any friction
+            // it turns.
             evaluate(solver_->time(), solver_->state().data());
-            const double torque = model_.group_torque(s.index);
-            if (torque > model_.friction_limit(s.index, 1)) return stick::forward;
-            return torque < -model_.friction_limit(s.index, -1) ? stick::backward : stick::stuck;
+            const Mode other = static_cast<Mode>(-m);
+            const double away = std::max(other * model_.group_torque(s.index), -model_.friction_limit(s.index, m));
+            return away >= model_.friction_limit(s.index, other) ? other : stick::stuck;
         }
         case SwitchKind::limiter:
             return next_limiter_mode(k, m, which);
