@@ -99,6 +99,20 @@ def test_a_creep_that_ends_at_a_move_ends_once(engine: str) -> None:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
+def test_a_creep_without_friction_turns(engine: str) -> None:
+    """Where the dry friction is zero there is nothing to stick on, whatever rounding says."""
+    for stiffness in (3.0e3, 1.0e4, 1.1e4, 3.0e4, 5.0e4):
+        for push in (3.0, 10.0, 17.0):
+            torque = [-push, 0.0, 0.0, 0.7 * push]
+            drive = _core.sampled([0.0, 1.0, 20.0, 21.0], torque, _core.Interpolation.linear)
+            run = _core.simulate(creeping_table(0.0, stiffness), {"T_1": drive}, end=21.0,
+                                 engine=engine, output_step=0.1, energy=False)  # fmt: skip
+            assert (run.status, run.message) == ("success", "")
+            assert run.events[-1][2:] == ("backward", "forward")
+            assert len(run.events) < 10
+
+
+@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("name", ["heavy-table-dual-servo", "heavy-table-double-pinion"])
 def test_a_move_out_of_a_long_rest_is_that_of_cvode(name: str, engine: str) -> None:
     machine = Machine.load(name)
