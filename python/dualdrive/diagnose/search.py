@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from copy import copy
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ from dualdrive.diagnose.refit import Fitter, Refit
 from dualdrive.diagnose.score import Scorer
 from dualdrive.diagnose.settle import ENOUGH, settle
 from dualdrive.diagnose.shortlist import distinct, refitted, without_twins
-from dualdrive.diagnose.signatures import Prober, Score, score_all, with_orders
+from dualdrive.diagnose.signatures import CONTAINS, Prober, Score, score_all, with_orders
 from dualdrive.diagnose.survey import Clock, Survey, excess, key_of
 from dualdrive.diagnose.valleys import better_valley
 from dualdrive.identify import FitError
@@ -29,7 +29,9 @@ Array = NDArray[np.float64]
 SHORTLIST = 6
 _ROUNDS = 3  # of noise
 _CLEARLY = 1.4  # times the noise: something is missing, whatever a score says of its name
-WORTH_A_REFIT = 10.0  # fall of chi^2 over its inflation, below which no name could be given
+WORTH_A_REFIT = 15.0  # fall of chi^2 over its inflation, below which no name could be given
+_RIVAL = 0.3  # of the best gain: less is no rival, where no more than noise is left
+_CONTAINED = 4.0  # gain of a simple law of friction from which the whole ones are tried there
 _TAKEN_APART = 10  # best groups of which the single parts are tried
 _SETTLED = 0.1  # change of the noise's size below which another round changes nothing
 
@@ -70,7 +72,8 @@ def search(
     scorer = Scorer(seen.rows(base.u, base.left, base.slopes))
     scores, untried = _scored(c, seen, base, scorer, every, clock, threads, tell)
     single, twins = without_twins(seen, scorer, scores)
-    least = 1.0 if clear else WORTH_A_REFIT
+    most = max((s.gain.gain for s in single), default=0.0)
+    least = 1.0 if clear else max(WORTH_A_REFIT, _RIVAL * most)
     refits, missing = refitted(
         Fitter(seen, clock.stop),
         base,
@@ -118,18 +121,33 @@ def _scored(
         listed = distinct(with_orders(coloured, rest[1], hypotheses))
         return score_all(prober, judges, over, listed, threads, clock.stop)
 
-    scores = tried(every)
+    simple = [h for h in every if h.effects[-1][0] not in CONTAINS]
+    scores = tried(simple)
     best = sorted(scores, key=lambda s: -s.gain.gain)
     groups = {s.label: s.signature.hypothesis for s in best if s.gain.gain > WORTH_A_REFIT}
     several = list(groups.values())[:_TAKEN_APART]
     parts = [m for h in several for m in members(c.core, Hypothesis(h.effects))]
     if parts:
         scores += tried(parts)
+    rubbing = {
+        s.signature.hypothesis.effects[-1][1]
+        for s in scores
+        if s.gain.gain > _CONTAINED and s.signature.hypothesis.effects[-1][0] == "coulomb"
+    }
+    whole = [h for h in every if h not in simple and _may_rub(h, rubbing, every)]
+    if whole:
+        scores += tried(whole)
     known = {s.label for s in scores}
     untried = sorted({h.label for h in every} - known)
     if clock.stop() and untried:
         clock.leave_out(f"not tried: {', '.join(untried)}")
     return sorted(scores, key=lambda s: -s.gain.gain), untried
+
+
+def _may_rub(h: Hypothesis, rubbing: Collection[str], every: Sequence[Hypothesis]) -> bool:
+    """Whether a whole law of friction is worth its time: dry friction gains, or is there."""
+    place = h.effects[-1][1]
+    return place in rubbing or not any(o.effects[-1] == ("coulomb", place) for o in every)
 
 
 def _refitted(c: Confrontation, u: Array, clock: Clock) -> tuple[Evidence, Refit]:

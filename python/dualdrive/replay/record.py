@@ -186,14 +186,16 @@ def _settled(core: Any, record: Record, *, extend: bool) -> Record:
 
 
 def _better_start(core: Any, *candidates: Record) -> Record:
-    """The one whose first second lies nearer to the record; the first where neither runs."""
+    """The one that lies nearer to the record at first; the first where neither runs.
+
+    Judged by what comes before the command moves, where that is long enough, else by the first
+    second: once it moves, a wrong inertia weighs more than flanks that stood open.
+    """
     from dualdrive.replay.run import play
 
     best, least = candidates[0], math.inf
     for record in candidates:
-        first = replace(
-            record, t=record.t[: max(_SHORTEST, int(np.sum(record.t < record.t[0] + 1.0)))]
-        )
+        first = replace(record, t=record.t[: _beginning(record)])
         replay = play(core, first)
         if not replay.ok:
             continue
@@ -207,6 +209,14 @@ def _better_start(core: Any, *candidates: Record) -> Record:
         if (size := float(np.mean(off)) if off else 0.0) < 0.9 * least:
             best, least = record, size
     return best
+
+
+def _beginning(record: Record) -> int:
+    """Samples that tell how the machine stood."""
+    second = max(_SHORTEST, int(np.sum(record.t < record.t[0] + 1.0)))
+    off = np.abs(record.reference - record.reference[0]) > 1e-3 * np.ptp(record.reference)
+    still = int(np.argmax(off)) if off.any() else len(record.t)
+    return min(still, second) if still >= _SHORTEST else second
 
 
 def _settling_time(core: Any) -> float:
