@@ -8,30 +8,45 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any
 
 _log = logging.getLogger(__name__)
 
 __all__ = ["interrupt"]
 
 
+class _First:
+    """What the first Ctrl-C does: sets its event, and those of the calls around it."""
+
+    def __init__(self, stop: threading.Event) -> None:
+        self.stop = stop
+        self.before: Any = signal.signal(signal.SIGINT, self)
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        self.stop.set()
+        if isinstance(self.before, _First):
+            self.before(number, frame)
+            return
+        signal.signal(signal.SIGINT, self.before)
+        _log.warning("finishing the runs under way; Ctrl-C again ends at once")
+
+
 @contextmanager
 def interrupt() -> Iterator[threading.Event]:
     """Give an event that the first Ctrl-C sets; the second one does what it did before.
 
-    Outside the main thread, where Python delivers no signals, the event is never set.
+    Inside another such call the first Ctrl-C sets the events of both. Outside the main thread,
+    where Python delivers no signals, the event is never set.
     """
     stop = threading.Event()
     if threading.current_thread() is not threading.main_thread():
         yield stop
         return
-
-    def first(number: int, frame: FrameType | None) -> None:
-        stop.set()
-        signal.signal(signal.SIGINT, before)
-        _log.warning("finishing the runs under way; Ctrl-C again ends at once")
-
-    before = signal.signal(signal.SIGINT, first)
+    first = _First(stop)
     try:
         yield stop
     finally:
-        signal.signal(signal.SIGINT, before)
+        outermost = first.before
+        while stop.is_set() and isinstance(outermost, _First):
+            outermost = outermost.before
+        signal.signal(signal.SIGINT, outermost)

@@ -24,6 +24,7 @@ _SOFTER = 0.1  # of the stiffness that a compliant shaft is added with: nearly r
 _LINEAR = ("phase", "centre", "asymmetry")
 _SHAPES = ("phase", "asymmetry", "centre", "spacing")
 _ASYMMETRY = 0.3  # probe of a number without a usual size of its own
+_OF_A_MESH = ("load_dependent_mesh_loss",)
 _LIMITS, _ABOUT = ("T_max", "U_max"), (0.96, 1.03)  # a limit shows in what was recorded
 _SHORTEST = 5e-5  # s: a delay below that costs a simulation more than it could show
 _PRESLIDING = 1e-4  # rad at the table
@@ -151,16 +152,16 @@ def _possible(core: Any, effect: str, place: str) -> Hypothesis | None:
 
 
 def _twin_of_motors(core: Any, kind: Any, place: str) -> bool:
-    """Whether friction at the pinions is friction at the motors: both turn as one body."""
+    """Whether friction here is friction at the other end of a rigid gearbox: one body, one name.
+
+    It is called the motors', but for a loss that needs the torque of a mesh: the pinions'.
+    """
     places = kind.places.split(",")
-    if (
-        place != "pinions"
-        or "motors" not in places
-        or any("phase" in p.path for p in kind.parameters)
-    ):
+    if not {"motors", "pinions"} <= set(places) or any("phase" in p.path for p in kind.parameters):
         return False
     gears = [c for c in core.connections if c.startswith("gearbox")]
-    return bool(gears) and all(core.kind(g) == "rigid" for g in gears)
+    one_body = bool(gears) and all(core.kind(g) == "rigid" for g in gears)
+    return one_body and place == ("motors" if kind.name in _OF_A_MESH else "pinions")
 
 
 _ONE = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +18,8 @@ from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.loop import ClosedLoop
 from dualdrive.diagnose.result import Diagnosis, plain
 from dualdrive.diagnose.search import records_alone
-from dualdrive.identify import which_mode
+from dualdrive.identify import FitError, which_mode
+from dualdrive.interrupt import interrupt
 from dualdrive.replay import core_of, named, records
 from dualdrive.traces import Trace
 
@@ -70,7 +72,7 @@ class Ladder:
         return [
             head,
             *(
-                (s.label, *(f"{100 * x:.3g} %" for x in (s.fitted, s.held_out, s.noise_floor)))
+                (s.label, *(_percent(x) for x in (s.fitted, s.held_out, s.noise_floor)))
                 for s in self.steps
             ),
         ]
@@ -158,72 +160,81 @@ def improve(
             return foretold
         mine = {n: s for n, s in own.items() if n in other}
         c = confrontation(m, other, mine, mode, options)
-        return c.headline(records_alone(c).left)
+        try:
+            return c.headline(records_alone(c).left)
+        except FitError:
+            return float("nan")  # it does not even run there
 
     steps: list[Step] = []
     found: list[Diagnosis] = []
     stopped = f"{most} effects were added"
     current = machine
-    for count in range(most + 1):
-        left = budget - (time.monotonic() - begun)
-        if left < 0.1 * budget:
-            stopped = "the time is used up"
-            break
-        mine = {n: s for n, s in own.items() if n in fitting}
-        d = diagnose(
-            current,
-            fitting,
-            settings=mine,
-            mode=mode,
-            budget=left / 1.5,
-            progress=progress,
-            **{"experiment": count == 0, **options},
-        )
-        found.append(d)
-        floor = d.error.get("noise_floor", float("nan"))
-        if not steps:
-            if d.refitted is None:
-                return Ladder([], found, "the records can not be judged", held, 0.0)
-            tell("holding the machine as it stands against what was held out")
-            e = d.error
-            steps = [
-                Step("nominal", e["nominal"], error(machine, e["nominal"]), floor, "", machine),
-                Step(
-                    "refitted",
-                    e["refitted"],
-                    error(d.refitted, e["held_out_refitted"]),
-                    floor,
-                    "",
-                    d.refitted,
-                ),
-            ]
-            current = d.refitted
-        if count == most:
-            break
-        named_ = d.verdict == "effect" or (ambiguous and d.verdict == "ambiguous")
-        if not named_ or d.improved is None:
-            stopped = _why(d)
-            break
-        label = d.candidates[0].label
-        tell(f"holding {label} against what was held out")
-        step = Step(
-            f"+ {label}",
-            d.error["best"],
-            error(d.improved, d.error["held_out_best"]),
-            floor,
-            d.command,
-            d.improved,
-        )
-        if step.held_out > _WORTH * steps[-1].held_out:
-            stopped = (
-                f"{label} fits, but what was held out does not get better "
-                f"({100 * steps[-1].held_out:.3g} % to {100 * step.held_out:.3g} %)"
+    with interrupt() as stop:
+        for count in range(most + 1):
+            left = budget - (time.monotonic() - begun)
+            if left < 0.1 * budget:
+                stopped = "the time is used up"
+                break
+            mine = {n: s for n, s in own.items() if n in fitting}
+            d = diagnose(
+                current,
+                fitting,
+                settings=mine,
+                mode=mode,
+                budget=left / 1.5,
+                progress=progress,
+                **{"experiment": count == 0, **options},
             )
-            break
-        if hasattr(d.improved, "note"):
-            d.improved.note(f"added {label}, fitted to {', '.join(fitting)}")
-        steps.append(step)
-        current = d.improved
+            found.append(d)
+            if stop.is_set():
+                stopped = "stopped by hand"
+            floor = d.error.get("noise_floor", float("nan"))
+            if not steps:
+                if d.refitted is None:
+                    return Ladder([], found, "the records can not be judged", held, 0.0)
+                tell("holding the machine as it stands against what was held out")
+                e = d.error
+                steps = [
+                    Step("nominal", e["nominal"], error(machine, e["nominal"]), floor, "", machine),
+                    Step(
+                        "refitted",
+                        e["refitted"],
+                        error(d.refitted, e["held_out_refitted"]),
+                        floor,
+                        "",
+                        d.refitted,
+                    ),
+                ]
+                current = d.refitted
+            if count == most or stop.is_set():
+                break
+            named_ = d.verdict == "effect" or (ambiguous and d.verdict == "ambiguous")
+            if not named_ or d.improved is None:
+                stopped = _why(d)
+                break
+            label = d.candidates[0].label
+            tell(f"holding {label} against what was held out")
+            step = Step(
+                f"+ {label}",
+                d.error["best"],
+                error(d.improved, d.error["held_out_best"]),
+                floor,
+                d.command,
+                d.improved,
+            )
+            if not math.isfinite(step.held_out):
+                stopped = f"with {label} the machine can not be simulated on what was held out"
+                break
+            if step.held_out > _WORTH * steps[-1].held_out:
+                stopped = (
+                    f"{label} fits, but what was held out does not get better "
+                    f"({100 * steps[-1].held_out:.3g} % to {100 * step.held_out:.3g} %)"
+                )
+                break
+            if hasattr(d.improved, "note"):
+                d.improved.note(f"added {label}, fitted to {', '.join(fitting)}")
+            steps.append(step)
+            current = d.improved
     return Ladder(steps, found, stopped, held, time.monotonic() - begun)
 
 
@@ -251,6 +262,10 @@ def _both_ways(machine: Any, traces: Mapping[str, Trace], mode: str) -> bool:
         if "one_way" in codes[1] - codes[0] or "short" in codes[1] - codes[0]:
             return False
     return True
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.3g} %" if math.isfinite(share) else "–"
 
 
 def _why(d: Diagnosis) -> str:

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 #: fall of the criterion below which nothing is named: odds of 1 to e^10 before the library's size
 NAMED = 20.0
 #: the same for a second effect beside a first
-SECOND = 12.0
+SECOND = 25.0
 #: of the criterion, tempered: odds of 1 to 20 against a law of the angle on less than a radian
 SMALL_ARC = 12.0
 #: of twice the log evidence: how sure differences between good fits are (see the blind suite)

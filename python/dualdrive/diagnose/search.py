@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 SHORTLIST = 6
 _ROUNDS = 3  # of noise
-_CLEARLY = 1.4  # times the noise: something is missing, whatever a score says of its name
+_CLEARLY = 1.35  # times the noise: something is missing, whatever a score says of its name
 WORTH_A_REFIT = 15.0  # fall of chi^2 over its inflation, below which no name could be given
 _RIVAL = 0.3  # of the best gain: less is no rival, where no more than noise is left
 _CONTAINED = 4.0  # gain of a simple law of friction from which the whole ones are tried there

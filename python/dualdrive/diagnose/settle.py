@@ -27,7 +27,7 @@ _CLOSE = 60.0  # of criterion behind the best: refitted again under the new nois
 _FEW = 4  # of them
 _POLISH = 2
 _SETTLED = 0.1  # change of the noise's size below which another round changes nothing
-ENOUGH = 1.1  # residual over floor in every series, below which nothing is left to explain
+ENOUGH = 1.15  # residual over floor in every series, below which nothing is left to explain
 
 
 def settle(found: Survey, clock: Clock, tell: Callable[[str], None]) -> Survey:
