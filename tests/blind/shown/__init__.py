@@ -1,0 +1,1 @@
+"""What a diagnosis must show, each claim on machines of the generator: ``python -m`` this."""

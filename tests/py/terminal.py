@@ -1,0 +1,71 @@
+"""A command on a terminal of its own, as a user has it: progress is seen, Ctrl-C can be pressed."""
+
+from __future__ import annotations
+
+import os
+import pty
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+
+class Terminal:
+    """Runs a verb; its messages and its progress go to the terminal, its output to `out`."""
+
+    def __init__(self, arguments: Sequence[str], folder: Path) -> None:
+        self._own, theirs = pty.openpty()
+        self.screen = ""
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "dualdrive_cli.main", *arguments],
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=theirs,
+            text=True,
+            env={**os.environ, "TERM": "xterm", "COLUMNS": "200"},
+            preexec_fn=_as_in_a_terminal,
+        )
+        os.close(theirs)
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        while True:
+            try:
+                data = os.read(self._own, 4096)
+            except OSError:  # the other side is closed
+                return
+            self.screen += data.decode(errors="replace")
+
+    def wait_for(self, words: str, seconds: float = 60.0) -> None:
+        """Until the words stand on the screen."""
+        end = time.monotonic() + seconds
+        while words not in self.screen:
+            if self._process.poll() is not None or time.monotonic() > end:
+                self._process.kill()
+                pytest.fail(f"no {words!r} within {seconds:g} s on the screen:\n{self.screen}")
+            time.sleep(0.05)
+
+    def ctrl_c(self) -> None:
+        """Press it once."""
+        self._process.send_signal(signal.SIGINT)
+
+    def end(self, seconds: float = 60.0) -> tuple[int, str]:
+        """(exit status, standard output) once the command is through; it is killed if it is not."""
+        try:
+            out, _ = self._process.communicate(timeout=seconds)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.communicate()
+            pytest.fail(f"still running {seconds:g} s later; on the screen:\n{self.screen}")
+        return self._process.returncode, out
+
+
+def _as_in_a_terminal() -> None:
+    """A background shell lets its children ignore Ctrl-C."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
