@@ -87,7 +87,7 @@ def test_the_benchmark_of_time_takes_ten_seconds_at_one_kilohertz(family: str) -
     ],
 )
 def test_the_generator_follows_a_planned_motion(words: str) -> None:
-    """Pieces of constant jerk, integrated by hand, meet it; speed but where the motion has kinks."""
+    """Pieces of constant jerk, integrated by hand, meet it; speed except at kinks."""
     motion = parse_motion(words)
     angle, speed = followed(motion)
     t = np.arange(len(angle)) * apart._KNOT
