@@ -40,9 +40,7 @@ def sizes_of_part(
     return found
 
 
-def _peaks(
-    core: Any, motors: Sequence[str], limit: str, played: Sequence[Record]
-) -> list[float]:
+def _peaks(core: Any, motors: Sequence[str], limit: str, played: Sequence[Record]) -> list[float]:
     """Largest size of what a limit limits, over all records, of every motor that has it."""
     if limit not in ("T_max", "U_max"):
         return []
