@@ -89,12 +89,9 @@ def test_ctrl_c_ends_a_diagnosis_with_what_is_known(words: str) -> None:
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-UNSAID = pytest.mark.xfail(reason="pressed there, improve says that effects were added")
-
-
 @pytest.mark.parametrize(
     "words",
-    ["effects at their places", pytest.param("holding the machine", marks=[UNSAID, long])],
+    ["effects at their places", pytest.param("holding the machine", marks=long)],
 )
 def test_ctrl_c_ends_an_improvement_with_the_steps_so_far(words: str) -> None:
     order, told = hidden(), Watched(words)

@@ -24,6 +24,8 @@ from dualdrive.replay import core_of, named, records
 from dualdrive.traces import Trace
 
 MOST = 4  # effects that are added one after the other
+_LAST = 0.1  # of the time: with less left nothing is begun
+_BY_HAND = "stopped by hand"
 _WORTH = 0.98  # held-out error of the next step over that of the last, at most
 
 
@@ -138,7 +140,7 @@ def improve(
         ValueError: as there, or a trace too short to be halved.
 
     """
-    begun, tell = time.monotonic(), progress or (lambda _: None)
+    begun = time.monotonic()
     own, held = dict(settings or {}), ""
     fitting = {n: evened(t)[0] for n, t in named(traces).items()}
     other: dict[str, Trace] = {}
@@ -155,87 +157,109 @@ def improve(
     if mode == "auto":
         mode = which_mode(core_of(machine), {**fitting, **other}, options.get("motion"))
 
-    def error(m: Any, foretold: float) -> float:
-        if not other:
+    climb = _Climb(machine, fitting, other, own, mode, budget, progress, options)
+    with interrupt() as stop:
+        stopped = climb.up(most, ambiguous, stop.is_set)
+    return Ladder(climb.steps, climb.found, stopped, held, time.monotonic() - begun)
+
+
+class _Climb:
+    """The ladder as it grows: the machine so far, its steps and the diagnoses before them."""
+
+    def __init__(
+        self,
+        machine: Any,
+        fitting: Mapping[str, Trace],
+        other: Mapping[str, Trace],
+        settings: Mapping[str, Mapping[str, float]],
+        mode: str,
+        budget: float,
+        progress: Callable[[str], None] | None,
+        options: Mapping[str, Any],
+    ) -> None:
+        self.machine, self.fitting, self.other = machine, fitting, other
+        self.settings, self.mode, self.options = settings, mode, options
+        self.progress, self.tell = progress, progress or (lambda _: None)
+        self.budget, self.end = budget, time.monotonic() + budget
+        self.steps: list[Step] = []
+        self.found: list[Diagnosis] = []
+
+    def up(self, most: int, ambiguous: bool, stop: Callable[[], bool]) -> str:
+        """Add what is missing; why it stopped, in words."""
+        for count in range(most + 1):
+            left = self.end - time.monotonic()
+            if stop() or left < _LAST * self.budget:
+                return _BY_HAND if stop() else "the time is used up"
+            d = self._diagnosed(left / 1.5, plan=count == 0)
+            if not self.steps and not self._begin(d):
+                return "the records can not be judged"
+            if stop():
+                return _BY_HAND
+            if count < most and (why := self._step(d, ambiguous)):
+                return why
+        return f"{most} effects were added"
+
+    def _diagnosed(self, budget: float, *, plan: bool) -> Diagnosis:
+        mine = {n: s for n, s in self.settings.items() if n in self.fitting}
+        d = diagnose(
+            self.machine,
+            self.fitting,
+            settings=mine,
+            mode=self.mode,
+            budget=budget,
+            progress=self.progress,
+            **{"experiment": plan, **self.options},
+        )
+        self.found.append(d)
+        return d
+
+    def _begin(self, d: Diagnosis) -> bool:
+        """The first two rungs, the machine as it came and refitted; whether there are any."""
+        if d.refitted is None:
+            return False
+        self.tell("holding the machine as it stands against what was held out")
+        floor = d.error.get("noise_floor", float("nan"))
+        for label, key, foretold, machine in (
+            ("nominal", "nominal", "nominal", self.machine),
+            ("refitted", "refitted", "held_out_refitted", d.refitted),
+        ):
+            held = self._held_out(machine, d.error[foretold])
+            self.steps.append(Step(label, d.error[key], held, floor, "", machine))
+        self.machine = d.refitted
+        return True
+
+    def _step(self, d: Diagnosis, ambiguous: bool) -> str:
+        """One rung more, or why there is none."""
+        named_ = d.verdict == "effect" or (ambiguous and d.verdict == "ambiguous")
+        if not named_ or d.improved is None:
+            return _why(d)
+        label, before = d.candidates[0].label, self.steps[-1].held_out
+        self.tell(f"holding {label} against what was held out")
+        held = self._held_out(d.improved, d.error["held_out_best"])
+        if not math.isfinite(held):
+            return f"with {label} the machine can not be simulated on what was held out"
+        if held > _WORTH * before:
+            return (
+                f"{label} fits, but what was held out does not get better "
+                f"({100 * before:.3g} % to {100 * held:.3g} %)"
+            )
+        if hasattr(d.improved, "note"):
+            d.improved.note(f"added {label}, fitted to {', '.join(self.fitting)}")
+        floor = d.error.get("noise_floor", float("nan"))
+        self.steps.append(Step(f"+ {label}", d.error["best"], held, floor, d.command, d.improved))
+        self.machine = d.improved
+        return ""
+
+    def _held_out(self, machine: Any, foretold: float) -> float:
+        """Error on the held-out records; not a number where the machine does not run there."""
+        if not self.other:
             return foretold
-        mine = {n: s for n, s in own.items() if n in other}
-        c = confrontation(m, other, mine, mode, options)
+        mine = {n: s for n, s in self.settings.items() if n in self.other}
+        c = confrontation(machine, self.other, mine, self.mode, self.options)
         try:
             return c.headline(records_alone(c).left)
         except FitError:
-            return float("nan")  # it does not even run there
-
-    steps: list[Step] = []
-    found: list[Diagnosis] = []
-    stopped = f"{most} effects were added"
-    current = machine
-    with interrupt() as stop:
-        for count in range(most + 1):
-            left = budget - (time.monotonic() - begun)
-            if left < 0.1 * budget:
-                stopped = "the time is used up"
-                break
-            mine = {n: s for n, s in own.items() if n in fitting}
-            d = diagnose(
-                current,
-                fitting,
-                settings=mine,
-                mode=mode,
-                budget=left / 1.5,
-                progress=progress,
-                **{"experiment": count == 0, **options},
-            )
-            found.append(d)
-            if stop.is_set():
-                stopped = "stopped by hand"
-            floor = d.error.get("noise_floor", float("nan"))
-            if not steps:
-                if d.refitted is None:
-                    return Ladder([], found, "the records can not be judged", held, 0.0)
-                tell("holding the machine as it stands against what was held out")
-                e = d.error
-                steps = [
-                    Step("nominal", e["nominal"], error(machine, e["nominal"]), floor, "", machine),
-                    Step(
-                        "refitted",
-                        e["refitted"],
-                        error(d.refitted, e["held_out_refitted"]),
-                        floor,
-                        "",
-                        d.refitted,
-                    ),
-                ]
-                current = d.refitted
-            if count == most or stop.is_set():
-                break
-            named_ = d.verdict == "effect" or (ambiguous and d.verdict == "ambiguous")
-            if not named_ or d.improved is None:
-                stopped = _why(d)
-                break
-            label = d.candidates[0].label
-            tell(f"holding {label} against what was held out")
-            step = Step(
-                f"+ {label}",
-                d.error["best"],
-                error(d.improved, d.error["held_out_best"]),
-                floor,
-                d.command,
-                d.improved,
-            )
-            if not math.isfinite(step.held_out):
-                stopped = f"with {label} the machine can not be simulated on what was held out"
-                break
-            if step.held_out > _WORTH * steps[-1].held_out:
-                stopped = (
-                    f"{label} fits, but what was held out does not get better "
-                    f"({100 * steps[-1].held_out:.3g} % to {100 * step.held_out:.3g} %)"
-                )
-                break
-            if hasattr(d.improved, "note"):
-                d.improved.note(f"added {label}, fitted to {', '.join(fitting)}")
-            steps.append(step)
-            current = d.improved
-    return Ladder(steps, found, stopped, held, time.monotonic() - begun)
+            return float("nan")
 
 
 def confrontation(
