@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,8 +14,9 @@ from dualdrive.diagnose.clocks import evened
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.diagnose import diagnose
 from dualdrive.diagnose.equations import TorqueBalance
+from dualdrive.diagnose.ladder import Ladder, Step
 from dualdrive.diagnose.loop import ClosedLoop
-from dualdrive.diagnose.result import Diagnosis, plain
+from dualdrive.diagnose.result import Diagnosis
 from dualdrive.diagnose.search import records_alone
 from dualdrive.identify import FitError, which_mode
 from dualdrive.interrupt import interrupt
@@ -27,85 +27,6 @@ MOST = 4  # effects that are added one after the other
 _LAST = 0.1  # of the time: with less left nothing is begun
 _BY_HAND = "stopped by hand"
 _WORTH = 0.98  # held-out error of the next step over that of the last, at most
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """A rung of the ladder: headline errors on what was fitted and on what was held out."""
-
-    label: str
-    fitted: float
-    held_out: float
-    noise_floor: float
-    command: str
-    machine: Any
-
-
-@dataclass(frozen=True, eq=False)
-class Ladder:
-    """How the error fell, and why it stopped.
-
-    steps:     nominal, refitted, + effect, + second effect ...
-    diagnoses: what was found before each step that adds an effect, and the last one
-    held:      in words, what the steps were held against
-    """
-
-    steps: Sequence[Step]
-    diagnoses: Sequence[Diagnosis]
-    stopped: str
-    held: str
-    seconds: float
-
-    @property
-    def machine(self) -> Any:
-        """The machine of the last step."""
-        return self.steps[-1].machine
-
-    @property
-    def gap_closed(self) -> float:
-        """Share of the refitted machine's held-out error above the floor that went."""
-        refitted, last = self.steps[min(1, len(self.steps) - 1)], self.steps[-1]
-        gap = refitted.held_out - refitted.noise_floor
-        return float((refitted.held_out - last.held_out) / gap) if gap > 0 else 0.0
-
-    def rows(self) -> list[tuple[str, ...]]:
-        """Cells of the table, a head first."""
-        head = ("step", "fitted", "held out", "noise floor")
-        return [
-            head,
-            *(
-                (s.label, *(_percent(x) for x in (s.fitted, s.held_out, s.noise_floor)))
-                for s in self.steps
-            ),
-        ]
-
-    def table(self) -> str:
-        """The ladder as lines of text, and why it stopped."""
-        rows = self.rows()
-        widths = [max(len(row[k]) for row in rows) for k in range(4)]
-        lines = ["  ".join(f"{c:<{w}}" for c, w in zip(r, widths, strict=True)) for r in rows]
-        return "\n".join([*lines, f"held out: {self.held}", f"stopped: {self.stopped}"])
-
-    def figures(self) -> dict[str, Any]:
-        """Plain JSON values; ``None`` where a number is not finite."""
-        return dict(
-            plain(
-                {
-                    "steps": [
-                        {
-                            k: getattr(s, k)
-                            for k in ("label", "fitted", "held_out", "noise_floor", "command")
-                        }
-                        for s in self.steps
-                    ],
-                    "stopped": self.stopped,
-                    "held_out": self.held,
-                    "gap_closed": self.gap_closed,
-                    "seconds": self.seconds,
-                    "diagnoses": [d.figures() for d in self.diagnoses],
-                }
-            )
-        )
 
 
 def improve(
@@ -286,10 +207,6 @@ def _both_ways(machine: Any, traces: Mapping[str, Trace], mode: str) -> bool:
         if "one_way" in codes[1] - codes[0] or "short" in codes[1] - codes[0]:
             return False
     return True
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.3g} %" if math.isfinite(share) else "–"
 
 
 def _why(d: Diagnosis) -> str:

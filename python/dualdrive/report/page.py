@@ -13,7 +13,7 @@ from dualdrive.report.pictures import Gallery
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from dualdrive.diagnose.improve import Ladder
+    from dualdrive.diagnose.ladder import Ladder
     from dualdrive.report.provenance import Provenance
 
 __all__ = ["page"]

@@ -8,7 +8,7 @@ from dualdrive.diagnose.result import Candidate, Diagnosis, Interval
 from dualdrive.report.markup import Html, join, number, percent, table, tag
 
 if TYPE_CHECKING:
-    from dualdrive.diagnose.improve import Ladder
+    from dualdrive.diagnose.ladder import Ladder
     from dualdrive.report.pictures import Gallery
 
 __all__ = ["candidates", "experiment", "ladder", "moved"]
