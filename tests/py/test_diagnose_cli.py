@@ -9,10 +9,6 @@ from __future__ import annotations
 import json
 import shlex
 import shutil
-import signal
-import subprocess
-import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -229,20 +225,3 @@ def test_the_demos_missing_effect_is_found(folder: Path) -> None:
     names = [f"{c['effect']}@{c['place']}" for c in figures["candidates"]]
     assert "coulomb@table" in names[:3]
     assert figures["equation"]["name"] == "table"
-
-
-def test_ctrl_c_keeps_what_is_known(folder: Path) -> None:
-    command = [sys.executable, "-m", "dualdrive_cli.main", "diagnose", "machine.toml", "fit.csv"]
-    with subprocess.Popen(
-        [*command, "--budget", "300", "--json", "found.json"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as child:
-        time.sleep(12)
-        child.send_signal(signal.SIGINT)
-        out, err = child.communicate(timeout=120)
-    assert "Traceback" not in err
-    assert Path("found.json").exists(), err
-    assert json.loads(Path("found.json").read_text())["error"]["nominal"] > 0
-    assert out
