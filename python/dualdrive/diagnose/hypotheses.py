@@ -31,7 +31,7 @@ _PRESLIDING = 1e-4  # rad at the table
 
 
 #: effects that in a balance are one with a common factor of all inertias and frictions
-SCALES = ("thermal_drift",)
+SCALES = ("thermal_drift", "torque_constant_saturation")
 
 #: path -> SI value of an effect's numbers
 Setting = dict[str, float]

@@ -37,7 +37,7 @@ KEPT = 0.25
 #: residual over floor, RMS, from which something is surely left
 LEFT_OVER = 1.22
 FAR_OVER = 1.35  # in one series alone
-BALANCE = 2.2  # wider in a torque balance, whose floors are reckoned, not seen at standstill
+BALANCE = 3.0  # wider in a torque balance, whose floors are reckoned, not seen at standstill
 
 
 @dataclass(frozen=True, eq=False)
