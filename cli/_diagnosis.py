@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import sys
+import threading
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,7 +18,7 @@ from dualdrive.diagnose import VERDICTS, Candidate, Diagnosis, Experiment, Inter
 from dualdrive.machine import Machine
 from dualdrive.motion import parse_motion
 from dualdrive.units import human
-from dualdrive_cli._shared import command_line, console
+from dualdrive_cli._shared import STOPPED, command_line, console, give_up
 from dualdrive_cli._traces import (
     interpolation_option,
     mode_option,
@@ -111,6 +113,13 @@ def settings_for(
 def told(status: Any) -> Callable[[str], None]:
     """Show what is being tried, a line that replaces the one before."""
     return lambda what: status.update(escape(what))
+
+
+def end(stop: threading.Event) -> None:
+    """Leave with the exit code of Ctrl-C where it cut the search; all that is known is written."""
+    if stop.is_set():
+        sys.stdout.flush()
+        give_up("stopped: this is what was known until then", STOPPED)
 
 
 # --- tables ---------------------------------------------------------------------------------------

@@ -11,10 +11,12 @@ from dualdrive import diagnose
 from dualdrive.diagnose import Diagnosis
 from dualdrive.files import refuse_existing, write_atomically
 from dualdrive.identify import FitError
+from dualdrive.interrupt import interrupt
 from dualdrive.machine import Machine
 from dualdrive_cli._diagnosis import (
     budget_option,
     confronting,
+    end,
     how,
     save,
     settings_for,
@@ -23,6 +25,7 @@ from dualdrive_cli._diagnosis import (
 )
 from dualdrive_cli._shared import (
     FAILED,
+    STOPPED,
     console,
     give_up,
     json_option,
@@ -78,14 +81,15 @@ def command(
 
     The numbers of the data sheet are refitted under every explanation, so that a drifted inertia
     does not pose as an effect. What the record can't tell apart is named as a group, with the
-    experiment that would. Ctrl-C ends the search with what is known so far.
+    experiment that would. Ctrl-C ends the search with what is known so far,
+    and exit code 130.
     """
     for path in filter(None, (output, plot)):
         refuse_existing(path, overwrite=overwrite)
     m = load(machine, settings)
     recorded = read_all(traces, mapping, wanted)
     own = settings_for(m, set_for, recorded)
-    with console(err=True).status("diagnosing") as status:
+    with console(err=True).status("diagnosing") as status, interrupt() as stop:
         try:
             found = diagnose.diagnose(
                 m,
@@ -96,7 +100,7 @@ def command(
                 **how(m, **replay),
             )
         except FitError as error:
-            give_up(f"{m.name}: {error}", FAILED)
+            give_up(f"{m.name}: {error}", STOPPED if stop.is_set() else FAILED)
     if plot:
         _draw(found, plot)
     change = _save(found, output, m, overwrite=overwrite) if output and found.refitted else ""
@@ -107,6 +111,7 @@ def command(
             click.echo(f"written: {output}: {change}")
         if plot:
             click.echo(f"written: {plot}")
+    end(stop)
 
 
 def _save(found: Diagnosis, path: Path, known: Machine, *, overwrite: bool) -> str:

@@ -12,9 +12,11 @@ from dualdrive.diagnose import Ladder
 from dualdrive.diagnose.improve import MOST
 from dualdrive.files import refuse_existing, write_atomically
 from dualdrive.identify import FitError
+from dualdrive.interrupt import interrupt
 from dualdrive_cli._diagnosis import (
     budget_option,
     confronting,
+    end,
     how,
     save,
     settings_for,
@@ -23,6 +25,7 @@ from dualdrive_cli._diagnosis import (
 )
 from dualdrive_cli._shared import (
     FAILED,
+    STOPPED,
     console,
     give_up,
     json_option,
@@ -83,14 +86,14 @@ def command(
 
     Prints the ladder: the error of every step beside the noise floor, on the records fitted and on
     those held out. Every step stands in the machine file's history and can be taken back. Ctrl-C
-    ends with the steps so far.
+    ends with the steps so far and exit code 130.
     """
     for path in filter(None, (output, plot)):
         refuse_existing(path, overwrite=overwrite)
     m = load(machine, settings)
     recorded, unseen = read_all(traces, mapping, wanted), read_all(held_out, mapping)
     own = settings_for(m, set_for, [*recorded, *unseen])
-    with console(err=True).status("improving") as status:
+    with console(err=True).status("improving") as status, interrupt() as stop:
         try:
             found = diagnose.improve(
                 m,
@@ -104,7 +107,7 @@ def command(
                 **how(m, **replay),
             )
         except FitError as error:
-            give_up(f"{m.name}: {error}", FAILED)
+            give_up(f"{m.name}: {error}", STOPPED if stop.is_set() else FAILED)
     if not found.steps:
         give_up(f"{m.name}: {found.stopped}: {' '.join(found.diagnoses[0].warnings)}", FAILED)
     if plot:
@@ -117,6 +120,7 @@ def command(
         show_ladder(found)
         for path in filter(None, (output, plot)):
             click.echo(f"written: {path}")
+    end(stop)
 
 
 def _draw(found: Ladder, path: Path) -> None:

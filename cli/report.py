@@ -10,16 +10,19 @@ import click
 from dualdrive import diagnose
 from dualdrive.files import refuse_existing, write_atomically
 from dualdrive.identify import FitError
+from dualdrive.interrupt import interrupt
 from dualdrive.report import Provenance, page
 from dualdrive_cli._diagnosis import (
     budget_option,
     confronting,
+    end,
     how,
     settings_for,
     told,
 )
 from dualdrive_cli._shared import (
     FAILED,
+    STOPPED,
     command_line,
     console,
     give_up,
@@ -79,7 +82,8 @@ def command(
     Measured and simulated before and after, where it fails, what is missing and what could explain
     it, the ladder of errors, the next experiment, and all it takes to make the page again. The
     page opens without a network and prints well. Without --held-out the second half of every trace
-    is held out.
+    is held out. Ctrl-C ends the search; the page tells what is known so far, and the exit code is
+    130.
     """
     refuse_existing(output, overwrite=overwrite)
     m = load(machine, settings)
@@ -87,7 +91,7 @@ def command(
     own = settings_for(m, set_for, [*recorded, *unseen])
     given: dict[str, Any] = {"settings": own, "budget": budget, **how(m, **replay)}
     steps = None
-    with console(err=True).status("diagnosing") as status:
+    with console(err=True).status("diagnosing") as status, interrupt() as stop:
         given["progress"] = told(status)
         try:
             if no_ladder:
@@ -96,8 +100,8 @@ def command(
                 steps = diagnose.improve(m, recorded, unseen or None, **given)
                 found = steps.diagnoses[0]
         except FitError as error:
-            give_up(f"{m.name}: {error}", FAILED)
-        status.update("drawing")
+            give_up(f"{m.name}: {error}", STOPPED if stop.is_set() else FAILED)
+    with console(err=True).status("drawing"):
         origin = Provenance.of(
             m,
             [*traces, *held_out],
@@ -112,3 +116,4 @@ def command(
         best = f": {found.best.label}" if found.best else ""
         click.echo(f"{found.verdict}{best}")
         click.echo(f"written: {output}")
+    end(stop)

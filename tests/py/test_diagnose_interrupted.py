@@ -132,7 +132,7 @@ def interrupted(verb: str, words: str, folder: Path) -> tuple[Mapping[str, Any],
     terminal.wait_for(words)
     terminal.ctrl_c()
     status, out = terminal.end()
-    assert status == 0, terminal.screen
+    assert status == 130, terminal.screen
     assert "Traceback" not in terminal.screen
     assert "Ctrl-C again ends at once" in terminal.screen
     return json.loads((folder / "found.json").read_text()), out
