@@ -11,6 +11,7 @@ import math
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from dualdrive import _core
+from dualdrive.assembly import gaps
 
 if TYPE_CHECKING:
     from dualdrive.machine import Machine
@@ -52,12 +53,6 @@ class Reduction(NamedTuple):
     end: float = math.inf
 
 
-def _plays(machine: Machine) -> list[str]:
-    """Connections with play: those whose flanks can come and go."""
-    core = machine.core
-    return [name for name in core.connections if core.kind(name) == "gap"]
-
-
 def is_controlled(machine: Machine) -> bool:
     """Whether there is a controller, and so a following error."""
     return bool(machine.core.controller_options["kind"] != "none")
@@ -73,7 +68,7 @@ def declared(machine: Machine) -> tuple[Figure, ...]:
             "standstill_amplitude", angle, "peak to peak of the following error at the end, at rest"
         ),
     )
-    motors, meshes = machine.core.motors, _plays(machine)
+    motors, meshes = machine.core.motors, gaps(machine.core)
     return (
         *(errors if is_controlled(machine) else ()),
         *(
@@ -127,7 +122,7 @@ def figures(run: Run) -> dict[str, float]:
     for name, of in reductions(machine, run.motion, float(run.t[-1])).items():
         (found[name],) = _core.reduce(run.t, run[of.signal], [(of.measure, of.begin, of.end)])
     found["contact_events"] = 0.0
-    for mesh in _plays(machine):
+    for mesh in gaps(machine.core):
         switches = [(event.from_, event.to) for event in run.events if event.element == mesh]
         contacts, reversals = _core.count_flanks(switches)
         found["contact_events"] += contacts

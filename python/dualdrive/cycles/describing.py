@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
+from dualdrive.assembly import core_of, gaps
 from dualdrive.cycles.errors import CycleError
 from dualdrive.linear.closing import Closed
-from dualdrive.linear.contacts import core_of, gaps
 from dualdrive.linear.frequency import poles
 from dualdrive.linear.small_signal import SmallSignal, small_signal
 from dualdrive.linear.twin import late_paths

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.assembly import gaps
 from dualdrive.cycles.describing import Predicted, describing_function, phasors
 from dualdrive.cycles.errors import NoCycleError
 from dualdrive.cycles.flow import Flow
@@ -33,10 +34,9 @@ def from_simulation(flow: Flow, kick: float, settle: float) -> tuple[Array, floa
     run = flow.run(late, span, points=20000)
     t, e = np.array(run.t), np.array(run.values[:, run.names.index("theta_m")])
     play = max(
-        (flow.core.get(f"{c}.gap") / flow.core.get(f"{c}.ratio") for c in flow.core.connections
-         if flow.core.kind(c) == "gap"),
+        (flow.core.get(f"{c}.gap") / flow.core.get(f"{c}.ratio") for c in gaps(flow.core)),
         default=0.0,
-    )  # fmt: skip
+    )
     if half_range(e) <= _AT_REST * play or half_range(e) == 0:
         raise NoCycleError(
             f"{name}: comes to rest after a kick of {kick:g} rad/s: no cycle was started; "

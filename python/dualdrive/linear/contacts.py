@@ -8,26 +8,16 @@ from itertools import product
 from typing import Any, Final
 
 from dualdrive import _core
+from dualdrive.assembly import gaps
 from dualdrive.linear.errors import LinearError
-from dualdrive.machine import Machine
 
-__all__ = ["FLANKS", "Modes", "all_sides", "core_of", "frozen", "gaps", "sides_at_rest", "spoken"]
+__all__ = ["FLANKS", "Modes", "all_sides", "frozen", "sides_at_rest", "spoken"]
 
 #: side of a gap -> the core's word for that mode
 FLANKS: Final[Mapping[int, str]] = {-1: "back", 0: "gap", 1: "front"}
 
 #: "(1, -1)", (1, -1), or switching element -> mode as the core names it; None: as at rest
 Modes = str | Sequence[int] | Mapping[str, str] | None
-
-
-def core_of(machine: Machine | _core.Machine) -> _core.Machine:
-    """The assembly behind a machine; an assembly stands for itself."""
-    return machine if isinstance(machine, _core.Machine) else machine.core
-
-
-def gaps(core: _core.Machine) -> list[str]:
-    """Connections with play, in the machine's order."""
-    return [name for name in core.connections if core.kind(name) == "gap"]
 
 
 def all_sides(count: int) -> list[tuple[int, ...]]:

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualdrive import _core
-from dualdrive.linear.contacts import Modes, core_of
+from dualdrive.assembly import core_of
+from dualdrive.linear.contacts import Modes
 from dualdrive.linear.errors import LinearError
 from dualdrive.linear.frequency import frequency_response
 from dualdrive.linear.response import FrequencyResponse

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
-from dualdrive.linear.contacts import all_sides, core_of, frozen, gaps, spoken
+from dualdrive.assembly import core_of, gaps
+from dualdrive.linear.contacts import all_sides, frozen, spoken
 from dualdrive.linear.errors import LinearError
 from dualdrive.machine import Machine
 

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dualdrive import _core
+from dualdrive.assembly import core_of
 from dualdrive.linear.closing import Closed
-from dualdrive.linear.contacts import Modes, core_of
+from dualdrive.linear.contacts import Modes
 from dualdrive.linear.eq23 import Mode
 from dualdrive.linear.errors import LinearError
 from dualdrive.linear.frequency import outputs_of

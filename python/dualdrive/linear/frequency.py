@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualdrive import _core
+from dualdrive.assembly import core_of
 from dualdrive.linear.closing import Closed
-from dualdrive.linear.contacts import Modes, core_of
+from dualdrive.linear.contacts import Modes
 from dualdrive.linear.errors import LinearError
 from dualdrive.linear.poles import is_stable, poles_of, usual_frequencies
 from dualdrive.linear.response import FrequencyResponse

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dualdrive.assembly import gaps
 from dualdrive.machine import Machine
 
 __all__ = ["OptimiseError", "refuse_all_but_two_drives"]
@@ -20,8 +21,8 @@ def refuse_all_but_two_drives(machine: Machine) -> None:
             f"{machine.name}: motors = {', '.join(core.motors) or 'none'}: tension acts between "
             "two motors under a master/slave controller; choose drive_train = dual_servo"
         )
-    for name in core.connections:
-        if core.kind(name) == "gap" and not core.get(f"{name}.gap") > 0.0:
+    for name in gaps(core):
+        if not core.get(f"{name}.gap") > 0.0:
             raise OptimiseError(
                 f"{machine.name}: {name}.gap = 0: tension has no play to close; give it some, or "
                 f"set {name}.kind = compliant"

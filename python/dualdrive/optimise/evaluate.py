@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.assembly import gaps
 from dualdrive.ensembles.ensemble import ensemble
 from dualdrive.figures import Reduction
 from dualdrive.machine import Machine
@@ -142,15 +143,10 @@ def _measures(machine: Machine, motion: Motion) -> dict[str, Reduction]:
         found[f"rms {n}"] = Reduction(f"T_{n}", "rms", begin)
         if f"I_{n}" in known:
             found[f"current {n}"] = Reduction(f"I_{n}", "rms", begin)
-    for name in _gaps(machine):
+    for name in gaps(machine.core):
         found[f"{name} low"] = Reduction(f"{name}.torque", "min", begin)
         found[f"{name} high"] = Reduction(f"{name}.torque", "max", begin)
     return found
-
-
-def _gaps(machine: Machine) -> list[str]:
-    core = machine.core
-    return [name for name in core.connections if core.kind(name) == "gap"]
 
 
 def _summed_up(
@@ -195,7 +191,7 @@ def _margin(machine: Machine, row: Mapping[str, float], tension: float) -> float
     if tension == 0.0:
         return 0.0
     least = np.inf
-    for name in _gaps(machine):
+    for name in gaps(machine.core):
         front = name.endswith("_1") == (tension > 0.0)
         held = row[f"{name} low"] if front else -row[f"{name} high"]
         number = name.rpartition("_")[2]

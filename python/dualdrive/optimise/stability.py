@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core, linear
+from dualdrive.assembly import gaps
 from dualdrive.linear.contacts import frozen
 from dualdrive.linear.twin import late_paths
 from dualdrive.machine import Machine
@@ -19,8 +20,7 @@ _NEAR_ZERO = 1e-7  # of the fastest pole
 
 def closed(machine: Machine) -> tuple[int, ...]:
     """Every flank closed: the contact in which a loop must be stable by itself."""
-    core = machine.core
-    return tuple(1 for name in core.connections if core.kind(name) == "gap")
+    return tuple(1 for _ in gaps(machine.core))
 
 
 def poles(core: _core.Machine, sides: tuple[int, ...]) -> NDArray[np.complex128]:

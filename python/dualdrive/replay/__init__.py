@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dualdrive.assembly import core_of
 from dualdrive.replay.channels import HEADLINE, Compared, compared_channels, ratio_to_table
 from dualdrive.replay.errors import best_offsets, errors, headline
-from dualdrive.replay.record import Record, ReplayError, core_of, named, records
+from dualdrive.replay.record import Record, ReplayError, named, records
 from dualdrive.replay.run import RTOL, Replay, play, play_all
 
 __all__ = [

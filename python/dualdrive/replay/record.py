@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
+from dualdrive.assembly import core_of
 from dualdrive.replay.channels import Compared, compared_channels, ratio_to_table
 from dualdrive.traces import CHANNELS, Trace
 
@@ -66,11 +67,6 @@ class Record:
         """Whether the command moves from the first sample on."""
         steps = np.abs(np.diff(self.reference))
         return bool(steps[0] > 1e-3 * np.max(steps))
-
-
-def core_of(machine: Any) -> Any:
-    """The core's machine behind a machine."""
-    return getattr(machine, "core", machine)
 
 
 def with_settings(core: Any, settings: Mapping[str, float]) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dualdrive import figures as run_figures
+from dualdrive.assembly import gaps
 from dualdrive.machine import Machine
 from dualdrive.motion import Motion, default_motion, move
 from dualdrive.optimise.stability import growth
@@ -43,7 +44,7 @@ def begin_of(motion: Motion) -> float:
 def play(machine: Machine) -> float:
     """The largest full play of a mesh, in the table's frame, rad or m."""
     core = machine.core
-    meshes = [n for n in core.connections if n.startswith("mesh_") and core.kind(n) == "gap"]
+    meshes = [name for name in gaps(core) if name.startswith("mesh_")]
     return max((2 * core.get(f"{m}.gap") / core.get(f"{m}.ratio") for m in meshes), default=0.0)
 
 
@@ -95,7 +96,7 @@ def _figures(run: Run, motion: Motion) -> dict[str, float]:
         found[f"torque ripple {n}"] = ripple(run.t, run[f"T_{n}"], pieces)
     for n in (1, 2):
         found[f"torque RMS {n}"] = float(np.sqrt(np.mean(run[f"T_{n}"][moving] ** 2)))
-    gaps = {name for name in run.elements if f"{name}.flank" in run}
-    switches = [event for event in run.events if event.element in gaps and event.t >= begin]
+    plays = {name for name in run.elements if f"{name}.flank" in run}
+    switches = [event for event in run.events if event.element in plays and event.t >= begin]
     found["flank changes"] = float(len(switches))
     return found

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
+from dualdrive.assembly import gaps
 from dualdrive.linear.contacts import frozen
 from dualdrive.machine import Machine
 from dualdrive.motion import default_motion
@@ -70,14 +71,12 @@ class Edge:
 
 def contacts(machine: Machine) -> dict[str, tuple[int, ...]]:
     """Contacts worth a look: all flanks closed, then those of one drive open."""
-    every = closed(machine)
-    core = machine.core
-    gaps = [name for name in core.connections if core.kind(name) == "gap"]
+    every, plays = closed(machine), gaps(machine.core)
     found = {CLOSED: every}
     for n in (1, 2):
-        sides = tuple(0 if g.endswith(f"_{n}") else s for g, s in zip(gaps, every, strict=True))
+        sides = tuple(0 if g.endswith(f"_{n}") else s for g, s in zip(plays, every, strict=True))
         found[f"flanks of drive {n} open"] = sides
-    return found if gaps else {CLOSED: ()}
+    return found if plays else {CLOSED: ()}
 
 
 def damping(machine: Machine, sides: tuple[int, ...]) -> float:
@@ -183,7 +182,7 @@ def pushed(machine: Machine, frequency_hz: float, speed: float) -> float:
         output_step=period / 40,
         energy=False,
     )
-    flanks = [n for n in core.connections if core.kind(n) == "gap"]
+    flanks = gaps(core)
     if not run.ok or any(event.element in flanks for event in run.events):
         return math.inf
     at_push, early, late = (
