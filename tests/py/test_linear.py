@@ -237,6 +237,13 @@ def test_poles_are_where_the_return_difference_vanishes() -> None:
     assert len(linear.poles(table(delta_c=0.01))) == len(found) + 6
 
 
+def test_a_vanishing_delay_moves_no_pole() -> None:
+    prompt, late = (
+        linear.poles(table("550t", delta_c=d), modes="(1, 1)", friction="stuck") for d in (0, 1e-8)
+    )
+    np.testing.assert_allclose(late[: len(prompt)], prompt, rtol=1e-6, atol=1e-6)
+
+
 def test_a_sampled_loop_is_its_continuous_law_held() -> None:
     T = 4e-3
     held = linear.open_loop(table(position_sample=T, position_latency=1e-3), "position", F)

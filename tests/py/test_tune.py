@@ -9,9 +9,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+from dualdrive.linear.contacts import closed
+from dualdrive.linear.stability import growth, worst_pole
 from dualdrive.machine import Machine
 from dualdrive.motion import parse_motion
-from dualdrive.optimise.stability import closed, growth, worst_pole
 from dualdrive.simulation import simulate
 from dualdrive.tune import (
     PROCEDURE,

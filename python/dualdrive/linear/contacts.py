@@ -8,10 +8,11 @@ from itertools import product
 from typing import Any, Final
 
 from dualdrive import _core
-from dualdrive.assembly import gaps
+from dualdrive.assembly import core_of, gaps
 from dualdrive.linear.errors import LinearError
+from dualdrive.machine import Machine
 
-__all__ = ["FLANKS", "Modes", "all_sides", "frozen", "sides_at_rest", "spoken"]
+__all__ = ["FLANKS", "Modes", "all_sides", "closed", "frozen", "sides_at_rest", "spoken"]
 
 #: side of a gap -> the core's word for that mode
 FLANKS: Final[Mapping[int, str]] = {-1: "back", 0: "gap", 1: "front"}
@@ -28,6 +29,11 @@ def all_sides(count: int) -> list[tuple[int, ...]]:
 def spoken(sides: Sequence[int]) -> str:
     """Sides in words, as keys of `modes`: ``(1, -1)``."""
     return f"({', '.join(str(side) for side in sides)})"
+
+
+def closed(machine: Machine | _core.Machine) -> tuple[int, ...]:
+    """Every flank closed: the contact in which a loop must be stable by itself."""
+    return tuple(1 for _ in gaps(core_of(machine)))
 
 
 def sides_at_rest(core: _core.Machine) -> tuple[int, ...]:

@@ -19,9 +19,9 @@ from dualdrive.assembly import core_of
 from dualdrive.linear.closing import Closed
 from dualdrive.linear.contacts import Modes
 from dualdrive.linear.errors import LinearError
-from dualdrive.linear.poles import is_stable, poles_of, usual_frequencies
+from dualdrive.linear.poles import in_order, is_stable, poles_of, usual_frequencies
 from dualdrive.linear.response import FrequencyResponse
-from dualdrive.linear.small_signal import SmallSignal, loops_of, small_signal
+from dualdrive.linear.small_signal import SmallSignal, loops_of, small_signal, state_matrix
 from dualdrive.linear.twin import Late, late_paths
 from dualdrive.machine import Machine
 
@@ -146,8 +146,11 @@ def poles(
     of their Padé approximants.
     """
     core = core_of(machine)
+    late = late_paths(core)
+    if not late and not cut:  # all is in the states' own matrix
+        return in_order(state_matrix(core, modes, friction=friction, state=state))
     system = small_signal(core, modes, friction=friction, state=state)
-    return poles_of(Closed(system, late_paths(core), outputs_of(core, cut)))
+    return poles_of(Closed(system, late, outputs_of(core, cut)))
 
 
 def outputs_of(core: _core.Machine, cut: Sequence[str]) -> list[str]:

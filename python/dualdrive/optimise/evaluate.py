@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from dualdrive.assembly import gaps
 from dualdrive.ensembles.ensemble import ensemble
 from dualdrive.figures import Reduction
+from dualdrive.linear.stability import growth
 from dualdrive.machine import Machine
 from dualdrive.motion import Motion
 from dualdrive.optimise.corners import Corner
-from dualdrive.optimise.stability import growth
 
 __all__ = ["TENSION", "Design", "Progress", "evaluate"]
 

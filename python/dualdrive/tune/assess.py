@@ -6,9 +6,9 @@ import numpy as np
 
 from dualdrive import figures as run_figures
 from dualdrive.assembly import gaps
+from dualdrive.linear.stability import growth
 from dualdrive.machine import Machine
 from dualdrive.motion import Motion, default_motion, move
-from dualdrive.optimise.stability import growth
 from dualdrive.run import Run
 from dualdrive.simulation import simulate
 from dualdrive.tune.edge import GAIN, find_edge, gain_range

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.linear import DriveComparison, compare_drives
+from dualdrive.linear.contacts import closed
 from dualdrive.machine import Machine
-from dualdrive.optimise.stability import closed
 
 __all__ = ["Cause", "causes"]
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from dualdrive.linear import DriveComparison, compare_drives
+from dualdrive.linear.contacts import closed
 from dualdrive.machine import Machine
-from dualdrive.optimise.stability import closed
 from dualdrive.tune.cause import causes
 from dualdrive.tune.job import Draft, Job
 from dualdrive.tune.result import Curve, Panel

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.assembly import gaps
-from dualdrive.linear.contacts import frozen
+from dualdrive.linear.contacts import closed, frozen
+from dualdrive.linear.stability import least_damped, worst_pole
 from dualdrive.machine import Machine
 from dualdrive.motion import default_motion
-from dualdrive.optimise.stability import closed, poles, worst_pole
 from dualdrive.simulation import simulate
 
 __all__ = [
@@ -81,9 +81,8 @@ def contacts(machine: Machine) -> dict[str, tuple[int, ...]]:
 
 def damping(machine: Machine, sides: tuple[int, ...]) -> float:
     """The least damping ratio of a vibration in this contact; 1 where nothing vibrates."""
-    found = poles(machine.core, sides)
-    vibrating = found[found.imag > 1e-6 * np.abs(found)]
-    return float(np.min(-vibrating.real / np.abs(vibrating), initial=1.0))
+    pole = least_damped(machine, sides)
+    return 1.0 if pole is None else -pole.real / abs(pole)
 
 
 def find_edge(machine: Machine, path: str, low: float, high: float) -> Edge:
@@ -98,7 +97,7 @@ def find_edge(machine: Machine, path: str, low: float, high: float) -> Edge:
 
     def rate(gain: float, sides: tuple[int, ...]) -> float:
         trial.core.set(path, gain)
-        return worst_pole(trial.core, sides).real
+        return worst_pole(trial, sides).real
 
     growth, found = {}, {}
     for name, sides in contacts(machine).items():
@@ -109,7 +108,7 @@ def find_edge(machine: Machine, path: str, low: float, high: float) -> Edge:
             if k:
                 edge = float(brentq(rate, gains[k - 1], gains[k], args=(sides,), rtol=1e-9))
             trial.core.set(path, edge)
-            found[name] = (edge, abs(worst_pole(trial.core, sides).imag) / math.tau)
+            found[name] = (edge, abs(worst_pole(trial, sides).imag) / math.tau)
     return Edge(found, high, gains, growth)
 
 

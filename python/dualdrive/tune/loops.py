@@ -7,8 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.linear.contacts import closed
+from dualdrive.linear.stability import least_damped
 from dualdrive.machine import Machine
-from dualdrive.optimise.stability import closed, poles
 from dualdrive.tune.edge import CLOSED, GAIN, Edge, damping, find_edge, gain_range, measured_edge
 from dualdrive.tune.job import Draft, Job, decoupled
 from dualdrive.tune.result import Curve, Panel
@@ -124,11 +125,8 @@ def _damped(machine: Machine, path: str, value: float) -> float:
 
 def _slow(machine: Machine) -> float:
     """Frequency of the least damped vibration, rad/s: the measure of an integral time."""
-    found = poles(machine.core, closed(machine))
-    vibrating = found[found.imag > 1e-6 * np.abs(found)]
-    if not vibrating.size:
-        return 1.0 / 0.1
-    return float(np.abs(vibrating[np.argmax(vibrating.real / np.abs(vibrating))]))
+    pole = least_damped(machine, closed(machine))
+    return 1.0 / 0.1 if pole is None else abs(pole)
 
 
 # --- step 4 ---------------------------------------------------------------------------------------

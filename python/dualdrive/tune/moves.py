@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 
+from dualdrive.linear.contacts import closed
+from dualdrive.linear.stability import least_damped
 from dualdrive.machine import Machine
 from dualdrive.motion import Motion, move
-from dualdrive.optimise.stability import closed, poles
 from dualdrive.tune.assess import assess
 from dualdrive.tune.job import Draft, Job
 from dualdrive.tune.limits import MotionLimits
@@ -146,12 +147,8 @@ def _peak(machine: Machine, motion: Motion) -> float:
 
 def _vibration(machine: Machine) -> float | None:
     """Frequency of the worst damped vibration, Hz; None where nothing vibrates."""
-    found = poles(machine.core, closed(machine))
-    vibrating = found[found.imag > 1e-6 * np.abs(found)]
-    if not vibrating.size:
-        return None
-    worst = vibrating[np.argmax(vibrating.real / np.abs(vibrating))]
-    return float(np.abs(worst)) / math.tau
+    pole = least_damped(machine, closed(machine))
+    return None if pole is None else abs(pole) / math.tau
 
 
 def _weights(machine: Machine, sound: list[tuple[float, float]], weight: float) -> Panel:
