@@ -87,17 +87,8 @@ def stepped_sine(
         if progress:
             progress(k + 1, f.size)
     response, distortion, coherence = (np.array(column) for column in zip(*found, strict=True))
-    return FrequencyResponse(
-        frequency_hz=f,
-        response=response,
-        input=input,
-        output=output,
-        unit=_unit(machine, input, output),
-        note=_words(f"stepped sine of {_span(sizes)}", speed, load),
-        coherence=coherence,
-        distortion=distortion,
-        origin="simulated",
-    )
+    note = _words(f"stepped sine of {_span(sizes)}", speed, load)
+    return _simulated(machine, input, output, f, response, note, coherence, distortion)
 
 
 def multisine(
@@ -151,17 +142,31 @@ def multisine(
     G = np.array(found)
     mean = G.mean(0)
     answered = np.abs(G * rms * np.sqrt(2 / lines))
+    coherence = np.abs(mean) ** 2 / np.maximum((np.abs(G) ** 2).mean(0), 1e-300)
+    distortion = np.sqrt((np.array(even) ** 2).mean(0) / np.maximum((answered**2).mean(0), 1e-300))
+    note = _words(f"{realisations} multisines of {rms:g} RMS", speed, load)
+    return _simulated(machine, input, output, f, mean, note, coherence, distortion)
+
+
+def _simulated(
+    machine: Machine,
+    source: str,
+    output: str,
+    f: Array,
+    response: NDArray[np.complex128],
+    note: str,
+    coherence: Array,
+    distortion: Array,
+) -> FrequencyResponse:
     return FrequencyResponse(
         frequency_hz=f,
-        response=mean,
-        input=input,
+        response=response,
+        input=source,
         output=output,
-        unit=_unit(machine, input, output),
-        note=_words(f"{realisations} multisines of {rms:g} RMS", speed, load),
-        coherence=np.abs(mean) ** 2 / np.maximum((np.abs(G) ** 2).mean(0), 1e-300),
-        distortion=np.sqrt(
-            (np.array(even) ** 2).mean(0) / np.maximum((answered**2).mean(0), 1e-300)
-        ),
+        unit=unit_of(machine, small_signal(machine.core), source, output),
+        note=note,
+        coherence=coherence,
+        distortion=distortion,
         origin="simulated",
     )
 
@@ -232,10 +237,6 @@ def _waiting(machine: Machine, settle: float | None) -> float:
     decays = -poles(machine).real
     slow = decays[decays > 1e-7 * decays.max()]
     return min(_DECAYED / float(slow.min()), _LONGEST) if slow.size else _LONGEST
-
-
-def _unit(machine: Machine, source: str, output: str) -> str:
-    return unit_of(machine, small_signal(machine.core), source, output)
 
 
 def _span(sizes: Array) -> str:
