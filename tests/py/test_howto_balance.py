@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-HOWTO = ROOT / "docs" / "howto" / "torque-balance.md"
+from howto import Page
 
 
 def test_the_blocks_run_and_find_what_was_put_in(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    seen: dict[str, Any] = {}
-    for block in re.findall(r"```python\n(.*?)```", HOWTO.read_text(), re.DOTALL):
-        exec(compile(block, str(HOWTO), "exec"), seen)
+    seen = Page("torque-balance.md").run_python()
     before, after, play = seen["before"], seen["after"], seen["play"]
     assert before.error > 2 * after.error
     true = {"table.J": 95.0, "table.b": 200.0, "coulomb@table.torque": 20.0}

@@ -4,36 +4,21 @@ from __future__ import annotations
 
 import json
 import re
-import shlex
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
 
 from dualdrive.linear import frequency_response
 from dualdrive.machine import Machine
 from dualdrive.tune import KNOWN, PROCEDURE
-from dualdrive_cli.main import main
+from howto import Page, typed
 
-HOWTO = Path(__file__).resolve().parents[2] / "docs" / "howto"
-PAGES = {name: (HOWTO / f"{name}.md").read_text() for name in ("tune", "optimise")}
-
-
-def blocks(page: str, language: str) -> list[str]:
-    found = re.findall(rf"^```{language}\n(.*?)^```", PAGES[page], re.M | re.S)
-    assert found, f"no {language} block: this test looks for the wrong thing"
-    return found
+TUNE, OPTIMISE = Page("tune.md"), Page("optimise.md")
 
 
-@pytest.fixture
-def dualdrive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-
-    def run(line: str, typed: str = "") -> Result:
-        return CliRunner().invoke(main, shlex.split(line), input=typed)
-
-    return run
 
 
 def measured(name: str, drive: int, stiffness: float) -> None:
@@ -48,12 +33,10 @@ def measured(name: str, drive: int, stiffness: float) -> None:
     Path(name).write_text("\n".join(lines) + "\n")
 
 
-def test_tune_page(dualdrive: Callable[..., Result], tmp_path: Path) -> None:
+def test_tune_page(tmp_path: Path) -> None:
     for name, drive in (("master.csv", 1), ("slave.csv", 2)):
         measured(name, drive, 2e7)
-    for line in "".join(blocks("tune", "sh")).splitlines():
-        result = dualdrive(line.removeprefix("dualdrive "))
-        assert result.exit_code == 0, f"{line}: {result.output}"
+    TUNE.run_commands()
     assert {f"step-{n}.png" for n in range(1, 9)} == {
         p.name for p in (tmp_path / "steps").iterdir()
     }
@@ -61,34 +44,32 @@ def test_tune_page(dualdrive: Callable[..., Result], tmp_path: Path) -> None:
     for one, other in zip(tuned.parameters(), same.parameters(), strict=True):
         assert other.value == pytest.approx(one.value, rel=1e-12) or "omega_ci" in one.path
     assert "tuned by steps 1, 2, 3, 4, 5, 6, 7, 8" in tuned.history[-1]["change"]
-    (table,) = blocks("tune", "toml")
+    (table,) = TUNE.blocks("toml")
     Path("drives.toml").write_text(table)
-    result = dualdrive("tune heavy-table-550t --until 0 --parameters drives.toml")
+    result = typed("tune heavy-table-550t --until 0 --parameters drives.toml")
     assert result.exit_code == 0, result.output
-    for block in blocks("tune", "python"):
-        exec(compile(block, "tune.md", "exec"), {})
+    TUNE.run_python()
 
 
-def test_optimise_page(dualdrive: Callable[..., Result]) -> None:
-    for line in "".join(blocks("optimise", "sh")).splitlines():
+def test_optimise_page() -> None:
+    for line in OPTIMISE.lines():
         quick = "" if "--corner" in line else " --no-corners"
-        result = dualdrive(line.removeprefix("dualdrive ") + quick)
+        result = typed(line + quick)
         assert result.exit_code == 0, f"{line}: {result.output}"
     assert json.loads(Path("front.json").read_text())["least_tension"]["value"] > 40
-    for block in blocks("optimise", "python"):
-        exec(compile(block, "optimise.md", "exec"), {})
+    OPTIMISE.run_python()
 
 
 def test_every_number_and_step_is_on_the_page() -> None:
     for number in KNOWN:
-        assert number in PAGES["tune"], number
-    rules = PAGES["tune"].partition("## What the figures")[0]
+        assert number in TUNE.text, number
+    rules = TUNE.text.partition("## What the figures")[0]
     assert len(PROCEDURE) == len(re.findall(r"^\| [1-8] \| [a-z]", rules, re.M))
 
 
-def test_drives_that_differ_end_with_code_1(dualdrive: Callable[..., Result]) -> None:
+def test_drives_that_differ_end_with_code_1() -> None:
     line = "tune heavy-table-550t --set mesh_2.stiffness=14MN*m/rad -o never.toml --table never.txt"
-    result = dualdrive(f"{line} --json found.json")
+    result = typed(f"{line} --json found.json")
     assert result.exit_code == 1
     assert re.search(r"step 3: the drives differ from .* Hz on, most at 3\.\d+ Hz", result.stderr)
     assert "mesh_2.stiffness at 70 % of mesh_1.stiffness" in result.stderr
@@ -97,30 +78,30 @@ def test_drives_that_differ_end_with_code_1(dualdrive: Callable[..., Result]) ->
     assert json.loads(Path("found.json").read_text())["status"] == "refused"
 
 
-def test_measured_drives_that_differ(dualdrive: Callable[..., Result]) -> None:
+def test_measured_drives_that_differ() -> None:
     for name, drive in (("master.csv", 1), ("slave.csv", 2)):
         measured(name, drive, 1.4e7)
-    result = dualdrive("tune heavy-table-550t --until 3 --measured master.csv slave.csv")
+    result = typed("tune heavy-table-550t --until 3 --measured master.csv slave.csv")
     assert result.exit_code == 1
     assert "step 3: the drives differ" in result.stderr
 
 
-def test_guided(dualdrive: Callable[..., Result]) -> None:
+def test_guided() -> None:
     answers = "n\nn\n"
-    result = dualdrive("tune heavy-table-550t --guided --until 4 -o kept.toml", typed=answers)
+    result = typed("tune heavy-table-550t --guided --until 4 -o kept.toml", answers=answers)
     assert result.exit_code == 0, result.output
     assert result.output.count("(2) Current and speed loop") == 1
     kept, found = Machine.load("kept.toml"), Machine.load("heavy-table-550t")
     assert [p.value for p in kept.parameters()] == [p.value for p in found.parameters()]
-    stopped = dualdrive("tune heavy-table-550t --guided -o none.toml", typed="y\n")
+    stopped = typed("tune heavy-table-550t --guided -o none.toml", answers="y\n")
     assert stopped.exit_code == 130
     assert not Path("none.toml").exists()
 
 
 @pytest.mark.parametrize("verb", ["tune", "optimise"])
-def test_refusals_are_one_line(dualdrive: Callable[..., Result], verb: str) -> None:
-    result = dualdrive(f"{verb} heavy-table-single-motor")
+def test_refusals_are_one_line(verb: str) -> None:
+    result = typed(f"{verb} heavy-table-single-motor")
     assert result.exit_code in (1, 2)
     assert result.stderr.count("\n") == 1
-    shown = dualdrive(f"{verb} --help").output
+    shown = typed(f"{verb} --help").output
     assert f"Example: dualdrive {verb}" in " ".join(shown.split())
