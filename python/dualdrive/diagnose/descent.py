@@ -139,13 +139,13 @@ def _step(problem: Problem, at: Point, damping: float) -> tuple[Array | None, fl
     gradient = jacobian.T @ left
     gradient[:m] += np.where(known, (at.x[:m] - c.centre) * belief[:m], 0.0)
     gram = jacobian.T @ jacobian + np.diag(belief)
-    step = _bounded(gram, gradient, damping, problem.low - at.x, problem.high - at.x)
+    step = bounded_step(gram, gradient, damping, problem.low - at.x, problem.high - at.x)
     if not np.isfinite(step).all() or not step.any():
         return None, 0.0
     return step, float(-(2 * gradient @ step + step @ gram @ step))
 
 
-def _bounded(gram: Array, gradient: Array, damping: float, low: Array, high: Array) -> Array:
+def bounded_step(gram: Array, gradient: Array, damping: float, low: Array, high: Array) -> Array:
     """The damped step inside its bounds: what would leave them is held there, the rest solved."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
     free = np.ones(len(gradient), dtype=bool)

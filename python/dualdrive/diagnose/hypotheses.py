@@ -28,7 +28,8 @@ _OF_A_MESH = ("load_dependent_mesh_loss",)
 _LIMITS, _ABOUT = ("T_max", "U_max"), (0.96, 1.03)  # a limit shows in what was recorded
 _SHORTEST = 5e-5  # s: a delay below that costs a simulation more than it could show
 _PRESLIDING = 1e-4  # rad at the table
-
+#: what the load does: a rotor is balanced and its inertia does not turn with it
+_OF_THE_LOAD = ("unbalance", "position_dependent_inertia")
 
 #: effects that in a balance are one with a common factor of all inertias and frictions
 SCALES = ("thermal_drift", "torque_constant_saturation")
@@ -124,6 +125,8 @@ def candidates(
         if kind.name in NOT_TRIED or (balance and hidden):
             continue
         places = [p for p in kind.places.split(",") if not _twin_of_motors(core, kind, p)]
+        if kind.name in _OF_THE_LOAD:
+            places = ["table"]
         if {"sensor reading", "sensor delay"} & set(kind.acts_on.split(", ")):
             places += channels
         found += [h for p in places if (h := _possible(core, kind.name, p)) is not None]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
-from dualdrive.diagnose.descent import Point, descend
+from dualdrive.diagnose.descent import Point, bounded_step, descend
 from dualdrive.diagnose.evidence import Evidence
 from dualdrive.diagnose.hypotheses import Hypothesis, is_strength
 from dualdrive.identify.unknowns import Unknown
@@ -127,11 +127,16 @@ class Fitter:
         return min(found, key=lambda r: r.chi, default=None)
 
     def tried(
-        self, hypothesis: Hypothesis, starts: Iterable[Start], enough: float = -math.inf
+        self,
+        hypothesis: Hypothesis,
+        starts: Iterable[Start],
+        enough: float = -math.inf,
+        slopes: Sequence[Array] = (),
     ) -> Trial | None:
         """The best of the starts; None where none can be simulated, or the time is up.
 
         enough: chi^2 below which no further start is tried
+        slopes: of the nuisances, which then follow each start as far as these foretell
 
         Raises:
             ValueError: effects that can't sit there together.
@@ -146,13 +151,24 @@ class Fitter:
                 break
             u = np.clip(start.u, c.low, c.high)
             v = np.array([_coordinate(p, start.values.get(p.path)) for p in free])
-            left = c.left(_at(grown, free, v), u)
-            if left is None:
-                continue
-            chi = self.evidence.chi(u, left)
-            if best is None or chi < best.chi:
-                best = Trial(hypothesis, grown, free, u, v, left, chi)
+            for _ in range(2 if slopes else 1):
+                left = c.left(_at(grown, free, v), u)
+                if left is None:
+                    break
+                chi = self.evidence.chi(u, left)
+                if best is None or chi < best.chi:
+                    best = Trial(hypothesis, grown, free, u, v, left, chi)
+                if slopes:
+                    u = self._followed(u, left, slopes)
         return best
+
+    def _followed(self, u: Array, left: Sequence[Array], slopes: Sequence[Array]) -> Array:
+        """The nuisances at their best beside what is left, as far as slopes foretell it."""
+        c, rows = self.evidence.confrontation, self.evidence.rows(u, left, slopes)
+        gram = rows.slopes.T @ rows.slopes + np.diag(rows.precision)
+        pull = np.where(rows.precision > 0, rows.pull / rows.sigma, 0.0)
+        gradient = rows.slopes.T @ rows.left - pull
+        return u + bounded_step(gram, gradient, 0.0, c.low - u, c.high - u)
 
     def __call__(self, trial: Trial, slopes: Sequence[Array], *, renewals: int = 1) -> Refit:
         """A trial followed down.

@@ -30,6 +30,7 @@ R = TypeVar("R")
 _TWIN = 1.0 - 1e-5  # squared cosine above which two signatures are one
 _AS_FORETOLD = 0.6  # of the foretold gain: such a start is good enough
 _TRIED = 2  # times as many are tried as are refitted
+_SURELY = 3  # best scores that are refitted wherever their starts stand
 
 
 def refitted(
@@ -53,8 +54,8 @@ def refitted(
 
     def tried(score: Score) -> Trial | None:
         starts = _starts(fitter, score, base, nominal, guesses)
-        enough = base.chi - _AS_FORETOLD * score.gain.gain
-        return fitter.tried(score.signature.hypothesis, starts, enough)
+        enough = base.chi - _AS_FORETOLD * score.fall
+        return fitter.tried(score.signature.hypothesis, starts, enough, base.slopes)
 
     def one(trial: Trial) -> Refit | None:
         if fitter.stop():
@@ -63,10 +64,7 @@ def refitted(
         return fitter(trial, base.slopes)
 
     tell(f"simulating {len(chosen)} effects at the sizes they should have")
-    trials = sorted(
-        (t for t in side_by_side(tried, chosen, threads) if t is not None), key=lambda t: t.chi
-    )
-    best = trials[:count]
+    best = _best([t for t in side_by_side(tried, chosen, threads) if t is not None], count)
     found = [r for r in side_by_side(one, best, threads) if r is not None]
     by_effect = {r.hypothesis.effects[-1]: r for r in reversed(found)}
     whole = _whole(scores, by_effect)
@@ -88,6 +86,13 @@ def refitted(
     known = {r.hypothesis.label for r in found}
     wanted = [t.hypothesis.label for t in best] + [s.label for s in whole]
     return found, sorted(set(wanted) - known)
+
+
+def _best(trials: Sequence[Trial], count: int) -> list[Trial]:
+    """The lowest of them, and those of the best scores; a name's best order once."""
+    surely = trials[:_SURELY]
+    others = sorted((t for t in trials if t not in surely), key=lambda t: t.chi)
+    return sorted([*surely, *others[: count - len(surely)]], key=lambda t: t.chi)
 
 
 def _starts(

@@ -42,10 +42,15 @@ class Signature:
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """A signature and what it gains."""
+    """A signature and what it gains.
+
+    gain: over the inflation of the judge that it convinces most
+    fall: of chi^2 as the first judge foretells it
+    """
 
     signature: Signature
     gain: Gain
+    fall: float
 
     @property
     def label(self) -> str:
@@ -195,7 +200,7 @@ def score_all(
             replace(g, gain=g.gain / o, held_out=g.held_out / o)
             for g, o in zip(gains, over, strict=True)
         ]
-        return Score(signature, max(scaled, key=lambda g: g.gain))
+        return Score(signature, max(scaled, key=lambda g: g.gain), gains[0].gain)
 
     if threads == 1:
         found = list(map(one, hypotheses))

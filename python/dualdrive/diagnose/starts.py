@@ -15,7 +15,7 @@ from dualdrive.diagnose.signatures import Score
 Array = NDArray[np.float64]
 
 #: of the step that a score foretells: far away it foretells too much
-_SHARES = (1.0, 0.5, 0.2)
+_SHARES = (1.0, 0.3)
 _FEW = 4  # probes
 _OTHER_SIZES = (0.2, 3.0)  # times the usual one, of speeds and stiffnesses
 _LEVELS = (0.1, 0.3, 1.0, 3.0)  # times the usual Stribeck speed
