@@ -140,3 +140,14 @@ scheduler_option = click.option(
 overwrite_option = click.option(
     "--overwrite", is_flag=True, help="Replace an output file that is there already."
 )
+
+
+def analysis(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The head of a verb that looks into one machine; stands below the verb's own options.
+
+    Gives it `machine`, `settings`, `json_to` and `overwrite`, and the guard of `verb`.
+    """
+    function = verb(function)
+    for head in (overwrite_option, json_option, set_option, machine_argument):
+        function = head(function)
+    return function

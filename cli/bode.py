@@ -12,24 +12,12 @@ from dualdrive import linear
 from dualdrive.files import refuse_existing, write_atomically
 from dualdrive.machine import Machine
 from dualdrive.units import parse, parse_values
-from dualdrive_cli._shared import (
-    console,
-    json_option,
-    load,
-    machine_argument,
-    overwrite_option,
-    picture,
-    set_option,
-    verb,
-    write_json,
-)
+from dualdrive_cli._shared import analysis, console, load, picture, write_json
 
 
 @click.command(
     epilog="Example: dualdrive bode heavy-table-250t --open-loop position --plot loop.png",
 )
-@machine_argument
-@set_option
 @click.option("--input", "source", default="theta_ref", show_default=True, help="Or T_load, "
               "torque@BODY, Omega_1, Omega_2*, T_1*, U_1, ...")  # fmt: skip
 @click.option("--output", default="theta_m", show_default=True, help="A signal of a run.")
@@ -54,9 +42,7 @@ from dualdrive_cli._shared import (
               "measured response: frequency, magnitude, phase; repeatable.")  # fmt: skip
 @click.option("-o", "--output-file", "output_file", type=Path, help="Write the response as CSV.")
 @click.option("--plot", type=Path, callback=picture, help="Draw the Bode plot into a picture.")
-@json_option
-@overwrite_option
-@verb
+@analysis
 def command(
     machine: str,
     settings: tuple[str, ...],

@@ -13,17 +13,7 @@ from dualdrive import cycles, sweeps
 from dualdrive.files import refuse_existing, write_atomically
 from dualdrive.machine import Machine
 from dualdrive.units import human, parse
-from dualdrive_cli._shared import (
-    console,
-    json_option,
-    load,
-    machine_argument,
-    overwrite_option,
-    picture,
-    set_option,
-    verb,
-    write_json,
-)
+from dualdrive_cli._shared import analysis, console, load, picture, write_json
 from dualdrive_cli.sweep import Axes
 
 
@@ -32,8 +22,6 @@ from dualdrive_cli.sweep import Axes
     options_metavar="[OPTIONS] [--PARAMETER VALUES...]",
     epilog="Example: dualdrive cycles heavy-table-550t --set controller.T_ten=0 --plot hunting.png",
 )
-@machine_argument
-@set_option
 @click.option("--guess", type=click.Choice(["simulation", "describing function"]),
               default="simulation", show_default=True, help="Where the search begins.")  # fmt: skip
 @click.option("--kick", default="1e-3", show_default=True, help="Speed of the table from which a "
@@ -44,10 +32,8 @@ from dualdrive_cli.sweep import Axes
 @click.option("--points", type=click.IntRange(3, 1000), default=30, show_default=True,
               help="Orbits of a branch, at most.")  # fmt: skip
 @click.option("--plot", type=Path, callback=picture, help="Draw it into a picture.")
-@json_option
-@overwrite_option
+@analysis
 @click.pass_context
-@verb
 def command(
     ctx: click.Context,
     machine: str,

@@ -15,18 +15,7 @@ from dualdrive.indexing import IndexingError, Iso230, LostMotion, TableRow
 from dualdrive.machine import Machine, presets
 from dualdrive.traces import read_parts
 from dualdrive.units import conversion, parse, parse_values
-from dualdrive_cli._shared import (
-    console,
-    engine_option,
-    json_option,
-    load,
-    machine_argument,
-    overwrite_option,
-    picture,
-    set_option,
-    verb,
-    write_json,
-)
+from dualdrive_cli._shared import analysis, console, engine_option, load, picture, write_json
 from dualdrive_cli._traces import map_option
 
 #: SI unit -> how targets and deviations are printed
@@ -36,8 +25,6 @@ _SHOWN = {"rad": ("deg", "arcsec"), "m": ("mm", "um"), "": ("", "")}
 @click.command(
     epilog="Example: dualdrive indexing heavy-table-550t --repeats 5 -o chart.png",
 )
-@machine_argument
-@set_option
 @click.option(
     "--targets", help="start:stop:count or a,b,c with units; eight round the circle unless given."
 )
@@ -58,9 +45,7 @@ _SHOWN = {"rad": ("deg", "arcsec"), "m": ("mm", "um"), "": ("", "")}
 @click.option("--tables", is_flag=True, help="Tables 1 and 2 of the source paper; takes a minute.")
 @engine_option
 @click.option("-o", "--output", type=Path, callback=picture, help="Draw the chart (png, pdf, svg).")
-@json_option
-@overwrite_option
-@verb
+@analysis
 def command(
     machine: str,
     settings: tuple[str, ...],

@@ -13,16 +13,12 @@ from dualdrive.optimise import ACCURACY, Corner, Front, OptimiseError, corners, 
 from dualdrive.units import parse_values
 from dualdrive_cli._shared import (
     FAILED,
+    analysis,
     console,
     give_up,
-    json_option,
     load,
-    machine_argument,
-    overwrite_option,
     pairs,
     picture,
-    set_option,
-    verb,
     write_json,
 )
 
@@ -31,8 +27,6 @@ from dualdrive_cli._shared import (
     epilog="Example: dualdrive optimise heavy-table-250t --over controller.T_ten=0:100%:11 "
     "--corner table.J=3e6:9.6e6 --plot front.png",
 )
-@machine_argument
-@set_option
 @click.option("--motion", help="Duty cycle; default: the machine's usual move, there and back.")
 @click.option(
     "--over",
@@ -57,9 +51,7 @@ from dualdrive_cli._shared import (
     help="What stands for accuracy.",
 )
 @click.option("--plot", type=Path, callback=picture, help="Draw the front and the flanks' margin.")
-@json_option
-@overwrite_option
-@verb
+@analysis
 def command(
     machine: str,
     settings: tuple[str, ...],

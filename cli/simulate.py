@@ -16,19 +16,15 @@ from dualdrive.simulation import simulate
 from dualdrive.units import human, parse
 from dualdrive_cli._shared import (
     FAILED,
+    analysis,
     command_line,
     console,
     engine_option,
     give_up,
-    json_option,
     load,
-    machine_argument,
     method_option,
-    overwrite_option,
     pairs,
     picture,
-    set_option,
-    verb,
     write_json,
 )
 
@@ -37,11 +33,9 @@ from dualdrive_cli._shared import (
     epilog="Example: dualdrive simulate heavy-table-550t --set controller.T_ten=0 "
     "--motion move:0.02,v=0.03,a=0.01,j=0.05,start=2,end=14 -o run.h5",
 )
-@machine_argument
 @click.option(
     "--motion", help="KIND:FIRST,name=value,... of move, cycle, shuttle, step, sine, multisine."
 )
-@set_option
 @click.option("--end", help="When to stop, s; else the motion says.")
 @click.option("--load", "load_torque", help="Constant load on the table, against positive motion.")
 @click.option("--initial", multiple=True, metavar="STATE=VALUE", help="Start value of a state, SI.")
@@ -55,9 +49,7 @@ from dualdrive_cli._shared import (
 @click.option(
     "--plot", type=Path, callback=picture, help="Draw the run into a picture (png, pdf, svg)."
 )
-@json_option
-@overwrite_option
-@verb
+@analysis
 def command(
     machine: str,
     motion: str | None,

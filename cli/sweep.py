@@ -22,20 +22,16 @@ from dualdrive_cli._shared import (
     FAILED,
     STOPPED,
     USAGE,
+    analysis,
     command_line,
     console,
     engine_option,
     give_up,
-    json_option,
     load,
-    machine_argument,
     method_option,
-    overwrite_option,
     pairs,
     picture,
     scheduler_option,
-    set_option,
-    verb,
     write_json,
 )
 
@@ -80,9 +76,7 @@ def _check_axis(name: str, options: set[str]) -> None:
     options_metavar="[OPTIONS] --PARAMETER VALUES...",
     epilog="Example: dualdrive sweep --delta 0:1e-3:20 --controller.T_ten 0:60%:13",
 )
-@machine_argument
 @click.option("--motion", help="As of dualdrive simulate; default: a move that suits the machine.")
-@set_option
 @click.option("--end", help="When a run stops, s; else the motion says.")
 @click.option("--load", "load_torque", help="Constant load on the table, against positive motion.")
 @click.option("--output-step", default="1ms", show_default=True, help="Time between samples.")
@@ -100,10 +94,8 @@ def _check_axis(name: str, options: set[str]) -> None:
 @click.option(
     "--plot", type=Path, callback=picture, help="Draw lines (one axis) or a map into a picture."
 )
-@json_option
-@overwrite_option
+@analysis
 @click.pass_context
-@verb
 def command(
     ctx: click.Context,
     machine: str,

@@ -28,16 +28,12 @@ from dualdrive.units import human
 from dualdrive_cli._shared import (
     FAILED,
     STOPPED,
+    analysis,
     command_line,
     console,
     give_up,
-    json_option,
     load,
-    machine_argument,
-    overwrite_option,
     picture,
-    set_option,
-    verb,
     write_json,
 )
 
@@ -48,8 +44,6 @@ _GOOD = ("tuned", "in part")
     epilog="Example: dualdrive tune heavy-table-550t --set controller.T_ten=0 "
     "-o tuned.toml --table drives.csv --plot tuned.png",
 )
-@machine_argument
-@set_option
 @click.option("--motion", help="Test move that every step is judged by; default: one that suits.")
 @click.option(
     "--parameters",
@@ -80,9 +74,7 @@ _GOOD = ("tuned", "in part")
 )
 @click.option("--plot", type=Path, callback=picture, help="Draw the test move before and after.")
 @click.option("--pictures", type=Path, metavar="FOLDER", help="Draw every step: step-1.png, ...")
-@json_option
-@overwrite_option
-@verb
+@analysis
 def command(
     machine: str,
     settings: tuple[str, ...],
