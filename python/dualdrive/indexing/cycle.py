@@ -135,7 +135,7 @@ def measure(
     Raises IndexingError where the simulation fails, or the table still moves while it is read.
     """
     cycle = cycle or cycle_for(machine)
-    run, notes = _driven(machine, cycle, engine, rtol)
+    run = _driven(machine, cycle, engine, rtol)
     up, down = _read(machine, cycle, run["theta_m"].reshape(-1, _SAMPLES))
     return evaluate(
         cycle.targets,
@@ -144,31 +144,25 @@ def measure(
         unit=machine.unit_of("e", "rad"),
         travel=travel,
         name=machine.name,
-        notes=notes,
     )
 
 
-def _driven(
-    machine: Machine, cycle: Cycle, engine: str, rtol: float | None
-) -> tuple[Run, list[str]]:
+def _driven(machine: Machine, cycle: Cycle, engine: str, rtol: float | None) -> Run:
     """The run, sampled where positions are read."""
     motion = cycle.motion
-    options: dict[str, Any] = {
-        "end": motion.end,
-        "signals": ["theta_m"],
-        "times": cycle.readings().ravel(),
-        "energy": False,
-        "rtol": rtol,
-    }
-    run = simulate(machine, motion, engine=engine, **options)
-    notes = []
-    if engine == "auto" and run.status == "step_too_small":
-        # friction that sets in at several places at once can leave the exact engine no headway
-        notes.append(f"{run.statistics['method']} made no headway at a switch; cvode took over")
-        run = simulate(machine, motion, engine="cvode", **options)
+    run = simulate(
+        machine,
+        motion,
+        end=motion.end,
+        signals=["theta_m"],
+        times=cycle.readings().ravel(),
+        energy=False,
+        engine=engine,
+        rtol=rtol,
+    )
     if not run.ok:
         raise IndexingError(f"{machine.name}: {run.status}: {run.message}; no position was read")
-    return run, notes
+    return run
 
 
 def _read(machine: Machine, cycle: Cycle, seen: Floats) -> tuple[Floats, Floats]:

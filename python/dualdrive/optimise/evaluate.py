@@ -104,28 +104,13 @@ def _run(
         return []
     columns = {path: np.array([run[path] for run in runs]) for path in runs[0]}
     collected: list[dict[str, float] | str] = [""] * len(runs)
-    left = np.arange(len(runs))
-    for engine in ("auto", "cvode"):  # the most patient solver, before a number is missing
-        pool = ensemble(
-            machine,
-            motion,
-            {path: column[left] for path, column in columns.items()},
-            measures=_measures(machine, motion),
-            jobs=1,
-            energy=False,
-            engine=engine,
-        )
-        with pool:
-            for done, run in enumerate(pool, 1):
-                good = run.status == "success"
-                collected[left[run.run]] = (
-                    dict(run.figures) if good else f"{run.status}: {run.message}"
-                )
-                if progress is not None:
-                    progress(done, left.size)
-        left = np.array([k for k, row in enumerate(collected) if isinstance(row, str)], int)
-        if not left.size:
-            break
+    measures = _measures(machine, motion)
+    with ensemble(machine, motion, columns, measures=measures, jobs=1, energy=False) as pool:
+        for done, run in enumerate(pool, 1):
+            good = run.status == "success"
+            collected[run.run] = dict(run.figures) if good else f"{run.status}: {run.message}"
+            if progress is not None:
+                progress(done, len(runs))
     return collected
 
 

@@ -64,8 +64,6 @@ def assess(machine: Machine, motion: Motion) -> Assessment:
     if rate >= 0.0:
         return Assessment(False, rate, {}, units, None)
     run = simulate(machine, motion, output_step=_STEP, energy=False)
-    if not run.ok:  # the most patient solver, before a number is missing
-        run = simulate(machine, motion, output_step=_STEP, energy=False, engine="cvode")
     if not run.ok:
         raise TuneError(f"{machine.name}: the test move stops: {run.status}: {run.message}")
     return Assessment(True, rate, _figures(run, motion), units, run)
