@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ import pytest
 from dualdrive import Machine
 from dualdrive.compare import EquationAtFault, equation_at_fault
 from dualdrive.compare.controller import asked_torques, commanded_record
+from dualdrive.compare.excuses import first_point, noise_alone, refitted
+from dualdrive.compare.held import hold
 from dualdrive.identify import Processing, with_torques
 from dualdrive.identify.filtering import pieces
 from recorded import demo, sheet
@@ -53,6 +56,15 @@ def test_the_demo_lacks_something_at_the_table(name: str) -> None:
     assert fault is not None
     assert (fault.name, fault.probability > 0.95) == ("table", True)
     assert equation_at_fault(sheet(torque=12000.0), demo(name)) is None
+
+
+def test_a_zero_that_no_sample_tells_of_stays_where_it_is() -> None:
+    """As where a drive's flanks stay open all the time."""
+    core = nominal().core
+    held = hold(core, with_torques(core, record(nominal())), "record", Processing(decimate=5))
+    point = first_point(core, [held])
+    blind = replace(point, rows=[replace(r, angles=0.0 * r.angles) for r in point.rows])
+    assert refitted(blind, noise_alone, 1).zeros == point.zeros
 
 
 def test_without_motor_angles_the_sum_alone_can_be_told() -> None:

@@ -230,7 +230,9 @@ def _solve(point: Point, weight: Sequence[Array], *, late: bool = False) -> Arra
     information[believed, believed] += 1.0 / sigma[believed] ** 2
     centre = np.array([x.centre for x in point.free])
     pull[believed] += (centre - point.u)[believed] / sigma[believed] ** 2
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+    # what no sample tells of, such as the zero of a drive whose flanks stay open, does not move
+    told = np.diag(information) > 0.0
+    scale = np.where(told, 1.0 / np.sqrt(np.where(told, np.diag(information), 1.0)), 0.0)
     whole = information * np.outer(scale, scale)
     result: Array = np.linalg.lstsq(whole, pull * scale, rcond=1e-10)[0] * scale
     return result
