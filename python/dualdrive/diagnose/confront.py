@@ -126,8 +126,8 @@ class Confrontation(Protocol):
     def headline(self, left: Sequence[Array]) -> float:
         """Relative error as `compare` has it: kinds of channel averaged."""
 
-    def angle(self, k: int, place: str) -> Array | None:
-        """Recorded angle of a place at the samples of series k, rad, or None."""
+    def columns(self, k: int) -> Mapping[str, Array]:
+        """Recorded signals at the samples of series k, name -> (n,), SI."""
 
     def part_sizes(self, effects: Sequence[tuple[str, str]]) -> dict[str, dict[str, float]]:
         """Label -> path -> where limits and play that are off begin on these records."""

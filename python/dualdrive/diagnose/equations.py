@@ -181,19 +181,10 @@ class TorqueBalance:
         whole = sum(float(self.series[k].keep.sum()) * self.series[k].spread ** 2 for k in rows)
         return float(np.sqrt(square / whole)) if whole > 0 else float("nan")
 
-    def angle(self, k: int, place: str) -> Array | None:
-        """Recorded angle of a place, or the table's times the ratio."""
-        held = self.held[k // len(self.equations)]
-        stem, _, n = place.rpartition("_")
-        own = {"motor": f"theta_{n}", "pinion": f"theta_c{n}"}.get(stem, "theta_m")
-        if own in held.samples:
-            return np.asarray(held.samples[own])
-        for angle in (f"theta_{n}", "theta_m", "theta_1"):
-            if angle in held.samples:
-                part = {"theta_m": "table"}.get(angle, f"motor_{angle[-1]}")
-                ratio = ratio_to_table(self.core, place) / ratio_to_table(self.core, part)
-                return np.asarray(held.samples[angle]) * ratio
-        return None
+    def columns(self, k: int) -> Mapping[str, Array]:
+        """Filtered signals at the samples of series k."""
+        found: Mapping[str, Array] = self.held[k // len(self.equations)].samples
+        return found
 
     def part_sizes(self, effects: Sequence[tuple[str, str]]) -> dict[str, dict[str, float]]:
         """Nothing: limits belong to a controller, which a balance does not know."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.score import Rows
-from dualdrive.diagnose.whitening import Whitener
+from dualdrive.diagnose.whitening import Whitener, count_as_one
 
 Array = NDArray[np.float64]
 
@@ -52,8 +52,8 @@ class Evidence:
 
     @property
     def count(self) -> int:
-        """Rows that count."""
-        return int(sum(w.keep.sum() for w in self.whiteners))
+        """Independent rows, as far as the whiteners know."""
+        return int(sum(w.keep.sum() / w.alike for w in self.whiteners))
 
 
 def evidence(confrontation: Confrontation, whiteners: Sequence[Whitener]) -> Evidence:
@@ -74,17 +74,14 @@ def evidence(confrontation: Confrontation, whiteners: Sequence[Whitener]) -> Evi
 def effective(rows: Array, evidence: Evidence) -> float:
     """By how much what is left, though whitened, still counts itself twice: 1 or more.
 
-    chi^2 per row (an overdispersion where the noise is larger than it seemed), times one plus
-    twice the sum of the autocorrelations that a wrong model leaves.
+    chi^2 per row (an overdispersion where the noise is larger than it seemed), times how many rows
+    count as one beyond what the whiteners know of it.
     """
-    from dualdrive.identify.coloured import correlation_time
-
-    over = float(rows @ rows) / max(evidence.count, 1)
-    times, weights = [], []
+    rows_of, squares = [], []
     for part, whitener in zip(evidence.apart(rows), evidence.whiteners, strict=True):
         own = part[whitener.keep]
-        if len(own) > 8:
-            times.append(min(correlation_time(own), 0.1 * len(own)))
-            weights.append(float(own @ own) + 1e-300)
-    alike = 1.0 + 2.0 * float(np.average(times, weights=weights)) if times else 1.0
-    return max(1.0, over) * alike
+        squares.append(whitener.alike * float(own @ own))
+        rows_of.append(count_as_one(own) / whitener.alike)
+    over = sum(squares) / max(sum(int(w.keep.sum()) for w in evidence.whiteners), 1)
+    alike = float(np.average(rows_of, weights=np.array(squares) + 1e-300))
+    return max(1.0, over) * max(1.0, alike)

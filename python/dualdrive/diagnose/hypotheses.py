@@ -228,6 +228,7 @@ def _scaled(core: Any, path: str, sizes: Mapping[str, float]) -> float:
     return {
         "N*m": 0.1 * torque / ratio,
         "N*m*s/rad": 0.1 * torque / speed / ratio**2,
+        "N*m*s^2/rad^2": 0.1 * torque / speed**2 / ratio**3,
         "rad/s": 0.05 * speed * ratio,
         "N*m/rad": 0.1 * torque / _PRESLIDING / ratio**2,
     }.get(declared.unit, 0.0)

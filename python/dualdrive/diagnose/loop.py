@@ -7,7 +7,7 @@ Absolute angles would say the same thing once per encoder, in units of the tight
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from typing import Any
 
@@ -24,7 +24,6 @@ from dualdrive.identify.parts import sizes_of_part
 from dualdrive.identify.unknowns import default_free
 from dualdrive.mapper import Threads
 from dualdrive.replay import Record, headline, ratio_to_table
-from dualdrive.traces import Trace
 
 Array = NDArray[np.float64]
 
@@ -139,10 +138,10 @@ class ClosedLoop:
         errors = {name: math.sqrt(square[name] / whole[name]) for name in square}
         return headline(errors, [c for _, c in channels if c.name in errors])
 
-    def angle(self, k: int, place: str) -> Array | None:
-        """Recorded angle of a motor, pinion or the table, at the samples of series k."""
-        record = self.records[self.problem.rows[k][0]]
-        return angle_of(self.core, record.trace, place)
+    def columns(self, k: int) -> Mapping[str, Array]:
+        """The record's own columns."""
+        trace = self.records[self.problem.rows[k][0]].trace
+        return {name: np.asarray(trace[name]) for name in trace}
 
     def part_sizes(self, effects: Sequence[tuple[str, str]]) -> dict[str, dict[str, float]]:
         """From the largest torque, current or voltage recorded, and the play of the meshes."""
@@ -169,16 +168,3 @@ class ClosedLoop:
         speed = max(float(np.std(np.gradient(r.reference, r.t))) for r in self.records)
         travel = max(float(np.ptp(r.reference)) for r in self.records)
         return {"torque": torque, "speed": speed, "travel": travel}
-
-
-def angle_of(core: Any, trace: Trace, place: str) -> Array | None:
-    """Angle of a place from a trace, rad: its own, or the table's times the ratio."""
-    stem, _, n = place.rpartition("_")
-    ratio = ratio_to_table(core, place)
-    own = {"motor": f"theta_{n}", "pinion": f"theta_c{n}"}.get(stem, "theta_m")
-    if own in trace:
-        return np.asarray(trace[own])
-    motor = f"motor_{n}"
-    if f"theta_{n}" in trace and motor in core.motors:
-        return np.asarray(trace[f"theta_{n}"]) * (ratio / ratio_to_table(core, motor))
-    return np.asarray(trace["theta_m"]) * ratio if "theta_m" in trace else None

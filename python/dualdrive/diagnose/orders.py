@@ -1,16 +1,20 @@
 """Which order an angle-locked effect has: the one whose harmonics the residual carries.
 
 A loop changes amplitude and phase of a disturbance, not its order, so harmonics of the angle are
-fitted to what is left of every series, order by order.
+fitted to what is left of every series, order by order. A ripple that grows with the current, or a
+friction that turns with the speed, is a harmonic carried by that signal.
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.evidence import Evidence
-from dualdrive.replay import core_of
+from dualdrive.replay import core_of, ratio_to_table
 
 Array = NDArray[np.float64]
 
@@ -18,9 +22,16 @@ HIGHEST = 100
 _TURN = 0.5  # periods that a record must hold for an order to be seen at all
 _STANDS_OUT = 25.0  # fall of chi^2 below which no order is named
 
+#: what the harmonics of some effects are multiplied by
+CARRIERS = {
+    "torque_ripple": "torque",
+    "time_varying_mesh_stiffness": "torque",
+    "angle_dependent_friction": "direction",
+}
+
 
 def strongest_orders(
-    evidence: Evidence, rest: Array, place: str, count: int = 1
+    evidence: Evidence, rest: Array, place: str, carrier: str = "", count: int = 1
 ) -> list[tuple[int, float]]:
     """Orders of a place's angle that explain most of the whitened rest, best first.
 
@@ -28,6 +39,7 @@ def strongest_orders(
         evidence: the confrontation and its noise.
         rest: whitened rows with the nuisances' share removed, shape (n,).
         place: motor_1, pinion_2, table, ...
+        carrier: ``torque`` of the drive, ``direction`` of motion, or none.
         count: how many at most; neighbours of a better one are left out.
 
     Returns:
@@ -38,17 +50,20 @@ def strongest_orders(
     c = evidence.confrontation
     parts = evidence.apart(rest)
     for k in range(len(parts)):
-        angle = c.angle(k, place)
+        columns = c.columns(k)
+        angle = angle_of(c.core, columns, place)
         if angle is None or np.ptp(angle) < 1e-9:
             continue
         white, own = evidence.whiteners[k], parts[k]
+        carried = _carried(columns, place, carrier, angle)
         for n in range(1, HIGHEST + 1):
             if n * float(np.ptp(angle)) < 2 * np.pi * _TURN or _too_fast(c.series[k].t, n * angle):
                 continue
-            columns = white(np.stack([np.cos(n * angle), np.sin(n * angle)], axis=1))
-            gram = columns.T @ columns
+            waves = np.stack([np.cos(n * angle), np.sin(n * angle)], axis=1)
+            rows = white(carried[:, None] * waves)
+            gram = rows.T @ rows
             gram[np.diag_indices(2)] *= 1 + 1e-9
-            pull = columns.T @ own
+            pull = rows.T @ own
             gains[n] += float(pull @ np.linalg.solve(gram + 1e-300 * np.eye(2), pull))
     found: list[tuple[int, float]] = []
     for n in np.argsort(gains)[::-1]:
@@ -62,6 +77,33 @@ def strongest_orders(
 def _too_fast(t: Array, phase: Array) -> bool:
     """Whether the harmonic runs past half the sampling rate for most of the record."""
     return bool(np.median(np.abs(np.diff(phase))) > np.pi)
+
+
+def _carried(columns: Mapping[str, Array], place: str, carrier: str, angle: Array) -> Array:
+    """The carrier at the samples of a series, about 1 at most, shape (n,)."""
+    if carrier == "direction":
+        rate = np.gradient(angle)
+        return np.asarray(np.tanh(rate / (0.05 * float(np.std(rate)) + 1e-300)))
+    n = place.rpartition("_")[2]
+    for name in (f"T_{n}", f"I_{n}", "T_1", "I_1"):
+        if carrier == "torque" and name in columns:
+            torque = np.asarray(columns[name])
+            return np.asarray(torque / (float(np.max(np.abs(torque))) + 1e-300))
+    return np.ones(len(angle))
+
+
+def angle_of(core: Any, columns: Mapping[str, Array], place: str) -> Array | None:
+    """Angle of a place from recorded signals, rad: its own, or another's times the ratio."""
+    stem, _, n = place.rpartition("_")
+    own = {"motor": f"theta_{n}", "pinion": f"theta_c{n}"}.get(stem, "theta_m")
+    if own in columns:
+        return np.asarray(columns[own])
+    for name in (f"theta_{n}", "theta_m", "theta_1"):
+        part = {"theta_m": "table"}.get(name, f"motor_{name[-1]}")
+        if name in columns and (part == "table" or part in core.motors):
+            ratio = ratio_to_table(core, place) / ratio_to_table(core, part)
+            return np.asarray(columns[name]) * ratio
+    return None
 
 
 def members_of(machine: object, place: str) -> list[str]:

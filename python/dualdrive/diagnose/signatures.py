@@ -15,7 +15,13 @@ from dualdrive import _core
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.evidence import Evidence
 from dualdrive.diagnose.hypotheses import Hypothesis, Setting, is_strength, probes
-from dualdrive.diagnose.orders import HIGHEST, members_of, strongest_orders
+from dualdrive.diagnose.orders import (
+    CARRIERS,
+    HIGHEST,
+    angle_of,
+    members_of,
+    strongest_orders,
+)
 from dualdrive.diagnose.score import Gain, Scorer
 
 Array = NDArray[np.float64]
@@ -24,6 +30,7 @@ Array = NDArray[np.float64]
 _LOUD, _FAINT = 10.0, 0.005
 _WISHED = 0.5
 _FAINTER = (0.1, 0.01)
+_RESIZED = 3  # times at most: far too strong a probe does not tell by how much
 _SHORTEST_DELAY = 2e-4  # s: of a probe
 _ALONG = (0.15, 0.5, 0.85)  # of the travel: where a local fault is tried
 #: laws of friction and the simpler ones they contain, best first
@@ -86,12 +93,18 @@ class Prober:
                 break
         if first is None:
             return None
-        settings, factor = tried, self._factor(first)
-        if late:  # a short delay is a slow simulation
-            factor = min(max(factor, _SHORTEST_DELAY / _longest(settings[0])), 1.0)
-        if factor != 1.0 and strengths:
+        settings = tried
+        for _ in range(_RESIZED if strengths else 0):
+            factor = self._factor(first)
+            if late:  # a short delay is a slow simulation
+                factor = min(max(factor, _SHORTEST_DELAY / _longest(settings[0])), 1.0)
+            if factor == 1.0:
+                break
             settings = _scaled(settings, factor, strengths)
-            first = self._change(grown, settings[0])
+            other = self._change(grown, settings[0])
+            if other is None:
+                return None
+            first = other
         changes = [first, *(self._change(grown, one) for one in settings[1:])]
         kept = [(s, c) for s, c in zip(settings, changes, strict=True) if c is not None]
         if not kept or first is None:
@@ -101,10 +114,11 @@ class Prober:
 
     def _travel(self, hypothesis: Hypothesis) -> list[float]:
         """Angles along the travel of the effect's place, rad."""
+        c = self.confrontation
         angles = [
             a
-            for k in range(len(self.confrontation.series))
-            if (a := self.confrontation.angle(k, hypothesis.effects[-1][1])) is not None
+            for k in range(len(c.series))
+            if (a := angle_of(c.core, c.columns(k), hypothesis.effects[-1][1])) is not None
         ]
         if not angles:
             return []
@@ -154,7 +168,7 @@ def with_orders(
     evidence: Evidence, rest: Array, hypotheses: Sequence[Hypothesis]
 ) -> list[Hypothesis]:
     """The same, those with an order at the strongest that the rest shows, and at the usual one."""
-    known: dict[str, list[tuple[int, float]]] = {}
+    known: dict[tuple[str, str], list[tuple[int, float]]] = {}
     core, found = evidence.confrontation.core, []
     mine = {p.path for p in core.parameters()}
     for h in hypotheses:
@@ -167,11 +181,12 @@ def with_orders(
         if not paths:
             found.append(h)
             continue
-        place = members_of(core, h.effects[0][1])[0]
-        if place not in known:
-            known[place] = strongest_orders(evidence, rest, place)
+        effect, group = h.effects[0]
+        place, carrier = members_of(core, group)[0], CARRIERS.get(effect, "")
+        if (place, carrier) not in known:
+            known[place, carrier] = strongest_orders(evidence, rest, place, carrier)
         usual = float(grown.get(paths[0]))
-        orders = {float(n): HIGHEST for n, _ in known[place]} | {usual: 1}
+        orders = {float(n): HIGHEST for n, _ in known[place, carrier]} | {usual: 1}
         found += [Hypothesis(h.effects, {**h.fixed, paths[0]: n}, k) for n, k in orders.items()]
     return found
 

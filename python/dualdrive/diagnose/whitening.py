@@ -18,6 +18,7 @@ from dualdrive.diagnose.confront import Series
 Array = NDArray[np.float64]
 
 ORDERS = (0, 1, 2, 3, 4, 6, 8)
+_FEW, _LONGEST = 8, 0.1  # samples; correlation time, as a share of a record
 _PAUSE = 1.5  # sampling intervals: a longer step in time starts a new stretch
 
 
@@ -26,13 +27,15 @@ class Whitener:
     """Of one series.
 
     ar:    coefficients of e_k = sum ar_j e_{k-j} + innovation, shape (p,)
-    scale: RMS of the innovations, shape (n,)
+    scale: RMS of the innovations, shape (n,), times the root of `alike`
     keep:  samples that count, shape (n,); those with too little before them do not
+    alike: how many samples count as one, where `ar` leaves them correlated: 1 or more
     """
 
     ar: Array
     scale: Array
     keep: NDArray[np.bool_]
+    alike: float = 1.0
 
     def __call__(self, values: Array) -> Array:
         """White rows from values of shape (n,) or (n, k); zero where a sample does not count."""
@@ -51,12 +54,29 @@ def plain(series: Sequence[Series]) -> list[Whitener]:
 
 
 def sized(series: Sequence[Series], noise: Sequence[Array]) -> list[Whitener]:
-    """White noise as large as what is left: before anything better is known of its colour."""
-    none = np.zeros(0)
-    return [
-        Whitener(none, np.full(len(s.t), max(_rms(e[s.keep]), _size(s))), s.keep)
-        for s, e in zip(series, noise, strict=True)
-    ]
+    """White noise as large as what is left: before anything better is known of its colour.
+
+    What a wrong model leaves is alike from sample to sample. It is not filtered, as noise would be,
+    but counted as the few independent samples that it is: else a record on which the machine hunts
+    out of step would drag the numbers away from what the steadier ones tell, beyond all priors.
+    """
+    return [_sized(s, e) for s, e in zip(series, noise, strict=True)]
+
+
+def _sized(series: Series, noise: Array) -> Whitener:
+    own = noise[series.keep]
+    alike = count_as_one(own)
+    scale = np.sqrt(alike) * max(_rms(own), _size(series))
+    return Whitener(np.zeros(0), np.full(len(series.t), scale), series.keep, alike)
+
+
+def count_as_one(left: Array) -> float:
+    """How many samples count as one: one plus twice the sum of the autocorrelations."""
+    from dualdrive.identify.coloured import correlation_time
+
+    if len(left) <= _FEW:
+        return 1.0
+    return 1.0 + 2.0 * min(correlation_time(left), _LONGEST * len(left))
 
 
 def fitted(series: Sequence[Series], noise: Sequence[Array]) -> list[Whitener]:
