@@ -124,7 +124,7 @@ def candidates(
         hidden = kind.structural or not kind.in_balance or kind.name in SCALES
         if kind.name in NOT_TRIED or (balance and hidden):
             continue
-        places = [p for p in kind.places.split(",") if not _twin_of_motors(core, kind, p)]
+        places = [p for p in kind.places.split(",") if not _is_twin(core, kind, p)]
         if kind.name in _OF_THE_LOAD:
             places = ["table"]
         if {"sensor reading", "sensor delay"} & set(kind.acts_on.split(", ")):
@@ -154,12 +154,16 @@ def _possible(core: Any, effect: str, place: str) -> Hypothesis | None:
     return hypothesis
 
 
-def _twin_of_motors(core: Any, kind: Any, place: str) -> bool:
-    """Whether friction here is friction at the other end of a rigid gearbox: one body, one name.
+def _is_twin(core: Any, kind: Any, place: str) -> bool:
+    """Whether the same law at another place of the list is the very same thing here.
 
-    It is called the motors', but for a loss that needs the torque of a mesh: the pinions'.
+    A mesh turns with its pinion: what goes with its angle is called the pinions'. Friction at both
+    ends of a rigid gearbox is on one body: it is called the motors', but for a loss that needs the
+    torque of a mesh: the pinions'.
     """
     places = kind.places.split(",")
+    if place == "meshes" and "pinions" in places:
+        return True
     if not {"motors", "pinions"} <= set(places) or any("phase" in p.path for p in kind.parameters):
         return False
     gears = [c for c in core.connections if c.startswith("gearbox")]

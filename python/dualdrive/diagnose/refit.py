@@ -113,7 +113,7 @@ class Fitter:
         self.evidence, self.stop = evidence, stop
         self.sizes = evidence.confrontation.sizes()
 
-    def nominal(self, *starts: Array) -> Refit | None:
+    def nominal(self, *starts: Array, renewals: int = 4) -> Refit | None:
         """No effect at all: the nuisances at their best, from each of several starts."""
         core, c = self.evidence.confrontation.core, self.evidence.confrontation
         found = []
@@ -123,7 +123,7 @@ class Fitter:
                 trial = Trial(
                     Hypothesis(), core, [], u, np.zeros(0), left, self.evidence.chi(u, left)
                 )
-                found.append(self._fitted(trial, slopes, renewals=4))
+                found.append(self._fitted(trial, slopes, renewals=renewals))
         return min(found, key=lambda r: r.chi, default=None)
 
     def tried(

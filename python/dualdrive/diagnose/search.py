@@ -32,7 +32,8 @@ _CLEARLY = 1.35  # times the noise: something is missing, whatever a score says 
 WORTH_A_REFIT = 15.0  # fall of chi^2 over its inflation, below which no name could be given
 _RIVAL = 0.3  # of the best gain: less is no rival, where no more than noise is left
 _CONTAINED = 4.0  # gain of a simple law of friction from which the whole ones are tried there
-_TAKEN_APART = 10  # best groups of which the single parts are tried
+_TAKEN_APART = 6  # best groups of which the single parts are tried
+_FOR_PROBES = 0.45  # of the time; what is probed beyond it could not be refitted
 _SETTLED = 0.1  # change of the noise's size below which another round changes nothing
 
 
@@ -62,8 +63,9 @@ def search(
     clear = excess(plain, base.left).max() > _CLEARLY * ENOUGH
     if clear and c.mode == "closed_loop":
         tell("other valleys of the nominal numbers")
-        base = better_valley(seen, base, clock.stop)
-        seen, base = _refitted(c, base.u, clock)
+        better = better_valley(seen, base, clock.stop)
+        if better is not base:
+            seen, base = _refitted(c, better.u, clock)
     guesses = guessed(c, every, clock.stop, threads, tell) if clear else Guesses()
     if (start := guesses.start(c, base.u)) is not None:  # it may have met a better valley
         other = Fitter(seen, clock.stop).nominal(start.u)
@@ -127,7 +129,9 @@ def _scored(
     groups = {s.label: s.signature.hypothesis for s in best if s.gain.gain > WORTH_A_REFIT}
     several = list(groups.values())[:_TAKEN_APART]
     parts = [m for h in several for m in members(c.core, Hypothesis(h.effects))]
-    if parts:
+    if parts and clock.late(_FOR_PROBES):
+        clock.leave_out(f"not tried apart: {', '.join(sorted(groups)[:_TAKEN_APART])}")
+    elif parts:
         scores += tried(parts)
     rubbing = {
         s.signature.hypothesis.effects[-1][1]

@@ -29,7 +29,7 @@ R = TypeVar("R")
 
 _TWIN = 1.0 - 1e-5  # squared cosine above which two signatures are one
 _AS_FORETOLD = 0.6  # of the foretold gain: such a start is good enough
-_TRIED = 2  # times as many are tried as are refitted
+_TRIED = 1.5  # times as many are tried as are refitted
 _SURELY = 3  # best scores that are refitted wherever their starts stand
 
 
@@ -50,7 +50,7 @@ def refitted(
 
     """
     simple = [s for s in scores if _law(s) not in CONTAINS]
-    chosen = _first(simple, guesses, _TRIED * count)
+    chosen = _first(simple, guesses, round(_TRIED * count))
 
     def tried(score: Score) -> Trial | None:
         starts = _starts(fitter, score, base, nominal, guesses)

@@ -33,6 +33,10 @@ class Clock:
         """Whether no further simulation should begin."""
         return self.asked() or self.used > self.budget
 
+    def late(self, share: float) -> bool:
+        """Whether so much of the time is gone."""
+        return self.used > share * self.budget
+
     def leave_out(self, what: str) -> None:
         """Note what was not done."""
         self.cut.append(what)

@@ -19,6 +19,7 @@ from dualdrive.diagnose.refit import Fitter, Refit
 Array = NDArray[np.float64]
 
 _DRAWS = 12  # of each record's cloud
+_RENEWED = 2  # slopes of a record's own numbers: they are a start, no more
 _WIDER = 2.0  # than the record's own standard errors: its noise counts what the model lacks
 
 
@@ -31,7 +32,7 @@ def better_valley(seen: Evidence, base: Refit, stop: Callable[[], bool]) -> Refi
     rng = np.random.default_rng(len(base.u))
     best = base
     for name in names:
-        alone = Fitter(_only(seen, name), stop).nominal(base.u)
+        alone = Fitter(_only(seen, name), stop).nominal(base.u, renewals=_RENEWED)
         if alone is None or stop():
             continue
         tried = []
