@@ -18,8 +18,9 @@ from dualdrive.replay import ratio_to_table
 
 Array = NDArray[np.float64]
 
-#: fall of the criterion below which nothing is named: odds of 1 to e^10 before the library's size
-NAMED = 20.0
+#: fall of the criterion below which nothing is named, before the library's size: the steps of an
+#: encoder are a law of its angle, too, and gain as much as 28 where nothing is missing
+NAMED = 25.0
 #: the same for a second effect beside a first
 SECOND = 25.0
 #: of the criterion, tempered: odds of 1 to 20 against a law of the angle on less than a radian
@@ -78,9 +79,16 @@ def judge(found: Survey) -> Judgement:
         return Judgement(verdict, ranked, nothing, (), *figures)
     if (explained < EXPLAINED and _too_much(after, doubt)) or best.beyond():
         return Judgement("unknown", ranked, nothing, (), *figures)
-    group = _group(ranked)
+    group = tuple(dict.fromkeys((*_group(ranked), *_twins(found, ranked[0][0]))))
     verdict = "effect" if ranked[0][1] >= SURE and len(group) == 1 else "ambiguous"
     return Judgement(verdict, ranked, nothing, group if len(group) > 1 else (), *figures)
+
+
+def _twins(found: Survey, best: Refit) -> list[str]:
+    """Other laws that do the very same as the leader on these records."""
+    [*_, (effect, _)] = best.hypothesis.effects
+    same = found.twins.get(best.hypothesis.label, ())
+    return [label for label in same if label.partition("@")[0] != effect]
 
 
 def _probabilities(found: Survey) -> tuple[list[tuple[Refit, float]], float]:

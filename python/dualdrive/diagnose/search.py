@@ -19,7 +19,14 @@ from dualdrive.diagnose.refit import Fitter, Refit
 from dualdrive.diagnose.score import Scorer
 from dualdrive.diagnose.settle import ENOUGH, settle
 from dualdrive.diagnose.shortlist import distinct, refitted, without_twins
-from dualdrive.diagnose.signatures import CONTAINS, Prober, Score, score_all, with_orders
+from dualdrive.diagnose.signatures import (
+    CONTAINS,
+    Prober,
+    Score,
+    score_all,
+    with_orders,
+    with_spots,
+)
 from dualdrive.diagnose.survey import Clock, Survey, excess, key_of
 from dualdrive.diagnose.valleys import better_valley
 from dualdrive.identify import FitError
@@ -120,8 +127,8 @@ def _scored(
 
     def tried(hypotheses: Sequence[Hypothesis]) -> list[Score]:
         tell(f"trying {len(hypotheses)} effects at their places")
-        listed = distinct(with_orders(coloured, rest[1], hypotheses))
-        return score_all(prober, judges, over, listed, threads, clock.stop)
+        listed = with_spots(coloured, rest[1], with_orders(coloured, rest[1], hypotheses))
+        return score_all(prober, judges, over, distinct(listed), threads, clock.stop)
 
     simple = [h for h in every if h.effects[-1][0] not in CONTAINS]
     scores = tried(simple)

@@ -48,7 +48,7 @@ def settle(found: Survey, clock: Clock, tell: Callable[[str], None]) -> Survey:
         least = criterion[key_of(ordered[0])]
         close = [r for r in ordered[:_FEW] if criterion[key_of(r)] < least + _CLOSE]
         again = [
-            fitter.again(r, fresh=number == 0 and r is not found.base)
+            fitter.again(r, fresh=number == 0)
             if r is found.base or r in close
             else replace(r, chi=now.chi(r.u, r.left))
             for r in every
@@ -59,6 +59,8 @@ def settle(found: Survey, clock: Clock, tell: Callable[[str], None]) -> Survey:
             so_far = _now(found, now, every, criterion)
             if excess(so_far, again[best].left).max() > ENOUGH:
                 again[best] = _polished(fitter, again[best], found.nominal.u)
+            elif best > 0:  # a name must gain over the machine at its very best
+                again[0] = _polished(fitter, again[0], found.nominal.u)
         settled = _same_noise(seen, now)
         seen, every = now, again
         criterion, inflation = _criterion(seen, every)
@@ -88,7 +90,7 @@ def _polished(fitter: Fitter, best: Refit, nominal: Array) -> Refit:
 
     It begins again from the nominal numbers, too, where the machine without it had moved them.
     """
-    if len(best.free) and not fitter.stop():
+    if not fitter.stop():
         other = fitter.again(best, u=nominal, fresh=True)
         best = other if other.chi < best.chi else best
     for _ in range(_POLISH):

@@ -23,6 +23,7 @@ from dualdrive.diagnose.orders import (
     strongest_orders,
 )
 from dualdrive.diagnose.score import Gain, Scorer
+from dualdrive.diagnose.spots import TRIED, worst_spot
 
 Array = NDArray[np.float64]
 
@@ -113,8 +114,11 @@ class Prober:
         return Signature(hypothesis, grown, [s for s, _ in kept], columns)
 
     def _travel(self, hypothesis: Hypothesis) -> list[float]:
-        """Angles along the travel of the effect's place, rad."""
-        c = self.confrontation
+        """Angles along the travel of the effect's place, rad; about its spot where one is known."""
+        c, label = self.confrontation, hypothesis.label
+        if f"{label}.centre" in hypothesis.fixed:
+            centre, width = (hypothesis.fixed[f"{label}.{name}"] for name in ("centre", "width"))
+            return [centre - 0.5 * width, centre + 0.5 * width]
         angles = [
             a
             for k in range(len(c.series))
@@ -188,6 +192,26 @@ def with_orders(
         usual = float(grown.get(paths[0]))
         orders = {float(n): HIGHEST for n, _ in known[place, carrier]} | {usual: 1}
         found += [Hypothesis(h.effects, {**h.fixed, paths[0]: n}, k) for n, k in orders.items()]
+    return found
+
+
+def with_spots(
+    evidence: Evidence, rest: Array, hypotheses: Sequence[Hypothesis]
+) -> list[Hypothesis]:
+    """The same, those with a centre beginning where the rest shows a bump."""
+    core, found = evidence.confrontation.core, list[Hypothesis]()
+    known: dict[str, tuple[float, float] | None] = {}
+    for h in hypotheses:
+        effect, group = h.effects[0]
+        if not any(p.path == "centre" for p in _core.effect_type(effect).parameters):
+            found.append(h)
+            continue
+        place = members_of(core, group)[0]
+        if place not in known:
+            known[place] = worst_spot(evidence, rest, place)
+        spot = known[place]
+        there = dict(zip((f"{h.label}.centre", f"{h.label}.width"), spot or (), strict=False))
+        found.append(replace(h, fixed={**h.fixed, **there}, searched=TRIED if there else 1))
     return found
 
 
