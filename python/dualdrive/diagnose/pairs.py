@@ -1,16 +1,30 @@
-"""Two effects at once: what a good one leaves is scored again, and the best few are refitted."""
+"""Two effects at once: what a good one leaves is scored again, and the best few are refitted.
+
+Beside the leader all effects are tried anew, on the machine that has it: a strong effect moves the
+machine so far that signatures taken without it tell little.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
 
+from dualdrive.diagnose.hypotheses import Hypothesis, candidates
 from dualdrive.diagnose.refit import Fitter, Refit, Start
 from dualdrive.diagnose.score import Scorer
 from dualdrive.diagnose.settle import ENOUGH, settle
-from dualdrive.diagnose.signatures import CONTAINS, Score
+from dualdrive.diagnose.shortlist import distinct
+from dualdrive.diagnose.signatures import (
+    CONTAINS,
+    Prober,
+    Score,
+    score_all,
+    with_orders,
+    with_spots,
+)
 from dualdrive.diagnose.starts import near
 from dualdrive.diagnose.survey import Clock, Survey, excess, key_of
 
@@ -18,15 +32,19 @@ _FIRSTS, _SECONDS = 2, 3  # effects to begin with, and partners of each
 _WORTH = 15.0  # expected fall of chi^2 over its inflation for which a second effect is tried
 
 
-def with_pairs(found: Survey, clock: Clock, tell: Callable[[str], None]) -> Survey:
+def with_pairs(found: Survey, clock: Clock, threads: int, tell: Callable[[str], None]) -> Survey:
     """Refit pairs where the best single effect leaves more than noise."""
     singles = [r for r in found.refits if len(r.hypothesis.effects) == 1]
     singles.sort(key=lambda r: found.criterion[key_of(r)])
     if not singles or found.best is found.base or excess(found, found.best.left).max() < ENOUGH:
         return found
     fitter, refits, known = Fitter(found.evidence, clock.stop), list[Refit](), set[frozenset[str]]()
-    for first in _firsts(singles):
-        for score in _partners(found, first):
+    for number, first in enumerate(_firsts(singles)):
+        scores = found.scores
+        if number == 0:
+            tell(f"trying what {first.hypothesis.label} leaves")
+            scores = _beside(found, first, clock, threads)
+        for score in _partners(found, first, scores):
             both = frozenset((first.hypothesis.label, score.label))
             if both in known:
                 continue
@@ -37,23 +55,55 @@ def with_pairs(found: Survey, clock: Clock, tell: Callable[[str], None]) -> Surv
             tell(f"refitting with {first.hypothesis.label} + {score.label}")
             if (pair := _refitted(fitter, first, score)) is not None:
                 refits.append(pair)
+        if any(excess(found, pair.left).max() < ENOUGH for pair in refits):
+            break  # nothing is left to explain
     if not refits:
         return found
     return settle(replace(found, refits=[*found.refits, *refits]), clock, tell)
 
 
+def _beside(found: Survey, first: Refit, clock: Clock, threads: int) -> list[Score]:
+    """All effects tried on the machine that has the first; the scores known where time is up."""
+    c, seen = copy(found.evidence.confrontation), found.evidence
+    c.core = first.machine
+    balance = c.mode == "balance"
+    hypotheses = [h for h in candidates(c.core, c.channels, balance=balance) if _plain(h)]
+    scorer = _scorer(found, first)
+    rest = scorer.rest(scorer.rows.left[:, None])[:, 0]
+    listed = with_spots(seen, rest, with_orders(seen, rest, hypotheses))
+    noise = [
+        max(s.floor, 1e-3 * s.spread, float(np.std(left[s.keep])) if s.keep.any() else 0.0)
+        for s, left in zip(c.series, first.left, strict=True)
+    ]
+    prober = Prober(c, first.u, first.left, noise)
+    tried = score_all(prober, [(seen, scorer)], [1.0], distinct(listed), threads, clock.stop)
+    return tried or list(found.scores)
+
+
+def _plain(h: Hypothesis) -> bool:
+    """Whole laws of friction are tried where the simple one they contain gains."""
+    return h.effects[-1][0] not in CONTAINS
+
+
 def _firsts(singles: list[Refit]) -> list[Refit]:
-    """The best, of different laws."""
-    by_law = {r.hypothesis.effects[0][0]: r for r in reversed(singles)}
-    return [r for r in singles if by_law[r.hypothesis.effects[0][0]] is r][:_FIRSTS]
+    """The best, of laws that do not contain one another."""
+    found: list[Refit] = []
+    for r in singles:
+        law = r.hypothesis.effects[0][0]
+        known = [other.hypothesis.effects[0][0] for other in found]
+        if not any(
+            law == k or law in CONTAINS.get(k, ()) or k in CONTAINS.get(law, ()) for k in known
+        ):
+            found.append(r)
+    return found[:_FIRSTS]
 
 
-def _partners(found: Survey, first: Refit) -> list[Score]:
+def _scorer(found: Survey, first: Refit) -> Scorer:
     """Scores beside the first effect, its own numbers moving with the nuisances."""
     seen = found.evidence
     rows = seen.rows(first.u, first.left, first.slopes)
     own = seen.white(first.columns)
-    scorer = Scorer(
+    return Scorer(
         replace(
             rows,
             slopes=np.concatenate([rows.slopes, own], axis=1),
@@ -61,17 +111,23 @@ def _partners(found: Survey, first: Refit) -> list[Score]:
             sigma=np.concatenate([rows.sigma, np.full(own.shape[1], np.inf)]),
         )
     )
+
+
+def _partners(found: Survey, first: Refit, scores: Sequence[Score]) -> list[Score]:
+    """The best beside the first effect."""
+    seen, scorer = found.evidence, _scorer(found, first)
     effect, place = first.hypothesis.effects[0]
     same = {label for twins in found.twins.values() for label in twins}
     others = [
         replace(s, gain=scorer(seen.white(s.signature.columns)))
-        for s in found.scores
+        for s in scores
         if s.label not in same
         and s.signature.hypothesis.effects[0] != (effect, place)
         and not (place == s.signature.hypothesis.effects[0][1] and _contains(s, effect))
     ]
     worth = [s for s in others if s.gain.gain / found.inflation > _WORTH]
-    return sorted(worth, key=lambda s: -s.gain.gain)[:_SECONDS]
+    worth.sort(key=lambda s: -s.gain.gain)
+    return list({s.label: s for s in reversed(worth)}.values())[::-1][:_SECONDS]
 
 
 def _contains(score: Score, effect: str) -> bool:

@@ -98,7 +98,7 @@ def search(
     found = replace(
         plain, base=base, refits=refits, scores=scores, untried=untried, twins=twins, refitted=base
     )
-    return with_pairs(settle(found, clock, tell), clock, tell)
+    return with_pairs(settle(found, clock, tell), clock, threads, tell)
 
 
 def _scored(
