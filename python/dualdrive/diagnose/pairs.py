@@ -29,6 +29,8 @@ from dualdrive.diagnose.starts import near
 from dualdrive.diagnose.survey import Clock, Survey, excess, key_of
 
 _FIRSTS, _SECONDS = 2, 3  # effects to begin with, and partners of each
+_KNOWN = 2  # partners beside the leader by the scores without it
+_CLEARLY = 45.0  # the same, for which it is tried though no more than noise seems left
 _WORTH = 15.0  # expected fall of chi^2 over its inflation for which a second effect is tried
 
 
@@ -36,15 +38,16 @@ def with_pairs(found: Survey, clock: Clock, threads: int, tell: Callable[[str], 
     """Refit pairs where the best single effect leaves more than noise."""
     singles = [r for r in found.refits if len(r.hypothesis.effects) == 1]
     singles.sort(key=lambda r: found.criterion[key_of(r)])
-    if not singles or found.best is found.base or excess(found, found.best.left).max() < ENOUGH:
+    if not singles or found.best is found.base or not _leaves_something(found, singles[0]):
         return found
     fitter, refits, known = Fitter(found.evidence, clock.stop), list[Refit](), set[frozenset[str]]()
     for number, first in enumerate(_firsts(singles)):
-        scores = found.scores
+        partners = _partners(found, first, found.scores)
         if number == 0:
             tell(f"trying what {first.hypothesis.label} leaves")
-            scores = _beside(found, first, clock, threads)
-        for score in _partners(found, first, scores):
+            beside = _partners(found, first, _beside(found, first, clock, threads))
+            partners = [*beside, *partners[:_KNOWN]]
+        for score in partners:
             both = frozenset((first.hypothesis.label, score.label))
             if both in known:
                 continue
@@ -62,8 +65,16 @@ def with_pairs(found: Survey, clock: Clock, threads: int, tell: Callable[[str], 
     return settle(replace(found, refits=[*found.refits, *refits]), clock, tell)
 
 
+def _leaves_something(found: Survey, first: Refit) -> bool:
+    """Whether the leader leaves more than noise, or what another effect would clearly take."""
+    if excess(found, found.best.left).max() >= ENOUGH:
+        return True
+    best = _partners(found, first, found.scores)[:1]
+    return any(s.gain.gain / found.inflation > _CLEARLY for s in best)
+
+
 def _beside(found: Survey, first: Refit, clock: Clock, threads: int) -> list[Score]:
-    """All effects tried on the machine that has the first; the scores known where time is up."""
+    """All effects tried on the machine that has the first; none where time is up."""
     c, seen = copy(found.evidence.confrontation), found.evidence
     c.core = first.machine
     balance = c.mode == "balance"
@@ -77,7 +88,7 @@ def _beside(found: Survey, first: Refit, clock: Clock, threads: int) -> list[Sco
     ]
     prober = Prober(c, first.u, first.left, noise)
     tried = score_all(prober, [(seen, scorer)], [1.0], distinct(listed), threads, clock.stop)
-    return tried or list(found.scores)
+    return tried
 
 
 def _plain(h: Hypothesis) -> bool:
