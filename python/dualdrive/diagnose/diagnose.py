@@ -173,13 +173,15 @@ def _told(
     moved = {path: known[path] for path in moved_numbers(c, found.plain, known)}
     tell("the shape of what is missing")
     equation = equation_at(verdict, candidates, refitted, traces, clock)
-    curves = [] if clock.stop() else shapes(core_of(refitted), traces, settings)
+    curves = []
+    if clock.allows("the shape of what is missing"):
+        curves = shapes(core_of(refitted), traces, settings)
     plan = None
-    if experiment and verdict.verdict == "ambiguous" and not clock.stop():
+    if experiment and verdict.verdict == "ambiguous" and clock.allows("the next experiment"):
         tell("planning the next experiment")
         plan = plan_next(machine, c, found, verdict, clock, tell)
     before = after = None
-    if c.mode == "closed_loop" and not clock.stop() and not settings:
+    if c.mode == "closed_loop" and not settings and clock.allows("where the machine fails"):
         before = compare(refitted, traces)
         after = compare(improved, traces) if improved is not None else None
     command = command_for(candidates[0]) if named_ and candidates else ""

@@ -135,7 +135,7 @@ def equation_at(
     if verdict.verdict in ("adequate", "parameters"):
         return None
     if verdict.verdict == "unknown" or not candidates:
-        if clock.stop():
+        if not clock.allows("which equation is at fault"):
             return None
         try:
             return equation_at_fault(refitted, traces)

@@ -87,8 +87,7 @@ def _beside(found: Survey, first: Refit, clock: Clock, threads: int) -> list[Sco
         for s, left in zip(c.series, first.left, strict=True)
     ]
     prober = Prober(c, first.u, first.left, noise)
-    tried = score_all(prober, [(seen, scorer)], [1.0], distinct(listed), threads, clock.stop)
-    return tried
+    return score_all(prober, [(seen, scorer)], [1.0], distinct(listed), threads, clock.stop)
 
 
 def _plain(h: Hypothesis) -> bool:

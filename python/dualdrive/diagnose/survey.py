@@ -37,6 +37,13 @@ class Clock:
         """Whether so much of the time is gone."""
         return self.used > share * self.budget
 
+    def allows(self, what: str) -> bool:
+        """Whether there is time for it; what there is none for is noted."""
+        if self.stop():
+            self.leave_out(f"left out: {what}")
+            return False
+        return True
+
     def leave_out(self, what: str) -> None:
         """Note what was not done."""
         self.cut.append(what)
