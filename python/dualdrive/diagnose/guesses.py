@@ -20,6 +20,7 @@ from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.evidence import Evidence, effective, evidence
 from dualdrive.diagnose.hypotheses import SCALES, Hypothesis
+from dualdrive.diagnose.loads import LOAD, begun, sought
 from dualdrive.diagnose.loop import ClosedLoop
 from dualdrive.diagnose.refit import Fitter, Refit, Start
 from dualdrive.diagnose.score import Scorer
@@ -38,12 +39,12 @@ class Guesses:
 
     nominal: path -> SI value, nothing missing
     by_label: label -> path -> SI value, the machine's and the effect's
-    hypotheses: label -> the hypothesis with its counted numbers
+    loads: a load in time that was found, its hour as it was fitted
     """
 
     nominal: Mapping[str, float] = field(default_factory=dict)
     by_label: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    hypotheses: Mapping[str, Hypothesis] = field(default_factory=dict)
+    loads: Sequence[Hypothesis] = ()
 
     def start(self, c: Confrontation, u: Array, label: str = "") -> Start | None:
         """A start in the loop: the machine's numbers from here, all else as in u."""
@@ -63,8 +64,13 @@ def guessed(
     stop: Callable[[], bool],
     threads: int,
     tell: Callable[[str], None],
+    *,
+    load: bool = True,
 ) -> Guesses:
-    """Fit what a balance shows of the hypotheses; none where no balance can be drawn up."""
+    """Fit what a balance shows of the hypotheses; none where no balance can be drawn up.
+
+    load: whether a load in time is looked for, too
+    """
     balance = _balance(c)
     left = balance.left(balance.core, balance.start) if balance is not None else None
     if balance is None or left is None or stop():
@@ -76,6 +82,8 @@ def guessed(
     if base is None:
         return Guesses()
     noise = evidence(balance, whitening.sized(balance.series, base.left))
+    if load and (one := sought(noise, base)) is not None:
+        seen.append(one)
     fitter = Fitter(noise, stop)
     found: list[Refit] = []
     for score in _best(balance, noise, base, seen, threads, stop):
@@ -86,7 +94,7 @@ def guessed(
     return Guesses(
         _numbers(balance, base),
         {r.hypothesis.label: {**_numbers(balance, r), **r.values()} for r in reversed(found)},
-        {r.hypothesis.label: r.hypothesis for r in reversed(found)},
+        [begun(r) for r in found if LOAD in r.hypothesis.effects],
     )
 
 
@@ -105,8 +113,13 @@ def _best(
     over = effective(seen.white(base.left), seen)
     listed = with_orders(seen, rest, hypotheses)
     scores = score_all(prober, [(seen, scorer)], [over], listed, threads, stop)
-    worth = [s for s in scores if s.gain.gain > _GAINS]
-    return sorted(worth, key=lambda s: -s.gain.gain)[:_FITTED]
+    worth = [s for s in scores if s.gain.gain > _GAINS and not _load(s)]
+    loads = [s for s in scores if _load(s)]  # one that was looked for stands out already
+    return [*sorted(worth, key=lambda s: -s.gain.gain)[:_FITTED], *loads]
+
+
+def _load(score: Score) -> bool:
+    return LOAD in score.signature.hypothesis.effects
 
 
 def _numbers(balance: TorqueBalance, r: Refit) -> dict[str, float]:

@@ -17,12 +17,12 @@ from dualdrive.identify.unknowns import Unknown, unknowns
 from dualdrive.replay import ratio_to_table
 
 #: effects that are not tried: a constant of a sensor is a nuisance already; rounding is read off a
-#: channel; a load whose hour nobody told could be anything
+#: channel; a load in time is tried where the records show its hour (`loads.py`)
 NOT_TRIED = ("sensor_offset", "expression", "spline", "quantisation", "cutting_torque")
 _SOFTER = 0.1  # of the stiffness that a compliant shaft is added with: nearly rigid
 #: numbers that move a signature about as much as its strength does: the others are left to a refit
 _LINEAR = ("phase", "centre", "asymmetry")
-_SHAPES = ("phase", "asymmetry", "centre", "spacing")
+_SHAPES = ("phase", "asymmetry", "centre", "spacing", "start")
 _ASYMMETRY = 0.3  # probe of a number without a usual size of its own
 _OF_A_MESH = ("load_dependent_mesh_loss",)
 _LIMITS, _ABOUT = ("T_max", "U_max"), (0.96, 1.03)  # a limit shows in what was recorded
@@ -44,11 +44,13 @@ class Hypothesis:
 
     fixed: parameter path -> value of what is counted, where a scan found one
     searched: among how many values those were found
+    begins: parameter path -> value from which a fit begins, where a scan found one
     """
 
     effects: tuple[tuple[str, str], ...] = ()
     fixed: Mapping[str, float] = field(default_factory=dict)
     searched: int = 1
+    begins: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def label(self) -> str:
@@ -56,8 +58,12 @@ class Hypothesis:
         return " + ".join(f"{e}@{p}" for e, p in self.effects) or "nothing"
 
     def __add__(self, other: Hypothesis) -> Hypothesis:
-        fixed = {**self.fixed, **other.fixed}
-        return Hypothesis(self.effects + other.effects, fixed, self.searched * other.searched)
+        return Hypothesis(
+            self.effects + other.effects,
+            {**self.fixed, **other.fixed},
+            self.searched * other.searched,
+            {**self.begins, **other.begins},
+        )
 
     def put_in(
         self,
@@ -89,7 +95,7 @@ class Hypothesis:
         for path, size in usual.items():
             if size:
                 grown.set(path, size)
-        for path, value in self.fixed.items():
+        for path, value in {**self.fixed, **self.begins}.items():
             grown.set(path, value)
         return grown, free
 

@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 
 _SIMULATED, _IN_A_BALANCE = 16, 60  # steps tried: a balance costs next to nothing
 _SECANT, _LEAST = 0.02, 0.1  # step of a secant: share of a number, and of its usual size
+_INSTANT = 2e-3  # s: of a secant at most, where a load sets in or ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,6 +259,8 @@ class Fitter:
         found = []
         for j, p in enumerate(free):
             step = _SECANT * max(abs(float(v[j])), _LEAST * max(1.0, abs(p.start)))
+            if p.unit == "s":
+                step = min(step, _INSTANT / p.slope(float(v[j])))
             if v[j] + step > p.bounds[1]:
                 step = -step
             moved = v.copy()

@@ -14,6 +14,7 @@ from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.evidence import Evidence, effective, evidence
 from dualdrive.diagnose.guesses import Guesses, guessed
 from dualdrive.diagnose.hypotheses import Hypothesis, candidates, members
+from dualdrive.diagnose.loads import sought
 from dualdrive.diagnose.pairs import with_pairs
 from dualdrive.diagnose.refit import Fitter, Refit
 from dualdrive.diagnose.score import Scorer
@@ -73,10 +74,15 @@ def search(
         better = better_valley(seen, base, clock.stop)
         if better is not base:
             seen, base = _refitted(c, better.u, clock)
-    guesses = guessed(c, every, clock.stop, threads, tell) if clear else Guesses()
+    guesses = Guesses()
+    if clear:
+        guesses = guessed(c, every, clock.stop, threads, tell, load=wanted is None)
     if (start := guesses.start(c, base.u)) is not None:  # it may have met a better valley
         other = Fitter(seen, clock.stop).nominal(start.u)
         base = other if other is not None and other.chi < base.chi else base
+    every += guesses.loads
+    if clear and c.mode == "balance" and wanted is None and (load := sought(seen, base)):
+        every.append(load)
     plain = replace(plain, evidence=seen, base=base, criterion={key_of(base): 0.0})
     scorer = Scorer(seen.rows(base.u, base.left, base.slopes))
     scores, untried = _scored(c, seen, base, scorer, every, clock, threads, tell)

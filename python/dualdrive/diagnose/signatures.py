@@ -191,7 +191,7 @@ def with_orders(
             known[place, carrier] = strongest_orders(evidence, rest, place, carrier)
         usual = float(grown.get(paths[0]))
         orders = {float(n): HIGHEST for n, _ in known[place, carrier]} | {usual: 1}
-        found += [Hypothesis(h.effects, {**h.fixed, paths[0]: n}, k) for n, k in orders.items()]
+        found += [replace(h, fixed={**h.fixed, paths[0]: n}, searched=k) for n, k in orders.items()]
     return found
 
 

@@ -1,0 +1,181 @@
+"""Where a load sets in and ends: nobody tells its hour, so it is looked for in what is left.
+
+The sum at the table of a torque balance shows a load as a box in time, the same in every record.
+Steps at a grid of instants, the nuisances' share removed, give the fall of chi^2 of every box at
+once, since a box is the difference of two steps; a harmonic is then looked for inside the best one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive.diagnose.evidence import Evidence
+from dualdrive.diagnose.hypotheses import Hypothesis
+from dualdrive.diagnose.refit import Refit
+from dualdrive.diagnose.whitening import count_as_one
+
+Array = NDArray[np.float64]
+
+LOAD = ("cutting_torque", "table")
+_PATH = "cutting_torque@table"
+_INSTANTS, _FINER = 160, 12  # of the grid over all records; between two of them
+_SHORTEST = 3  # steps of the grid: a box
+#: fall of chi^2, in units of the noise that is left, below which no box, and no harmonic, is named
+_A_BOX, _A_WAVE = 10.0, 25.0
+_PERIODS, _PER_PERIOD = 2.0, 5.0  # in the box, at least; steps of frequency per 1 / duration
+_HIGHEST = 0.4  # frequency, of the sampling rate
+
+
+@dataclass(frozen=True, eq=False)
+class _Sum:
+    """The sums at the table of all records as white rows, beside what nuisances can imitate.
+
+    t:      time, (n,); weight: what whitens a row, (n,); left: what the machine leaves, (n,)
+    rest:   the same, the nuisances' share removed, (n,)
+    slopes: of the nuisances, (n, m); inverse: of their normal matrix over all rows, (m, m)
+    every:  sampling interval, s
+    """
+
+    t: Array
+    weight: Array
+    left: Array
+    rest: Array
+    slopes: Array
+    inverse: Array
+    every: float
+
+    def white(self, columns: Array) -> Array:
+        """White rows of columns (n, k)."""
+        return columns * self.weight[:, None]
+
+    def inner(self, columns: Array) -> Array:
+        """Products of white columns (n, k) with each other, nuisances free, (k, k)."""
+        seen = self.slopes.T @ columns
+        result: Array = columns.T @ columns - seen.T @ self.inverse @ seen
+        return result
+
+    def fitted(self, columns: Array) -> tuple[float, Array]:
+        """Fall of chi^2 by white columns (n, k) at their best strengths, and these, (k,)."""
+        pull = columns.T @ self.rest
+        strengths = np.linalg.lstsq(self.inner(columns), pull, rcond=1e-9)[0]
+        return float(pull @ strengths), strengths
+
+    def noise(self, columns: Array) -> float:
+        """What a chi^2 is divided by under the noise that white columns (n, k) leave.
+
+        What a load leaves is a box, alike over its whole length: under that as noise nothing counts.
+        """
+        _, strengths = self.fitted(columns)
+        own = columns - self.slopes @ (self.inverse @ (self.slopes.T @ columns))
+        left = self.rest - own @ strengths
+        return float(np.mean(left**2)) * count_as_one(left) or 1.0
+
+    def box(self, start: float, end: float) -> Array:
+        """One from start to end, (n,)."""
+        return ((self.t >= start) & (self.t < end)).astype(float)
+
+
+def sought(seen: Evidence, base: Refit) -> Hypothesis | None:
+    """A load in time, where one stands out of what a torque balance leaves.
+
+    Args:
+        seen: the balance under white noise.
+        base: the machine refitted without a load.
+
+    Returns:
+        The hypothesis with start and duration, from where a refit goes on, and with the frequency
+        of the strongest harmonic; None where no load stands out.
+
+    """
+    table = _sum(seen, base)
+    if table is None:
+        return None
+    grid = np.linspace(table.t[0], table.t.max() + table.every, _INSTANTS)
+    step = float(grid[1] - grid[0])
+    start, end, _ = _best_box(table, grid, grid, _SHORTEST * step)
+    near = step * np.linspace(-1.0, 1.0, 2 * _FINER + 1)
+    start, end, gain = _best_box(table, start + near, end + near, step)
+    if gain < _A_BOX * table.noise(table.white(table.box(start, end)[:, None])):
+        return None
+    frequency, phase, count = _harmonic(table, start, end)
+    if not count:
+        return _hypothesis(start, end, {}, _INSTANTS)
+    if _against(seen, base, table, _hypothesis(start, end, {}, 1)):
+        phase = math.remainder(phase + math.pi, 2 * math.pi)
+    first = start - phase / (2 * math.pi * frequency)  # where its sine begins
+    return _hypothesis(first, end, {f"{_PATH}.frequency": frequency}, _INSTANTS * count)
+
+
+def begun(load: Refit) -> Hypothesis:
+    """The same, to go on from where it was refitted to."""
+    values = load.values()
+    return replace(load.hypothesis, begins={p: values[p] for p in load.hypothesis.begins})
+
+
+def _hypothesis(start: float, end: float, fixed: dict[str, float], searched: int) -> Hypothesis:
+    begins = {f"{_PATH}.start": start, f"{_PATH}.duration": end - start}
+    return Hypothesis((LOAD,), fixed, searched, begins)
+
+
+def _sum(seen: Evidence, base: Refit) -> _Sum | None:
+    c = seen.confrontation
+    rows = seen.rows(base.u, base.left, base.slopes)
+    inverse = np.linalg.pinv(
+        rows.slopes.T @ rows.slopes + np.diag(rows.precision), rcond=1e-10, hermitian=True
+    )
+    rest = rows.left - rows.slopes @ (inverse @ (rows.slopes.T @ rows.left))
+    weight = seen.white([np.ones(len(s.t)) for s in c.series])
+    mine = np.concatenate([np.full(len(s.t), s.name == "total") for s in c.series]) & (weight > 0)
+    t = np.concatenate([s.t for s in c.series])
+    if mine.sum() < _INSTANTS:
+        return None
+    every = max(float(np.median(np.diff(s.t))) for s in c.series)
+    return _Sum(t[mine], weight[mine], rows.left[mine], rest[mine], rows.slopes[mine], inverse, every)
+
+
+def _best_box(table: _Sum, starts: Array, ends: Array, least: float) -> tuple[float, float, float]:
+    """Start, end and fall of chi^2 of the best box no shorter than the least, s."""
+    instants = np.concatenate([starts, ends])
+    steps = table.white((table.t[:, None] >= instants).astype(float))
+    inner, pull, n = table.inner(steps), steps.T @ table.rest, len(starts)
+    power = np.diag(inner)
+    both = power[:n, None] + power[None, n:] - 2 * inner[:n, n:]
+    gain = (pull[:n, None] - pull[None, n:]) ** 2 / np.maximum(both, 1e-9 * power.max())
+    gain[ends[None, :] - starts[:, None] < least] = 0.0
+    i, j = np.unravel_index(int(np.argmax(gain)), gain.shape)
+    return float(starts[i]), float(ends[j]), float(gain[i, j])
+
+
+def _harmonic(table: _Sum, start: float, end: float) -> tuple[float, float, int]:
+    """Frequency and phase at the start of the strongest harmonic; among how many, 0: none."""
+    alone, _ = table.fitted(_waves(table, start, end, 0.0)[:, :1])
+    low, high = _PERIODS / (end - start), _HIGHEST / table.every
+    several = np.arange(low, high, 1.0 / (_PER_PERIOD * (end - start)))
+    gains = [table.fitted(_waves(table, start, end, f))[0] for f in several]
+    if not gains:
+        return 0.0, 0.0, 0
+    waves = _waves(table, start, end, float(f := several[int(np.argmax(gains))]))
+    gain, strengths = table.fitted(waves)
+    if gain - alone < _A_WAVE * table.noise(waves):
+        return 0.0, 0.0, 0
+    return float(f), math.atan2(float(strengths[2]), float(strengths[1])), len(several)
+
+
+def _waves(table: _Sum, start: float, end: float, frequency: float) -> Array:
+    """A constant, a sine and a cosine from start to end, white, (n, 3)."""
+    turned = 2 * np.pi * frequency * (table.t - start)
+    waves = np.stack([np.ones_like(turned), np.sin(turned), np.cos(turned)], axis=1)
+    return table.white(table.box(start, end)[:, None] * waves)
+
+
+def _against(seen: Evidence, base: Refit, table: _Sum, load: Hypothesis) -> bool:
+    """Whether a load lowers what is left, as the core's own law has it."""
+    c = seen.confrontation
+    grown, _ = load.put_in(c.core)
+    grown.set(f"{_PATH}.mean", c.sizes()["torque"])
+    left = c.left(grown, base.u)
+    return left is not None and float((seen.white(left) - seen.white(base.left)).sum()) < 0.0
