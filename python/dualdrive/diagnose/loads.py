@@ -25,7 +25,7 @@ _PATH = "cutting_torque@table"
 _INSTANTS, _FINER = 160, 12  # of the grid over all records; between two of them
 _SHORTEST = 3  # steps of the grid: a box
 #: fall of chi^2, in units of the noise that is left, below which no box, and no harmonic, is named
-_A_BOX, _A_WAVE = 10.0, 25.0
+_A_BOX, _A_WAVE = 15.0, 25.0
 _PERIODS, _PER_PERIOD = 2.0, 5.0  # in the box, at least; steps of frequency per 1 / duration
 _HIGHEST = 0.4  # frequency, of the sampling rate
 
@@ -34,15 +34,14 @@ _HIGHEST = 0.4  # frequency, of the sampling rate
 class _Sum:
     """The sums at the table of all records as white rows, beside what nuisances can imitate.
 
-    t:      time, (n,); weight: what whitens a row, (n,); left: what the machine leaves, (n,)
-    rest:   the same, the nuisances' share removed, (n,)
+    t:      time, (n,); weight: what whitens a row, (n,)
+    rest:   what the machine leaves, the nuisances' share removed, (n,)
     slopes: of the nuisances, (n, m); inverse: of their normal matrix over all rows, (m, m)
     every:  sampling interval, s
     """
 
     t: Array
     weight: Array
-    left: Array
     rest: Array
     slopes: Array
     inverse: Array
@@ -61,14 +60,11 @@ class _Sum:
     def fitted(self, columns: Array) -> tuple[float, Array]:
         """Fall of chi^2 by white columns (n, k) at their best strengths, and these, (k,)."""
         pull = columns.T @ self.rest
-        strengths = np.linalg.lstsq(self.inner(columns), pull, rcond=1e-9)[0]
+        strengths = np.asarray(np.linalg.lstsq(self.inner(columns), pull, rcond=1e-9)[0], float)
         return float(pull @ strengths), strengths
 
     def noise(self, columns: Array) -> float:
-        """What a chi^2 is divided by under the noise that white columns (n, k) leave.
-
-        What a load leaves is a box, alike over its whole length: under that as noise nothing counts.
-        """
+        """What a chi^2 counts in under the noise that white columns (n, k) leave, not the load."""
         _, strengths = self.fitted(columns)
         own = columns - self.slopes @ (self.inverse @ (self.slopes.T @ columns))
         left = self.rest - own @ strengths
@@ -104,7 +100,7 @@ def sought(seen: Evidence, base: Refit) -> Hypothesis | None:
     frequency, phase, count = _harmonic(table, start, end)
     if not count:
         return _hypothesis(start, end, {}, _INSTANTS)
-    if _against(seen, base, table, _hypothesis(start, end, {}, 1)):
+    if _turned(seen, base, _hypothesis(start, end, {}, 1)):
         phase = math.remainder(phase + math.pi, 2 * math.pi)
     first = start - phase / (2 * math.pi * frequency)  # where its sine begins
     return _hypothesis(first, end, {f"{_PATH}.frequency": frequency}, _INSTANTS * count)
@@ -124,9 +120,8 @@ def _hypothesis(start: float, end: float, fixed: dict[str, float], searched: int
 def _sum(seen: Evidence, base: Refit) -> _Sum | None:
     c = seen.confrontation
     rows = seen.rows(base.u, base.left, base.slopes)
-    inverse = np.linalg.pinv(
-        rows.slopes.T @ rows.slopes + np.diag(rows.precision), rcond=1e-10, hermitian=True
-    )
+    normal = rows.slopes.T @ rows.slopes + np.diag(rows.precision)
+    inverse = np.asarray(np.linalg.pinv(normal, rcond=1e-10, hermitian=True), float)
     rest = rows.left - rows.slopes @ (inverse @ (rows.slopes.T @ rows.left))
     weight = seen.white([np.ones(len(s.t)) for s in c.series])
     mine = np.concatenate([np.full(len(s.t), s.name == "total") for s in c.series]) & (weight > 0)
@@ -134,7 +129,7 @@ def _sum(seen: Evidence, base: Refit) -> _Sum | None:
     if mine.sum() < _INSTANTS:
         return None
     every = max(float(np.median(np.diff(s.t))) for s in c.series)
-    return _Sum(t[mine], weight[mine], rows.left[mine], rest[mine], rows.slopes[mine], inverse, every)
+    return _Sum(t[mine], weight[mine], rest[mine], rows.slopes[mine], inverse, every)
 
 
 def _best_box(table: _Sum, starts: Array, ends: Array, least: float) -> tuple[float, float, float]:
@@ -172,10 +167,10 @@ def _waves(table: _Sum, start: float, end: float, frequency: float) -> Array:
     return table.white(table.box(start, end)[:, None] * waves)
 
 
-def _against(seen: Evidence, base: Refit, table: _Sum, load: Hypothesis) -> bool:
-    """Whether a load lowers what is left, as the core's own law has it."""
+def _turned(seen: Evidence, base: Refit, load: Hypothesis) -> bool:
+    """Whether what is left for want of a load has the load's sign turned, as the core has it."""
     c = seen.confrontation
     grown, _ = load.put_in(c.core)
     grown.set(f"{_PATH}.mean", c.sizes()["torque"])
     left = c.left(grown, base.u)
-    return left is not None and float((seen.white(left) - seen.white(base.left)).sum()) < 0.0
+    return left is not None and float((seen.white(left) - seen.white(base.left)).sum()) > 0.0
