@@ -116,8 +116,8 @@ class Prober:
     def _travel(self, hypothesis: Hypothesis) -> list[float]:
         """Angles along the travel of the effect's place, rad; about its spot where one is known."""
         c, label = self.confrontation, hypothesis.label
-        if f"{label}.centre" in hypothesis.fixed:
-            centre, width = (hypothesis.fixed[f"{label}.{name}"] for name in ("centre", "width"))
+        if f"{label}.centre" in hypothesis.begins:
+            centre, width = (hypothesis.begins[f"{label}.{name}"] for name in ("centre", "width"))
             return [centre - 0.5 * width, centre + 0.5 * width]
         angles = [
             a
@@ -211,7 +211,7 @@ def with_spots(
             known[place] = worst_spot(evidence, rest, place)
         spot = known[place]
         there = dict(zip((f"{h.label}.centre", f"{h.label}.width"), spot or (), strict=False))
-        found.append(replace(h, fixed={**h.fixed, **there}, searched=TRIED if there else 1))
+        found.append(replace(h, begins=there, searched=TRIED if there else 1))
     return found
 
 
