@@ -1,0 +1,101 @@
+"""What the residual tells of an effect's order and spot, and how much it tells at all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dualdrive.diagnose import whitening
+from dualdrive.diagnose.confront import Series
+from dualdrive.diagnose.evidence import Evidence, effective
+from dualdrive.diagnose.orders import strongest_orders
+from dualdrive.diagnose.spots import worst_spot
+
+N = 4000
+T = 1e-3 * np.arange(N, dtype=np.float64)
+#: two turns forth and back, twice
+ANGLE = 4 * np.pi * np.abs(((T / 1.0 + 0.5) % 2.0) - 1.0)
+
+
+@dataclass
+class Told:
+    """As much of a confrontation as an evidence asks for: one series, and what was recorded."""
+
+    series: list[Series]
+    recorded: Mapping[str, np.ndarray]
+    core: Any = field(default_factory=SimpleNamespace)
+
+    def columns(self, k: int) -> Mapping[str, np.ndarray]:
+        return self.recorded
+
+
+def evidence(left: np.ndarray, **recorded: np.ndarray) -> Evidence:
+    every = np.ones(N, dtype=bool)
+    own = Series("r", "I_1", "current", "A", T, left, 1.0, np.zeros(N), every, ~every)
+    told: Any = Told([own], recorded)
+    return Evidence(told, whitening.plain([own]), np.zeros(N, dtype=np.intp))
+
+
+def noise(seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).normal(size=N)
+
+
+def test_a_ripple_that_grows_with_the_current_is_found_though_the_current_changes_sign() -> None:
+    """Forth and back the current has two signs, so that over both the plain harmonic cancels."""
+    current = np.sign(np.gradient(ANGLE)) * (1.0 + 0.1 * np.sin(3 * T))
+    left = 0.3 * current * np.sin(6 * ANGLE + 0.4) + noise(1)
+    seen = evidence(left, theta_1=ANGLE, I_1=current)
+    [(order, gain)] = strongest_orders(seen, left, "motor_1", "torque")
+    assert order == 6
+    assert gain == pytest.approx(0.3**2 * N / 2, rel=0.3)  # amplitude^2 n / 2
+    plain = dict(strongest_orders(seen, left, "motor_1"))
+    assert plain.get(6, 0.0) < 0.5 * gain
+
+
+def test_a_friction_that_turns_with_the_angle_is_carried_by_the_direction() -> None:
+    left = 0.3 * np.sign(np.gradient(ANGLE)) * np.cos(3 * ANGLE) + noise(2)
+    seen = evidence(left, theta_1=ANGLE)
+    assert strongest_orders(seen, left, "motor_1", "direction")[0][0] == 3
+
+
+def test_a_bump_is_found_where_it_sits() -> None:
+    left = 2.0 * np.exp(-0.5 * ((ANGLE - 7.0) / 0.8) ** 2) + noise(3)
+    spot = worst_spot(evidence(left, theta_1=ANGLE), left, "motor_1")
+    assert spot is not None
+    centre, width = spot
+    assert centre == pytest.approx(7.0, abs=0.5)  # a grid of a twenty-fifth of the travel
+    assert width == pytest.approx(0.8, rel=0.7)  # of widths a factor of two and a half apart
+
+
+def test_noise_has_no_spot_and_no_order() -> None:
+    left = noise(4)
+    seen = evidence(left, theta_1=ANGLE, I_1=np.ones(N))
+    assert worst_spot(seen, left, "motor_1") is None
+    assert strongest_orders(seen, left, "motor_1", "torque") == []
+
+
+def autoregression(a: float) -> np.ndarray:
+    driven, found = noise(5), np.zeros(N)
+    for k in range(1, N):
+        found[k] = a * found[k - 1] + driven[k]
+    return found
+
+
+@pytest.mark.parametrize("a", [0.0, 0.8, 0.95])
+def test_what_is_alike_from_sample_to_sample_counts_as_few(a: float) -> None:
+    """The mean of an AR(1) of n samples is known as from n (1 - a) / (1 + a) independent ones."""
+    left = autoregression(a)
+    [own] = evidence(left).confrontation.series
+    [w] = whitening.sized([own], [left])
+    assert w.alike == pytest.approx((1 + a) / (1 - a), rel=0.3)
+    white = w(left)
+    assert float(white @ white) == pytest.approx(N / w.alike, rel=0.01)
+    told: Any = Told([own], {})
+    seen = Evidence(told, [w], np.zeros(N, dtype=np.intp))
+    assert effective(white, seen) == pytest.approx(1.0, rel=1e-6)  # not counted twice
+    assert seen.count == pytest.approx(N / w.alike, abs=1.0)
