@@ -337,9 +337,12 @@ TEST_CASE("a series that stands at zero falls, rises or comes back") {
     CHECK(*first_fall({0, 0, -1}, true) == 0.0);
     CHECK_FALSE(first_fall({0, 0, 0, 1}, true).has_value());
     CHECK(*first_fall({0, 0, 1, -1.25}, true) == doctest::Approx(0.8).epsilon(1e-13));
-    CHECK_FALSE(first_fall({0, 0, 0}, true).has_value());  // stays
-    CHECK_FALSE(first_fall({-1e-18, 1}).has_value());      // zero but for rounding
-    CHECK_FALSE(first_fall({-0.3, 1}, true).has_value());  // told that it stands there, whatever its value
+    CHECK(*first_fall({0, 1e-13, -1}, true) == doctest::Approx(1e-13).epsilon(1e-9));  // a rise within rounding is one
+    CHECK(*first_fall({0, -1e-13, 1e-14, 0, -1}, true) == doctest::Approx(1e-7).epsilon(1e-9));
+    CHECK_FALSE(first_fall({0, -1e-13, 1}, true).has_value());  // a fall within it is none
+    CHECK_FALSE(first_fall({0, 0, 0}, true).has_value());       // stays
+    CHECK_FALSE(first_fall({-1e-18, 1}).has_value());           // zero but for rounding
+    CHECK_FALSE(first_fall({-0.3, 1}, true).has_value());       // told that it stands there, whatever its value
 }
 
 TEST_CASE("no fall of a random series is missed, and none is invented") {

@@ -126,3 +126,74 @@ def test_a_move_out_of_a_long_rest_is_that_of_cvode(name: str, engine: str) -> N
         assert (mine.status, mine.message) == ("success", "")
         apart = np.abs(mine.values - theirs.values).max(axis=0)
         assert (apart <= 1e-7 * np.abs(theirs.values).max(axis=0)).all()
+
+
+# ------------------------------------------------------- loose for a moment, by less than rounding
+
+
+@pytest.mark.parametrize("engine", [*ENGINES, "cvode"])
+def test_a_body_that_is_pushed_back_for_a_moment_stops_and_stays(engine: str) -> None:
+    """J ω' = r τ − ε − L (1 ± 1) with τ = t − t₀: at rest at τ = 0 and, having gone back, at 2 ε/r.
+
+    It moves forward once r τ = 2 L + ε. Beside the torques that cancel, ε is next to nothing.
+    """
+    inertia, limit, excess, rate, turn = 2.0, 1.0, 1e-4, 10.0, 0.537
+    machine = _core.Machine()
+    machine.add_body("table")
+    machine.add_motor("motor_1", "table", "direct")
+    machine.add_effect("coulomb", "table")
+    machine.set("table.J", inertia)
+    machine.set("table.b", 0.0)
+    machine.set("coulomb@table.torque", limit)
+    cancelled = 1e7  # between motor and load
+    first = cancelled - limit - excess - rate * turn
+    drive = _core.sampled([0.0, 1.0], [first, first + rate], _core.Interpolation.linear)
+    speed = ((2.0 * limit + excess) * turn + 0.5 * rate * turn**2) / inertia
+    run = _core.simulate(machine, {"T_1": drive, "T_load": _core.constant(cancelled)}, end=1.0,
+                         engine=engine, initial={"omega_m": speed}, output_step=0.1,
+                         energy=False)  # fmt: skip
+    assert (run.status, run.message) == ("success", "")
+    assert [event[2:] for event in run.events] == [
+        ("forward", "backward"), ("backward", "stuck"), ("stuck", "forward")
+    ]  # fmt: skip
+    expected = [turn, turn + 2.0 * excess / rate, turn + (2.0 * limit + excess) / rate]
+    assert [event[0] for event in run.events] == pytest.approx(expected, abs=5e-6)
+
+
+def two_that_rub(
+    friction: float, on_motor: float, stiffness: float, inertia: float, damping: float
+) -> _core.Machine:
+    machine = creeping_table(friction, stiffness)
+    machine.add_effect("coulomb", "motor_1")
+    machine.set("coulomb@motor_1.torque", on_motor)
+    machine.set("table.J", inertia)
+    machine.set("motor_1.b", damping)
+    return machine
+
+
+@pytest.mark.parametrize(
+    ("friction", "on_motor", "stiffness"),
+    [(17.3, 1e-3, 5e4), (17.3, 1e-3, 1e5), (100.0, 1e-2, 1e5)],
+)
+def test_a_motor_that_creeps_against_a_rubbing_table_ends_its_creep_once(
+    friction: float, on_motor: float, stiffness: float
+) -> None:
+    """At 21 s the torque turns while the motor, hardly held, stands still but for rounding."""
+    machine = two_that_rub(friction, on_motor, stiffness, inertia=30.0, damping=10.0)
+    most = friction + on_motor
+    torque = [-1.5 * most, -most, -most, -0.9999 * most, -most, 0.5 * most]
+    times = [0.0, 1.0, 20.0, 20.3, 21.0, 22.0]
+    drive = _core.sampled(times, torque, _core.Interpolation.linear)
+    run = _core.simulate(machine, {"T_1": drive}, end=22.0, output_step=0.1, energy=False)
+    assert (run.status, run.message) == ("success", "")
+    assert sum(20.9 < event[0] < 21.1 for event in run.events) < 10
+
+
+def test_a_motor_held_by_next_to_nothing_does_not_end_cvode() -> None:
+    """Its slides are so short that the error of the speed ends them where they begin."""
+    machine = two_that_rub(300.0, 1e-3, 1e5, inertia=10.0, damping=1.0)
+    drive = _core.sampled([0.0, 1.0, 10.0], [-360.0, -300.001, -300.001],
+                          _core.Interpolation.linear)  # fmt: skip
+    run = _core.simulate(machine, {"T_1": drive}, end=10.0, engine="cvode", output_step=0.1,
+                         energy=False)  # fmt: skip
+    assert (run.status, run.message) == ("success", "")

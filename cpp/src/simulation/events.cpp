@@ -85,6 +85,7 @@ bool Simulation::transition(int element, int which, Cause cause) {
     const bool sticks = layout_.switches[e].kind == SwitchKind::stick;
     const auto group = static_cast<std::size_t>(layout_.switches[e].index);
     if (sticks) z[group] = 0.0;
+    if (sticks && to != stick::stuck) loose_since_[e] = t;
     if (derives) carry_derivatives(before, sticks ? static_cast<int>(group) : -1);
     slave_riding();
     out_.events.push_back({t, element, from, to});
@@ -98,6 +99,15 @@ bool Simulation::transition(int element, int which, Cause cause) {
         return false;
     }
     return true;
+}
+
+// A body that broke loose and was stopped by its own guard at one instant: what moved it is less than the engine's error of
+// its speed. The engine has the last word, lest the torque break it loose again, and so on without end.
+bool Simulation::stopped_where_it_broke_loose(int element) const {
+    const auto e = static_cast<std::size_t>(element);
+    const double t = solver_->time();
+    return layout_.switches[e].kind == SwitchKind::stick && modes_[e] == stick::stuck && !out_.events.empty() &&
+           out_.events.back().element == element && out_.events.back().t == t && t - loose_since_[e] <= instant(t);
 }
 
 // Other guards may be violated at the same instant (simultaneous contacts, a jump of a command): follow them until
@@ -119,7 +129,7 @@ bool Simulation::settle(bool located) {
         for (std::size_t k = 0; k < g.size() && fallen < 0; ++k) {
             const int element = static_cast<int>(k) / guards_per_switch,
                       which = static_cast<int>(k) % guards_per_switch;
-            if (!(g[k] < 0)) continue;
+            if (!(g[k] < 0) || (located && stopped_where_it_broke_loose(element))) continue;
             const Switch& s = layout_.switches[static_cast<std::size_t>(element)];
             // What a formula decides by has any size: where it has just crossed zero, only its slope can tell.
             const bool stands = located && s.kind == SwitchKind::branch && crossed_[static_cast<std::size_t>(element)];

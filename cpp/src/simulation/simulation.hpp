@@ -75,6 +75,7 @@ class Simulation final : public Problem {
 
     // events.cpp: everything that changes modes or state at an instant
     bool settle(bool located);
+    bool stopped_where_it_broke_loose(int element) const;
     void switch_at(const std::vector<int>& fallen);
     enum class Cause { guard, instant };  // the element's own guard fell here, or something else happened
     bool transition(int element, int which, Cause cause);
@@ -175,6 +176,7 @@ class Simulation final : public Problem {
     std::vector<double> z_scratch_, rate_scratch_, block_rate_, work_scratch_;
     std::vector<Gradient> z_along_;
     std::vector<bool> crossed_;          // elements whose own guard fell at the present instant
+    std::vector<double> loose_since_;    // when bodies last broke loose or turned, per element
     std::vector<double> instant_slope_;  // of the instant at which switches happen, per sensitivity
     bool bad_numbers_ = false;           // the last rates or guards were not finite
     long crowded_ = 0, guard_calls_ = 0;

@@ -40,6 +40,7 @@ void Simulation::start() {
     // What happened before the start: inputs as they stood, delayed signals at their value then.
     cell_ = {options_.start - 1.0, options_.start};
     modes_.assign(layout_.switches.size(), 0);
+    loose_since_.assign(modes_.size(), -std::numeric_limits<double>::infinity());
     for (std::size_t e = 0; e < modes_.size(); ++e)
         if (layout_.switches[e].kind == SwitchKind::branch) modes_[e] = branch::positive;
     classify();

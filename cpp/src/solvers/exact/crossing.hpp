@@ -122,7 +122,14 @@ class FirstFall {
         std::copy_n(series, terms, p_.begin());
         if (on_surface || std::abs(p_[0]) <= noise) {  // the root one starts on is divided out
             const R zero = on_surface ? R(of_state) * noise : noise;
-            while (first_ < terms && (std::abs(p_[static_cast<std::size_t>(first_)]) <= zero || first_ == 0)) ++first_;
+            first_ = 1;
+            while (first_ < terms && std::abs(p_[static_cast<std::size_t>(first_)]) <= zero) ++first_;
+            // What is too small to be a fall may still be a rise, which puts off the fall that follows.
+            for (int k = first_ - 1; k > 0; --k) {
+                R& small = p_[static_cast<std::size_t>(k)];
+                small = std::max(small, R(0));
+                if (small > 0) first_ = k;
+            }
         }
         degree_ = terms - 1 - first_;
     }
