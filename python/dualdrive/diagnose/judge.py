@@ -18,9 +18,10 @@ from dualdrive.replay import ratio_to_table
 
 Array = NDArray[np.float64]
 
-#: fall of the criterion below which nothing is named, before the library's size: the steps of an
-#: encoder are a law of its angle, too, and gain as much as 28 where nothing is missing
-NAMED = 25.0
+#: fall of the criterion below which nothing is named: odds of 1 to e^10 before the library's size
+NAMED = 20.0
+#: more of it in the closed loop: an encoder's steps are a law of its angle, too, and no noise
+STEPS = 5.0
 #: the same for a second effect beside a first
 SECOND = 25.0
 #: of the criterion, tempered: odds of 1 to 20 against a law of the angle on less than a radian
@@ -68,12 +69,13 @@ def judge(found: Survey) -> Judgement:
     best = ranked[0][0] if ranked else base
     before = excess(found, found.plain.left)
     gain = found.criterion[key_of(base)] - found.criterion[key_of(best)]
-    needed = NAMED + 2.0 * math.log(max(len(found.scores), 1))
+    balance = found.evidence.confrontation.mode == "balance"
+    needed = NAMED + 2.0 * math.log(max(len(found.scores), 1)) + (0.0 if balance else STEPS)
     after = excess(found, best.left)
-    doubt = BALANCE if found.evidence.confrontation.mode == "balance" else 1.0
+    doubt = BALANCE if balance else 1.0
     explained = _explained(before, after)
     figures = (explained, (float(before.max()), float(after.max())), gain)
-    faint = doubt > 1.0 and explained < FAINT
+    faint = balance and explained < FAINT
     if best is base or gain < needed or faint or not _foretells(found, best, gain):
         verdict: Verdict = "unknown" if _too_much(before, doubt) else _sound(found)
         return Judgement(verdict, ranked, nothing, (), *figures)

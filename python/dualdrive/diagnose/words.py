@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dualdrive.compare.equation import EquationAtFault
 from dualdrive.diagnose.result import Candidate, Experiment, Shape, Verdict
 
+_FEW = 3  # warnings that a paragraph can hold
+
 
 def paragraph(
     verdict: Verdict,
@@ -37,7 +39,9 @@ def paragraph(
         )
     if verdict == "effect" and command:
         said.append(f"To add it: {command}")
-    if warnings:
+    if len(warnings) > _FEW:
+        said.append(f"Mind the {len(warnings)} warnings about the records.")
+    elif warnings:
         said.append("Mind: " + " ".join(warnings))
     return " ".join(said)
 
