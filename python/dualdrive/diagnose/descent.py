@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.diagnose.algebra import scales
 from dualdrive.diagnose.evidence import Evidence
 
 Array = NDArray[np.float64]
@@ -147,7 +148,7 @@ def _step(problem: Problem, at: Point, damping: float) -> tuple[Array | None, fl
 
 def bounded_step(gram: Array, gradient: Array, damping: float, low: Array, high: Array) -> Array:
     """The damped step inside its bounds: what would leave them is held there, the rest solved."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    scale = scales(gram)
     free = np.ones(len(gradient), dtype=bool)
     step = np.zeros(len(gradient))
     for _ in range(len(gradient)):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.diagnose.algebra import solved
 from dualdrive.diagnose.evidence import Evidence
 from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.result import Interval
@@ -33,7 +34,7 @@ def held_out(seen: Evidence, refit: Refit) -> list[Array]:
     blocks = np.split(seen.block, np.cumsum([len(x) for x in refit.left])[:-1])
     found = [np.array(x, dtype=np.float64) for x in refit.left]
     for b in range(len(gram)):
-        step = -_solve(whole - gram[b], right - pull[b])
+        step = -solved(whole - gram[b], right - pull[b])
         for series, slopes, own in zip(found, raw, blocks, strict=True):
             inside = own == b
             series[inside] += slopes[inside][:, machine] @ step
@@ -86,11 +87,3 @@ def _pull(seen: Evidence, refit: Refit) -> Array:
     known = np.isfinite(c.sigma)
     own = np.where(known, (refit.u - c.centre) / np.where(known, c.sigma, 1.0) ** 2, 0.0)
     return np.concatenate([own, np.zeros(len(refit.v))])
-
-
-def _solve(matrix: Array, right: Array) -> Array:
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    even = matrix * np.outer(scale, scale)
-    even[np.diag_indices_from(even)] += _RIDGE * len(even)
-    result: Array = scale * np.linalg.solve(even, scale * right)
-    return result

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.diagnose.algebra import solved
+
 Array = NDArray[np.float64]
 
 _RIDGE = 1e-10  # of the largest curvature: what no row sees stays put
@@ -141,22 +143,13 @@ def _solve(
 ) -> tuple[float, Array, Array]:
     """chi^2 at the best step, that step, and chi^2 of every block at the step of the others."""
     whole, right = gram.sum(0) + belief, pull.sum(0) + believed
-    step = -_damped(whole, right)
+    step = -solved(whole, right)
     chi = float(square.sum() + 2 * step @ right + step @ whole @ step)
     foretold = np.empty(len(square))
     for b in range(len(square)):
-        others = -_damped(whole - gram[b], right - pull[b])
+        others = -solved(whole - gram[b], right - pull[b])
         foretold[b] = square[b] + 2 * others @ pull[b] + others @ gram[b] @ others
     return chi, step, foretold
-
-
-def _damped(matrix: Array, right: Array) -> Array:
-    """The solution, columns scaled alike; directions that no row sees stay put."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    even = matrix * np.outer(scale, scale)
-    even[np.diag_indices_from(even)] += _RIDGE * len(even)
-    result: Array = scale * np.linalg.solve(even, scale * right)
-    return result
 
 
 def alike(first: Array, second: Array) -> float:

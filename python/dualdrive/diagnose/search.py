@@ -42,7 +42,6 @@ _RIVAL = 0.3  # of the best gain: less is no rival, where no more than noise is 
 _CONTAINED = 4.0  # gain of a simple law of friction from which the whole ones are tried there
 _TAKEN_APART = 6  # best groups of which the single parts are tried
 _FOR_PROBES = 0.45  # of the time; what is probed beyond it could not be refitted
-_SETTLED = 0.1  # change of the noise's size below which another round changes nothing
 
 
 def search(
@@ -182,7 +181,8 @@ def _refitted(c: Confrontation, u: Array, clock: Clock) -> tuple[Evidence, Refit
         base = Fitter(seen, clock.stop).nominal(u)
         if base is None:
             break
-        if last == 0 or _alike(left, base.left):
+        sizes = ([whitening.rms(x) for x in part] for part in (left, base.left))
+        if last == 0 or whitening.settled(*sizes):
             return seen, base
         u, left = base.u, list(base.left)
     raise FitError(f"{c.core.name}: the machine can not be simulated on these records")
@@ -201,12 +201,6 @@ def records_alone(c: Confrontation, clock: Clock | None = None) -> Refit:
     if found is None:
         raise FitError(f"{c.core.name}: the machine can not be simulated on these records")
     return found
-
-
-def _alike(first: Sequence[Array], second: Sequence[Array]) -> bool:
-    a = np.array([np.sqrt(np.mean(x**2)) for x in first])
-    b = np.array([np.sqrt(np.mean(x**2)) for x in second])
-    return bool(np.all(np.abs(np.log((b + 1e-300) / (a + 1e-300))) < _SETTLED))
 
 
 def _held(c: Confrontation, numbers: Sequence[int]) -> Confrontation:

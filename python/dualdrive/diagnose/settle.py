@@ -26,7 +26,6 @@ _ROUNDS = 3
 _CLOSE = 60.0  # of criterion behind the best: refitted again under the new noise
 _FEW = 4  # of them
 _POLISH = 2
-_SETTLED = 0.1  # change of the noise's size below which another round changes nothing
 ENOUGH = 1.15  # residual over floor in every series, below which nothing is left to explain
 
 
@@ -61,7 +60,7 @@ def settle(found: Survey, clock: Clock, tell: Callable[[str], None]) -> Survey:
                 again[best] = _polished(fitter, again[best], found.nominal.u)
             elif best > 0:  # a name must gain over the machine at its very best
                 again[0] = _polished(fitter, again[0], found.nominal.u)
-        settled = _same_noise(seen, now)
+        settled = whitening.settled(_size(seen), _size(now))
         seen, every = now, again
         criterion, inflation = _criterion(seen, every)
         if settled or clock.stop():
@@ -140,9 +139,6 @@ def _spare(seen: Evidence, r: Refit, inflation: float) -> list[float]:
     return found
 
 
-def _same_noise(first: Evidence, second: Evidence) -> bool:
-    one, two = (
-        np.array([float(np.mean(w.scale[w.keep])) if w.keep.any() else 1.0 for w in e.whiteners])
-        for e in (first, second)
-    )
-    return bool(np.all(np.abs(np.log(one / two)) < _SETTLED))
+def _size(seen: Evidence) -> list[float]:
+    """Of the noise, one per series."""
+    return [float(np.mean(w.scale[w.keep])) if w.keep.any() else 1.0 for w in seen.whiteners]

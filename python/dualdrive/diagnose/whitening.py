@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 
 ORDERS = (0, 1, 2, 3, 4, 6, 8)
 _FEW, _LONGEST = 8, 0.1  # samples; correlation time, as a share of a record
+_SETTLED = 0.1  # change of the noise's size, relative
 _PAUSE = 1.5  # sampling intervals: a longer step in time starts a new stretch
 
 
@@ -66,7 +67,7 @@ def sized(series: Sequence[Series], noise: Sequence[Array]) -> list[Whitener]:
 def _sized(series: Series, noise: Array) -> Whitener:
     own = noise[series.keep]
     alike = count_as_one(own)
-    scale = np.sqrt(alike) * max(_rms(own), _size(series))
+    scale = np.sqrt(alike) * max(rms(own), _size(series))
     return Whitener(np.zeros(0), np.full(len(series.t), scale), series.keep, alike)
 
 
@@ -77,6 +78,12 @@ def count_as_one(left: Array) -> float:
     if len(left) <= _FEW:
         return 1.0
     return 1.0 + 2.0 * min(correlation_time(left), _LONGEST * len(left))
+
+
+def settled(first: Sequence[float], second: Sequence[float]) -> bool:
+    """Whether sizes of noise, one per series, are so much alike that another round is idle."""
+    a, b = np.array(first) + 1e-300, np.array(second) + 1e-300
+    return bool(np.all(np.abs(np.log(b / a)) < _SETTLED))
 
 
 def fitted(series: Sequence[Series], noise: Sequence[Array]) -> list[Whitener]:
@@ -151,7 +158,8 @@ def _with_past(series: Series, past: int) -> NDArray[np.bool_]:
     return found
 
 
-def _rms(values: Array) -> float:
+def rms(values: Array) -> float:
+    """Root of the mean square; zero of nothing."""
     return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
 
 

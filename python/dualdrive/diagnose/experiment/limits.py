@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from dualdrive.assembly import gaps
 from dualdrive.replay import ratio_to_table
 
 #: how far below its limits a motion is planned; the simulation decides
@@ -85,14 +86,8 @@ def _abilities(core: Any) -> tuple[float, float, float]:
 
 def _play(core: Any) -> float:
     """Full play of the first drive, seen at the table."""
-    return max(
-        (
-            2 * core.get(f"{c}.gap") / ratio_to_table(core, c)
-            for c in core.connections
-            if core.kind(c) == "gap"
-        ),
-        default=0.0,
-    )
+    every = [2 * core.get(f"{c}.gap") / ratio_to_table(core, c) for c in gaps(core)]
+    return max(every, default=0.0)
 
 
 def _turns(core: Any) -> tuple[float, ...]:
