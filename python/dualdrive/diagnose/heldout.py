@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.diagnose.algebra import solved
+from dualdrive.diagnose.algebra import scales, solved
 from dualdrive.diagnose.evidence import Evidence
 from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.result import Interval
@@ -42,12 +42,21 @@ def held_out(seen: Evidence, refit: Refit) -> list[Array]:
 
 
 def intervals(seen: Evidence, refit: Refit, inflation: float) -> dict[str, Interval]:
-    """95 % intervals of the effects' numbers and of the nominal ones, path -> interval."""
-    gram, _ = _normal(seen, refit)
+    """95 % intervals of the effects' numbers and of the nominal ones, path -> interval.
+
+    From the curvature, as far as the noise is what it is taken for, or from how differently the
+    blocks of time pull at each number (H. White, Econometrica 48, 1980), whichever is wider.
+    """
+    gram, pull = _normal(seen, refit)
     whole = gram.sum(0) + np.diag(_belief(seen, refit))
     scale = 1.0 / np.sqrt(np.maximum(np.diag(whole), 1e-300))
     even = whole * np.outer(scale, scale) + _RIDGE * np.eye(len(whole))
-    sigma = np.sqrt(np.maximum(np.diag(np.linalg.inv(even)), 0.0)) * scale * np.sqrt(inflation)
+    inverse = np.linalg.inv(even)
+    apart = (pull - pull.mean(0)) * scales(whole)
+    blocks = len(pull)
+    scatter = inverse @ (apart.T @ apart) @ inverse * blocks / max(blocks - 1, 1)
+    variance = np.maximum(np.diag(inverse) * inflation, np.diag(scatter))
+    sigma = np.sqrt(np.maximum(variance, 0.0)) * scale
     m = len(refit.u)
     found = {}
     nominal = seen.confrontation.nominal
