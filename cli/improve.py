@@ -109,7 +109,8 @@ def command(
         except FitError as error:
             give_up(f"{m.name}: {error}", STOPPED if stop.is_set() else FAILED)
     if not found.steps:
-        give_up(f"{m.name}: {found.stopped}: {' '.join(found.diagnoses[0].warnings)}", FAILED)
+        why = " ".join(w for one in found.diagnoses[:1] for w in one.warnings)
+        give_up(f"{m.name}: {found.stopped}: {why}", STOPPED if stop.is_set() else FAILED)
     if plot:
         _draw(found, plot)
     if output:

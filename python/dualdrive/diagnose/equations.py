@@ -236,7 +236,7 @@ class TorqueBalance:
 
     def _residual(self, core: Any, held: Held, samples: Mapping[str, Array]) -> Array:
         """What the chosen equations leave, (m, n)."""
-        found = _core.torque_balance(core, {**samples, "t": held.t})
+        found = _core.torque_balance(core, dict(samples))
         rows = [found["equations"].index(name) for name in self.equations]
         residual: Array = found["residual"][rows]
         return residual

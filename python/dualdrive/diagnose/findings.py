@@ -77,7 +77,8 @@ def groups_of(found: Survey, verdict: Judgement) -> list[tuple[str, ...]]:
     groups = [verdict.group] if verdict.group else []
     if verdict.verdict in ("effect", "ambiguous") and verdict.ranked:
         leader = verdict.ranked[0][0].hypothesis.label
-        if twins := [t for t in dict.fromkeys(found.twins.get(leader, ())) if t != leader]:
+        twins = [t for t in dict.fromkeys(found.twins.get(leader, ())) if t != leader]
+        if twins and not {leader, *twins} <= set(verdict.group):
             groups.append((leader, *twins))
     return groups
 

@@ -135,7 +135,7 @@ def candidates(
             places = ["table"]
         if {"sensor reading", "sensor delay"} & set(kind.acts_on.split(", ")):
             places += channels
-        found += [h for p in places if (h := _possible(core, kind.name, p)) is not None]
+        found += [h for p in places if (h := possible(core, kind.name, p)) is not None]
     return found
 
 
@@ -146,10 +146,11 @@ def members(core: Any, group: Hypothesis) -> list[Hypothesis]:
     if not one:
         return []
     parts = [p for p in (*core.motors, *core.bodies, *core.connections) if p.startswith(f"{one}_")]
-    return [h for p in parts if (h := _possible(core, effect, p)) is not None]
+    return [h for p in parts if (h := possible(core, effect, p)) is not None]
 
 
-def _possible(core: Any, effect: str, place: str) -> Hypothesis | None:
+def possible(core: Any, effect: str, place: str) -> Hypothesis | None:
+    """The effect at the place; None where there is no such part, or it carries it already."""
     hypothesis = Hypothesis(((effect, place),))
     if _carried(core, effect, place):
         return None

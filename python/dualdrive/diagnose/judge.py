@@ -88,9 +88,12 @@ def judge(found: Survey) -> Judgement:
 
 def _twins(found: Survey, best: Refit) -> list[str]:
     """Other laws that do the very same as the leader on these records."""
-    [*_, (effect, _)] = best.hypothesis.effects
-    same = found.twins.get(best.hypothesis.label, ())
-    return [label for label in same if label.partition("@")[0] != effect]
+    return [
+        label
+        for effect, place in best.hypothesis.effects
+        for label in found.twins.get(f"{effect}@{place}", ())
+        if label.partition("@")[0] != effect
+    ]
 
 
 def _probabilities(found: Survey) -> tuple[list[tuple[Refit, float]], float]:

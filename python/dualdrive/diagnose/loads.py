@@ -14,20 +14,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.evidence import Evidence
-from dualdrive.diagnose.hypotheses import Hypothesis
+from dualdrive.diagnose.hypotheses import Hypothesis, possible
 from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.whitening import count_as_one
 
 Array = NDArray[np.float64]
 
 LOAD = ("cutting_torque", "table")
-_PATH = "cutting_torque@table"
+_PATH = "@".join(LOAD)
 _INSTANTS, _FINER = 160, 12  # of the grid over all records; between two of them
 _SHORTEST = 3  # steps of the grid: a box
 #: fall of chi^2, in units of the noise that is left, below which no box, and no harmonic, is named
 _A_BOX, _A_WAVE = 15.0, 25.0
 _PERIODS, _PER_PERIOD = 2.0, 5.0  # in the box, at least; steps of frequency per 1 / duration
 _HIGHEST = 0.4  # frequency, of the sampling rate
+_MOST = 600  # frequencies tried, the lowest first: a long load would take for ever
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,9 +89,9 @@ def sought(seen: Evidence, base: Refit) -> Hypothesis | None:
 
     """
     table = _sum(seen, base)
-    if table is None:
+    if table is None or possible(seen.confrontation.core, *LOAD) is None:
         return None
-    grid = np.linspace(table.t[0], table.t.max() + table.every, _INSTANTS)
+    grid = np.linspace(table.t.min(), table.t.max() + table.every, _INSTANTS)
     step = float(grid[1] - grid[0])
     start, end, _ = _best_box(table, grid, grid, _SHORTEST * step)
     near = step * np.linspace(-1.0, 1.0, 2 * _FINER + 1)
@@ -149,7 +150,7 @@ def _harmonic(table: _Sum, start: float, end: float) -> tuple[float, float, int]
     """Frequency and phase at the start of the strongest harmonic; among how many, 0: none."""
     alone, _ = table.fitted(_waves(table, start, end, 0.0)[:, :1])
     low, high = _PERIODS / (end - start), _HIGHEST / table.every
-    several = np.arange(low, high, 1.0 / (_PER_PERIOD * (end - start)))
+    several = np.arange(low, high, 1.0 / (_PER_PERIOD * (end - start)))[:_MOST]
     gains = [table.fitted(_waves(table, start, end, f))[0] for f in several]
     if not gains:
         return 0.0, 0.0, 0

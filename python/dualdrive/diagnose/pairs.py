@@ -1,7 +1,7 @@
 """Two effects at once: what a good one leaves is scored again, and the best few are refitted.
 
-Beside the leader all effects are tried anew, on the machine that has it: a strong effect moves the
-machine so far that signatures taken without it tell little.
+Beside the leader all effects at groups of parts are tried anew, on the machine that has it: a
+strong effect moves the machine so far that signatures taken without it tell little.
 """
 
 from __future__ import annotations
@@ -87,11 +87,14 @@ def _beside(found: Survey, first: Refit, clock: Clock, threads: int) -> list[Sco
         for s, left in zip(c.series, first.left, strict=True)
     ]
     prober = Prober(c, first.u, first.left, noise)
-    return score_all(prober, [(seen, scorer)], [1.0], distinct(listed), threads, clock.stop)
+    scores = score_all(prober, [(seen, scorer)], [1.0], distinct(listed), threads, clock.stop)
+    if clock.stop():
+        clock.leave_out(f"not all was tried beside {first.hypothesis.label}")
+    return scores
 
 
 def _plain(h: Hypothesis) -> bool:
-    """Whole laws of friction are tried where the simple one they contain gains."""
+    """Whether it is no whole law of friction: beside another effect the simple ones will do."""
     return h.effects[-1][0] not in CONTAINS
 
 

@@ -195,7 +195,7 @@ class Fitter:
         if left is None:
             return known
         slopes, columns = known.slopes, known.columns
-        fresh = fresh and not self._late(known.grown)
+        fresh = fresh and not self.stop() and not self._late(known.grown)
         if fresh:
             slopes = c.slopes(known.machine, where) or known.slopes
             columns = self._secants(known.grown, known.free, where, known.v, left) or columns

@@ -80,8 +80,8 @@ def search(
         other = Fitter(seen, clock.stop).nominal(start.u)
         base = other if other is not None and other.chi < base.chi else base
     every += guesses.loads
-    if clear and c.mode == "balance" and wanted is None and (load := sought(seen, base)):
-        every.append(load)
+    if clear and c.mode == "balance" and wanted is None and not clock.stop():
+        every += [load for load in [sought(seen, base)] if load is not None]
     plain = replace(plain, evidence=seen, base=base, criterion={key_of(base): 0.0})
     scorer = Scorer(seen.rows(base.u, base.left, base.slopes))
     scores, untried = _scored(c, seen, base, scorer, every, clock, threads, tell)
@@ -142,7 +142,7 @@ def _scored(
     several = list(groups.values())[:_TAKEN_APART]
     parts = [m for h in several for m in members(c.core, Hypothesis(h.effects))]
     if parts and clock.late(_FOR_PROBES):
-        clock.leave_out(f"not tried apart: {', '.join(sorted(groups)[:_TAKEN_APART])}")
+        clock.leave_out(f"not tried: {', '.join(sorted(h.label for h in parts))}")
     elif parts:
         scores += tried(parts)
     rubbing = {

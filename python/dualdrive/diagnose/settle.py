@@ -52,14 +52,14 @@ def settle(found: Survey, clock: Clock, tell: Callable[[str], None]) -> Survey:
             else replace(r, chi=now.chi(r.u, r.left))
             for r in every
         ]
-        found = replace(found, base=again[0])
         best = int(np.argmin([r.chi for r in again]))
         if number == 0:
             so_far = _now(found, now, every, criterion)
             if excess(so_far, again[best].left).max() > ENOUGH:
                 again[best] = _polished(fitter, again[best], found.nominal.u)
-            elif best > 0:  # a name must gain over the machine at its very best
+            if best > 0:  # a name must gain over the machine at its very best
                 again[0] = _polished(fitter, again[0], found.nominal.u)
+        found = replace(found, base=again[0])
         settled = whitening.settled(_size(seen), _size(now))
         seen, every = now, again
         criterion, inflation = _criterion(seen, every)
@@ -107,8 +107,8 @@ def _criterion(seen: Evidence, every: Sequence[Refit]) -> tuple[dict[str, float]
     """Quasi-BIC: chi^2 over the overdispersion of the best, and log n per number that is needed.
 
     A number that may as well have its neutral value (an asymmetry of zero, a second strength of
-    zero) counts as the simpler law that it leaves: by its own chi^2 where that costs less. A
-    counted number that was picked from many, the order of a harmonic, pays for the looking.
+    zero) counts as the simpler law that it leaves: by its own chi^2 where that costs less. What
+    was picked from many, the order of a harmonic, a spot, the hour of a load, pays for the looking.
     """
     least = min(every, key=lambda r: r.chi)
     inflation = effective(seen.white(least.left), seen)

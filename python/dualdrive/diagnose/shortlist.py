@@ -89,8 +89,8 @@ def refitted(
 
 
 def _best(trials: Sequence[Trial], count: int) -> list[Trial]:
-    """The lowest of them, and those of the best scores; a name's best order once."""
-    surely = trials[:_SURELY]
+    """The lowest of them, and those of the best scores."""
+    surely = trials[: min(_SURELY, count)]
     others = sorted((t for t in trials if t not in surely), key=lambda t: t.chi)
     return sorted([*surely, *others[: count - len(surely)]], key=lambda t: t.chi)
 

@@ -211,7 +211,8 @@ def with_spots(
             known[place] = worst_spot(evidence, rest, place)
         spot = known[place]
         there = dict(zip((f"{h.label}.centre", f"{h.label}.width"), spot or (), strict=False))
-        found.append(replace(h, begins=there, searched=TRIED if there else 1))
+        searched = h.searched * (TRIED if there else 1)
+        found.append(replace(h, begins={**h.begins, **there}, searched=searched))
     return found
 
 

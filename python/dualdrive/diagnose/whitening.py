@@ -95,7 +95,8 @@ def _fitted(series: Series, noise: Array) -> Whitener:
     keep = _with_past(series, max(ORDERS))
     size = _size(series)
     if keep.sum() < 20 * max(ORDERS):
-        return Whitener(np.zeros(0), np.full(len(noise), max(float(np.std(noise)), size)), keep)
+        scale = max(rms(noise[keep]), size)
+        return Whitener(np.zeros(0), np.full(len(noise), scale), keep)
     ar = _autoregression(noise, keep)
     left = noise.astype(np.float64, copy=True)
     for lag, a in enumerate(ar, 1):

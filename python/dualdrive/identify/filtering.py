@@ -130,7 +130,7 @@ class Piece:
 
     ``samples`` maps names to arrays of one length: the recorded channels, and for every recorded
     angle its smoothed value, its speed and its acceleration (``theta_m``, ``omega_m``,
-    ``alpha_m``).
+    ``alpha_m``), and the time ``t``, which loads in time ask for.
     """
 
     record: str
@@ -176,7 +176,8 @@ def pieces(trace: Any, record: str, processing: Processing) -> Iterator[Piece]:
         found = True
         grid = t[index[0]] + step * np.arange(count)
         even = {name: np.interp(grid, t[index], x[index]) for name, x in channels.items()}
-        yield Piece(record, float(grid[0]), step, even | _kinematics(even, step, own))
+        known = even | _kinematics(even, step, own) | {"t": grid}
+        yield Piece(record, float(grid[0]), step, known)
     if not found:
         raise ValueError(
             f"{record}: no stretch without a pause is long enough for the filters "
