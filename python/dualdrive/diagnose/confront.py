@@ -23,6 +23,7 @@ Flags = NDArray[np.bool_]
 
 #: one-sigma of an asymmetry of friction: without it a refit trades friction one way for drag
 ASYMMETRY = 0.2
+_FARTHEST = 20.0  # standard deviations of a belief
 #: relative one-sigma tolerance of nominal numbers, for all or by path; the usual ones where None
 Tolerance = float | Mapping[str, float] | None
 
@@ -44,6 +45,15 @@ def nominal_unknowns(core: Any, paths: Sequence[str], tolerance: Tolerance) -> l
     own = {path: tolerance[path] for path in paths if path in tolerance}
     usual = {**default_tolerances(core, paths), **own}
     return _believed(unknowns(core, list(paths), usual, {}) if paths else [])
+
+
+def believable(low: Array, high: Array, centre: Array, sigma: Array) -> tuple[Array, Array]:
+    """Bounds no further from what is believed than any record could say, each (m,).
+
+    A step along what no row sees would end where numbers overflow.
+    """
+    reach = np.where(np.isfinite(sigma), _FARTHEST * sigma, np.inf)
+    return np.maximum(low, centre - reach), np.minimum(high, centre + reach)
 
 
 def _believed(nominal: Sequence[Unknown]) -> list[Unknown]:

@@ -18,7 +18,7 @@ from dualdrive import _core
 from dualdrive.compare.excuses import _first_zeros
 from dualdrive.compare.held import Held, hold
 from dualdrive.compare.laws import shifted
-from dualdrive.diagnose.confront import Series, Tolerance, nominal_unknowns
+from dualdrive.diagnose.confront import Series, Tolerance, believable, nominal_unknowns
 from dualdrive.identify import Processing, with_torques
 from dualdrive.identify.filtering import ANGLES
 from dualdrive.identify.model import TORQUES
@@ -104,8 +104,9 @@ class TorqueBalance:
         )
         bounds = [p.bounds for p in self.nominal]
         free = np.full(rest + len(self.constants), np.inf)
-        self.low = np.concatenate([[b[0] for b in bounds], -free])
-        self.high = np.concatenate([[b[1] for b in bounds], free])
+        low = np.concatenate([[b[0] for b in bounds], -free])
+        high = np.concatenate([[b[1] for b in bounds], free])
+        self.low, self.high = believable(low, high, self.centre, self.sigma)
         self.series = self._series()
         if not any(s.keep.sum() > _TOO_FEW for s in self.series):
             raise ValueError(

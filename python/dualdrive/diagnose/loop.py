@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dualdrive import _core
 from dualdrive.compare.noise import noise_floor
 from dualdrive.compare.where import standing
-from dualdrive.diagnose.confront import Series, Tolerance, nominal_unknowns
+from dualdrive.diagnose.confront import Series, Tolerance, believable, nominal_unknowns
 from dualdrive.identify.closed_loop import FitError, Problem, channels_to_fit
 from dualdrive.identify.evaluation import state_unknowns
 from dualdrive.identify.parts import sizes_of_part
@@ -65,7 +65,7 @@ class ClosedLoop:
         for j, (k, name) in enumerate(self.problem.offsets):
             if self.records[k].channel(name).kind in ("current", "torque"):
                 self.sigma[first + j] = CURRENT_ZERO
-        self.low, self.high = self.problem.bounds
+        self.low, self.high = believable(*self.problem.bounds, self.centre, self.sigma)
         self.start = self.problem.start
         self._most_steps = _MOST_STEPS * round(sum(r.t[-1] - r.begin for r in self.records) + 1.0)
 
