@@ -164,13 +164,16 @@ def _told(
     candidates = [candidate_of(c, found, r, p) for r, p in verdict.ranked[:TOLD]]
     candidates += scored_only(found, candidates)
     groups = groups_of(found, verdict)
-    refitted = machine_of(machine, c, found.plain)
-    best = verdict.ranked[0][0] if verdict.ranked else found.base
     named_ = verdict.verdict in ("effect", "ambiguous")
+    # where nothing is missing what is left is noise, and the final refit under it is the best
+    stands = found.base if verdict.verdict in ("adequate", "parameters") else found.plain
+    refitted = machine_of(machine, c, stands)
+    best = verdict.ranked[0][0] if verdict.ranked else found.base
     improved = machine_of(machine, c, best) if named_ else None
     error = errors_of(c, found, best if named_ else found.plain)
-    known = intervals(found.evidence, found.plain, found.inflation)
-    moved = {path: known[path] for path in moved_numbers(c, found.plain, known)}
+    every = intervals(found.evidence, best if named_ else stands, found.inflation)
+    known = {p.path: every[p.path] for p in c.nominal}
+    moved = {path: known[path] for path in moved_numbers(c, known)}
     tell("the shape of what is missing")
     equation = equation_at(verdict, candidates, refitted, traces, clock)
     curves = []
@@ -219,6 +222,7 @@ def _told(
         before=before,
         after=after,
         moved=moved,
+        numbers=known,
     )
 
 

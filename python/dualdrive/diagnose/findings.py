@@ -115,7 +115,7 @@ def errors_of(c: Confrontation, found: Survey, best: Refit) -> dict[str, float]:
     }
 
 
-def moved_numbers(c: Confrontation, base: Refit, known: Mapping[str, Interval]) -> list[str]:
+def moved_numbers(c: Confrontation, known: Mapping[str, Interval]) -> list[str]:
     """Nominal numbers that the records put elsewhere, beyond doubt."""
     found = []
     for p in c.nominal:

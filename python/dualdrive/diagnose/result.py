@@ -122,6 +122,8 @@ class Diagnosis:
     refitted:  the machine with its nominal numbers refitted
     improved:  the machine with the best candidate added and fitted, None where none is named
     before:    comparison of the refitted machine; `after` of the improved one
+    numbers:   nominal numbers, path -> interval, refitted beside the best candidate where one is
+               named; `moved` those that the records put elsewhere than the data sheet, beyond doubt
     """
 
     machine: str
@@ -145,6 +147,7 @@ class Diagnosis:
     before: Comparison | None
     after: Comparison | None
     moved: Mapping[str, Interval] = field(default_factory=dict)
+    numbers: Mapping[str, Interval] = field(default_factory=dict)
 
     @property
     def best(self) -> Candidate | None:
@@ -170,7 +173,8 @@ class Diagnosis:
                         for c in self.where
                     ],
                     "error": dict(self.error),
-                    "parameters": {path: vars(value) for path, value in self.moved.items()},
+                    "parameters": {path: vars(value) for path, value in self.numbers.items()},
+                    "moved": list(self.moved),
                     "shapes": [
                         {
                             k: v.tolist() if isinstance(v, np.ndarray) else v

@@ -148,9 +148,9 @@ def _effect_intervals(cases: Sequence[Judged]) -> Iterable[bool]:
 
 def _nominal_intervals(cases: Sequence[Judged]) -> Iterable[bool]:
     for c in of(cases, "none", "drifted"):
-        moved = c.answer.get("parameters", {})
-        for path, value in match.real_numbers(c.label, moved).items():
-            yield match.covered(path, moved[path], value)
+        refitted = c.answer.get("parameters", {})
+        for path, value in match.real_numbers(c.label, refitted).items():
+            yield match.covered(path, refitted[path], value)
 
 
 def trust(cases: Sequence[Judged]) -> dict[str, Any]:
