@@ -19,7 +19,7 @@ from tests.blind.shown import ordered
 from tests.blind.shown.ordered import Order
 
 HOUR = 0.03  # s: two samples of the filtered balance
-END = 0.08  # s: the table brakes when this load ends, so that its end is told less sharply
+END = 0.08  # s: its end is told less sharply; two machines found it 56 ms apart
 
 
 def balanced(order: Order) -> tuple[Evidence, Refit]:
