@@ -5,10 +5,12 @@ from __future__ import annotations
 import _thread
 import math
 import pickle
+import signal
 import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -203,6 +205,15 @@ def test_what_cannot_be_asked(machine: Machine, arguments: dict[str, Any], says:
 # --- interrupts and memory ------------------------------------------------------------------------
 
 
+@pytest.fixture
+def heard() -> Iterator[None]:
+    """Ctrl-C is heard: a job in the background of a shell begins with it ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("heard")
 def test_ctrl_c_loses_no_run_and_the_next_call_goes_on(machine: Machine) -> None:
     runs = begin(machine, 300, jobs=2)
     timer = threading.Timer(0.05, _thread.interrupt_main)
