@@ -26,7 +26,8 @@ import diagnosis
 
 ALL = "SHOWN" in os.environ
 long = pytest.mark.skipif(not ALL, reason="needs minutes and a core of its own: SHOWN=1")
-BUDGET = 20.0 if ALL else 5.0  # s for each machine
+BUDGET = 60.0  # s for each machine, several times what it needs
+SHORT = BUDGET if ALL else 5.0  # s, where the answer must hold whatever was cut
 SEEDS = (0, 1)
 
 
@@ -49,7 +50,7 @@ def test_a_drifted_inertia_alone_is_called_parameters(order: Order) -> None:
 
 @pytest.mark.parametrize("order", LOADS, ids=ids(LOADS))
 def test_a_load_that_sets_in_is_not_called_friction(order: Order) -> None:
-    found = order.diagnosed(BUDGET, experiment=False)
+    found = order.diagnosed(SHORT, experiment=False)
     assert verdicts.is_no_friction(found), verdicts.row(order, found)
     assert found.verdict not in ("adequate", "parameters"), verdicts.row(order, found)
 
