@@ -143,4 +143,7 @@ class Confrontation(Protocol):
         """Label -> path -> where limits and play that are off begin on these records."""
 
     def sizes(self) -> dict[str, float]:
-        """Usual sizes at the table: ``torque`` N*m, ``speed`` rad/s, ``travel`` rad."""
+        """Usual sizes at the table: ``torque`` N*m, ``speed`` rad/s, ``travel`` rad.
+
+        Where they are known, too: ``current`` A of a motor.
+        """

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from dualdrive.compare import check_records, compare
 from dualdrive.diagnose.clocks import evened
@@ -106,7 +107,8 @@ def diagnose(
         raise ValueError(
             f"settings: no trace {', '.join(sorted(stray))}; there are {', '.join(recorded)}"
         )
-    with interrupt() as stop:
+    # simulations run side by side: BLAS threads beside them would only wait for one another
+    with interrupt() as stop, threadpool_limits(1, "blas"):
         clock = Clock(_SEARCH * budget, stop.is_set)
         warnings, late, clipped = list[str](), False, False
         if checks:
@@ -223,6 +225,7 @@ def _told(
         after=after,
         moved=moved,
         numbers=known,
+        over_floor=verdict.excess[1],
     )
 
 

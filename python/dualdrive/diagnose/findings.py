@@ -15,14 +15,16 @@ from dualdrive.diagnose.experiment import next_experiment
 from dualdrive.diagnose.floors import floor_of
 from dualdrive.diagnose.heldout import held_out, intervals
 from dualdrive.diagnose.judge import Judgement, explained_by
-from dualdrive.diagnose.refit import Refit
+from dualdrive.diagnose.refit import Fitter, Refit, Start
 from dualdrive.diagnose.result import Candidate, Experiment, Interval
+from dualdrive.diagnose.starts import expected
 from dualdrive.diagnose.survey import Clock, Survey
 from dualdrive.identify import FitError
 from dualdrive.replay import core_of
 from dualdrive.traces import Trace
 
 TOLD = 8  # candidates in the result
+RIVALS = 3  # names that the next experiment parts
 
 
 def candidate_of(c: Confrontation, found: Survey, r: Refit, p: float) -> Candidate:
@@ -172,8 +174,10 @@ def plan_next(
     clock: Clock,
     tell: Callable[[str], None],
 ) -> Experiment | None:
-    """The experiment that parts the leading names, None where there is none."""
-    rivals = [(r.hypothesis.label, machine_of(machine, c, r)) for r, _ in verdict.ranked[:3]]
+    """The experiment that parts the names that can't be told apart, None where there is none."""
+    known = {r.hypothesis.label: r for r, _ in reversed(verdict.ranked)}
+    refits = [known.get(label) or _twin(found, verdict, label) for label in verdict.group[:RIVALS]]
+    rivals = [(r.hypothesis.label, machine_of(machine, c, r)) for r in refits if r is not None]
     noise: dict[str, float] = {}
     for s, r in zip(c.series, found.best.left, strict=True):
         noise[s.name] = max(noise.get(s.name, 0.0), floor_of(s, r))
@@ -185,6 +189,17 @@ def plan_next(
     except (ValueError, FitError) as failure:
         clock.leave_out(f"no next experiment: {failure}")
         return None
+
+
+def _twin(found: Survey, verdict: Judgement, label: str) -> Refit | None:
+    """A law that was not refitted, since it does the same as the leader: as large as that is."""
+    score = next((s for s in found.scores if s.label == label), None)
+    if score is None or not verdict.ranked:
+        return None
+    c, leader = found.evidence.confrontation, verdict.ranked[0][0]
+    fitter, start = Fitter(found.evidence), Start(leader.u, expected(score))
+    trial = fitter.tried(score.signature.hypothesis, [start])
+    return fitter(trial, c.slopes(c.core, leader.u) or leader.slopes) if trial else None
 
 
 def command_for(best: Candidate) -> str:

@@ -12,6 +12,7 @@ from dualdrive.diagnose.confront import Series
 Array = NDArray[np.float64]
 
 _FEWEST, _STRETCH = 30, 0.15  # samples, s: a standstill long enough to show its noise
+_OF_SPREAD = 1e-3  # no probe need be fainter
 _LEAST, _MOST = 0.5, 2.0  # of the record's own estimate: a model that hunts is no noise
 
 
@@ -30,6 +31,15 @@ def ratios(series: Sequence[Series], left: Sequence[Array], best: Sequence[Array
             if s.keep.sum() > _FEWEST
         ]
     )
+
+
+def heard_above(series: Series, left: Array | None = None) -> float:
+    """What a probe must be heard above, RMS: the floor, or what the machine leaves if that is more.
+
+    left: what it leaves, (n,); None where the floor alone counts
+    """
+    own = left[series.keep] if left is not None else np.zeros(0)
+    return max(series.floor, _OF_SPREAD * series.spread, float(np.std(own)) if len(own) else 0.0)
 
 
 def floor_of(series: Series, left: Array) -> float:

@@ -19,6 +19,7 @@ from dualdrive.diagnose import whitening
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.evidence import Evidence, effective, evidence
+from dualdrive.diagnose.floors import heard_above
 from dualdrive.diagnose.hypotheses import SCALES, Hypothesis
 from dualdrive.diagnose.loads import LOAD, begun, sought
 from dualdrive.diagnose.loop import ClosedLoop
@@ -107,8 +108,7 @@ def _best(
     stop: Callable[[], bool],
 ) -> list[Score]:
     scorer = Scorer(seen.rows(base.u, base.left, base.slopes))
-    floors = [max(s.floor, 1e-3 * s.spread) for s in balance.series]
-    prober = Prober(balance, base.u, base.left, floors)
+    prober = Prober(balance, base.u, base.left, list(map(heard_above, balance.series)))
     rest = scorer.rest(scorer.rows.left[:, None])[:, 0]
     over = effective(seen.white(base.left), seen)
     listed = with_orders(seen, rest, hypotheses)

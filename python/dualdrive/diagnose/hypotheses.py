@@ -26,6 +26,8 @@ _SHAPES = ("phase", "asymmetry", "centre", "spacing", "start")
 _ASYMMETRY = 0.3  # probe of a number without a usual size of its own
 _OF_A_MESH = ("load_dependent_mesh_loss",)
 _LIMITS, _ABOUT = ("T_max", "U_max"), (0.96, 1.03)  # a limit shows in what was recorded
+_PUT_IN, _OTHERWISE = ("stiffness", "gap"), (0.3, 3.0, 10.0)  # a part's: where it begins, times
+_RIGID = 1e3  # times that: stiffer is as good as rigid
 _SHORTEST = 5e-5  # s: a delay below that costs a simulation more than it could show
 _PRESLIDING = 1e-4  # rad at the table
 #: what the load does: a rotor is balanced and its inertia does not turn with it
@@ -109,7 +111,7 @@ class Hypothesis:
             else _scaled(grown, path, sizes) or _typical(grown, path)
             for path in free
         }
-        found = unknowns(grown, free, None, usual)
+        found = [_compliant(grown, p) for p in unknowns(grown, free, None, usual)]
         late = [p.unit == "s" and is_strength(grown, p.path) for p in found]
         return [
             replace(p, low=max(p.low, _SHORTEST)) if own else p
@@ -216,6 +218,19 @@ def _loosened(grown: Any, effect: Mapping[str, Any]) -> dict[str, float]:
     return {path: _SOFTER * grown.get(path)} if alone else {}
 
 
+def _compliant(grown: Any, p: Unknown) -> Unknown:
+    """A stiffness that is put in, fitted as the compliance that it adds."""
+    effect = next(e for e in grown.effects if p.path.startswith(f"{e['label']}."))
+    if not effect["structural"] or not p.path.endswith(".stiffness"):
+        return p
+    scale = float(grown.get(p.path))
+    high = min(p.high, _RIGID * scale)
+    return replace(
+        p, high=high, scale=scale, centre=1.0, start=1.0, sigma=math.inf,
+        logarithmic=False, reciprocal=True,
+    )  # fmt: skip
+
+
 def _typical(core: Any, path: str) -> float:
     return float(core.parameter(core.members(path)[0]).typical)
 
@@ -224,8 +239,8 @@ def _scaled(core: Any, path: str, sizes: Mapping[str, float]) -> float:
     """Size of a number that depends on the machine's torques and speeds; 0 where none is known.
 
     Torques: a tenth of what the drives needed, carried to the place; what grows with speed, that
-    over the speed there; Stribeck speeds, a twentieth of the speed; bristles give way within 1e-4
-    rad of the table.
+    over the speed there; currents, half of theirs; Stribeck speeds, a twentieth of the speed;
+    bristles give way within 1e-4 rad of the table.
     """
     declared = core.parameter(core.members(path)[0])
     effect = next(e for e in core.effects if path.startswith(f"{e['label']}."))
@@ -237,6 +252,7 @@ def _scaled(core: Any, path: str, sizes: Mapping[str, float]) -> float:
     if torque <= 0.0 or speed <= 0.0:
         return 0.0
     return {
+        "A": 0.5 * sizes.get("current", 0.0),
         "N*m": 0.1 * torque / ratio,
         "N*m*s/rad": 0.1 * torque / speed / ratio**2,
         "N*m*s^2/rad^2": 0.1 * torque / speed**2 / ratio**3,
@@ -246,10 +262,10 @@ def _scaled(core: Any, path: str, sizes: Mapping[str, float]) -> float:
 
 
 def is_strength(core: Any, path: str) -> bool:
-    """Whether zero of it switches the effect off."""
+    """Whether zero of it switches the effect off; a part without play is still put in."""
     declared = core.parameter(core.members(path)[0])
     name = path.rpartition(".")[2]
-    return bool(declared.standard == 0.0 and name not in _SHAPES)
+    return bool(declared.standard == 0.0 and name not in (*_SHAPES, *_PUT_IN))
 
 
 def probes(core: Any, free: Sequence[Unknown], travel: Sequence[float] = ()) -> list[Setting]:
@@ -276,6 +292,8 @@ def _moved(p: Unknown, value: float, travel: Sequence[float]) -> list[float]:
         return [float(x) for x in travel]
     if name in _LIMITS:
         return [factor * value for factor in _ABOUT]
+    if name in _PUT_IN:
+        return [factor * value for factor in _OTHERWISE]
     step = 0.5 * value
     if p.unit == "rad" and name.endswith("phase"):
         step = 0.5 * math.pi

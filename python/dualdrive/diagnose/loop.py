@@ -156,15 +156,19 @@ class ClosedLoop:
         return found
 
     def sizes(self) -> dict[str, float]:
-        """Spread of the drives' torque carried to the table, N*m, of its speed, and its travel."""
-        torque = 0.0
+        """Spread of the drives' torque carried to the table, N*m, of its speed, and its travel.
+
+        Beside them the spread of a motor's current, A.
+        """
+        torque = current = 0.0
         for record in self.records:
             for motor in self.core.motors:
-                n = motor.rpartition("_")[2]
-                for name, factor in ((f"T_{n}", 1.0), (f"I_{n}", self.core.get(f"{motor}.K_d"))):
+                n, constant = motor.rpartition("_")[2], self.core.get(f"{motor}.K_d")
+                for name, factor in ((f"T_{n}", 1.0), (f"I_{n}", constant)):
                     if name in record.trace:
                         spread = factor * float(np.std(record.trace[name]))
                         torque = max(torque, ratio_to_table(self.core, motor) * spread)
+                        current = max(current, spread / constant)
         speed = max(float(np.std(np.gradient(r.reference, r.t))) for r in self.records)
         travel = max(float(np.ptp(r.reference)) for r in self.records)
-        return {"torque": torque, "speed": speed, "travel": travel}
+        return {"torque": torque, "speed": speed, "travel": travel, "current": current}

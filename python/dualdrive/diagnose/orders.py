@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.evidence import Evidence
 from dualdrive.replay import core_of, ratio_to_table
 
@@ -20,7 +21,7 @@ Array = NDArray[np.float64]
 
 HIGHEST = 100
 _TURN = 0.5  # periods that a record must hold for an order to be seen at all
-_STANDS_OUT = 25.0  # fall of chi^2 below which no order is named
+STANDS_OUT = 25.0  # fall of chi^2 below which no order, and no spot, is named
 
 #: what the harmonics of some effects are multiplied by
 CARRIERS = {
@@ -57,7 +58,7 @@ def strongest_orders(
         white, own = evidence.whiteners[k], parts[k]
         carried = _carried(columns, place, carrier, angle)
         for n in range(1, HIGHEST + 1):
-            if n * float(np.ptp(angle)) < 2 * np.pi * _TURN or _too_fast(c.series[k].t, n * angle):
+            if n * float(np.ptp(angle)) < 2 * np.pi * _TURN or _too_fast(n * angle):
                 continue
             waves = np.stack([np.cos(n * angle), np.sin(n * angle)], axis=1)
             rows = white(carried[:, None] * waves)
@@ -67,14 +68,14 @@ def strongest_orders(
             gains[n] += float(pull @ np.linalg.solve(gram + 1e-300 * np.eye(2), pull))
     found: list[tuple[int, float]] = []
     for n in np.argsort(gains)[::-1]:
-        if gains[n] < _STANDS_OUT or len(found) == count:
+        if gains[n] < STANDS_OUT or len(found) == count:
             break
         if all(abs(int(n) - m) > 1 for m, _ in found):
             found.append((int(n), float(gains[n])))
     return found
 
 
-def _too_fast(t: Array, phase: Array) -> bool:
+def _too_fast(phase: Array) -> bool:
     """Whether the harmonic runs past half the sampling rate for most of the record."""
     return bool(np.median(np.abs(np.diff(phase))) > np.pi)
 
@@ -104,6 +105,15 @@ def angle_of(core: Any, columns: Mapping[str, Array], place: str) -> Array | Non
             ratio = ratio_to_table(core, place) / ratio_to_table(core, part)
             return np.asarray(columns[name]) * ratio
     return None
+
+
+def travel_of(c: Confrontation, place: str) -> tuple[float, float] | None:
+    """Lowest and highest angle of a place over all records, rad; None where none is recorded."""
+    angles = [angle_of(c.core, c.columns(k), place) for k in range(len(c.series))]
+    known = [a for a in angles if a is not None]
+    if not known:
+        return None
+    return float(min(a.min() for a in known)), float(max(a.max() for a in known))
 
 
 def members_of(machine: object, place: str) -> list[str]:

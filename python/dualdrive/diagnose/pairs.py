@@ -12,7 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from dualdrive.diagnose.floors import heard_above
 from dualdrive.diagnose.hypotheses import Hypothesis, candidates
+from dualdrive.diagnose.profiled import sharpened
 from dualdrive.diagnose.refit import Fitter, Refit, Start
 from dualdrive.diagnose.score import Scorer
 from dualdrive.diagnose.settle import ENOUGH, settle
@@ -30,8 +32,8 @@ from dualdrive.diagnose.survey import Clock, Survey, excess, key_of
 
 _FIRSTS, _SECONDS = 2, 3  # effects to begin with, and partners of each
 _KNOWN = 2  # partners beside the leader by the scores without it
-_CLEARLY = 45.0  # the same, for which it is tried though no more than noise seems left
 _WORTH = 15.0  # expected fall of chi^2 over its inflation for which a second effect is tried
+_SURELY = 45.0  # the same, for which it is tried though no more than noise seems left
 
 
 def with_pairs(found: Survey, clock: Clock, threads: int, tell: Callable[[str], None]) -> Survey:
@@ -70,7 +72,7 @@ def _leaves_something(found: Survey, first: Refit) -> bool:
     if excess(found, found.best.left).max() >= ENOUGH:
         return True
     best = _partners(found, first, found.scores)[:1]
-    return any(s.gain.gain / found.inflation > _CLEARLY for s in best)
+    return any(s.gain.gain / found.inflation > _SURELY for s in best)
 
 
 def _beside(found: Survey, first: Refit, clock: Clock, threads: int) -> list[Score]:
@@ -82,10 +84,7 @@ def _beside(found: Survey, first: Refit, clock: Clock, threads: int) -> list[Sco
     scorer = _scorer(found, first)
     rest = scorer.rest(scorer.rows.left[:, None])[:, 0]
     listed = with_spots(seen, rest, with_orders(seen, rest, hypotheses))
-    noise = [
-        max(s.floor, 1e-3 * s.spread, float(np.std(left[s.keep])) if s.keep.any() else 0.0)
-        for s, left in zip(c.series, first.left, strict=True)
-    ]
+    noise = list(map(heard_above, c.series, first.left))
     prober = Prober(c, first.u, first.left, noise)
     scores = score_all(prober, [(seen, scorer)], [1.0], distinct(listed), threads, clock.stop)
     if clock.stop():
@@ -154,7 +153,7 @@ def _refitted(fitter: Fitter, first: Refit, score: Score) -> Refit | None:
         trial = fitter.tried(first.hypothesis + score.signature.hypothesis, _starts(first, score))
     except ValueError:
         return None  # two effects that can't sit there together
-    return fitter(trial, first.slopes) if trial is not None else None
+    return sharpened(fitter, fitter(trial, first.slopes)) if trial is not None else None
 
 
 def _starts(first: Refit, score: Score) -> Iterator[Start]:

@@ -20,13 +20,12 @@ from dualdrive import _core
 from dualdrive.diagnose.descent import Point, bounded_step, descend
 from dualdrive.diagnose.evidence import Evidence
 from dualdrive.diagnose.hypotheses import Hypothesis, is_strength
+from dualdrive.diagnose.secants import secants, with_values
 from dualdrive.identify.unknowns import Unknown
 
 Array = NDArray[np.float64]
 
 _SIMULATED, _IN_A_BALANCE = 16, 60  # steps tried: a balance costs next to nothing
-_SECANT, _LEAST = 0.02, 0.1  # step of a secant: share of a number, and of its usual size
-_INSTANT = 2e-3  # s: of a secant at most, where a load sets in or ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,10 +33,14 @@ class Start:
     """Where a fit may begin: nuisances, shape (m,), and path -> SI value of the effects' numbers.
 
     Numbers that are not given begin at their usual size.
+
+    further: the same way as the start before, and only worth its time if that was the best so far:
+        a machine that sticks or hunts is slow to simulate
     """
 
     u: Array
     values: Mapping[str, float]
+    further: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +85,7 @@ class Refit:
     @property
     def machine(self) -> Any:
         """The core's machine with the effects at their values; its nominal numbers untouched."""
-        return _at(self.grown, self.free, self.v)
+        return with_values(self.grown, self.free, self.v)
 
     def beyond(self) -> bool:
         """Whether an effect would have to be larger than it can be: a strength on its bound."""
@@ -98,13 +101,6 @@ class Refit:
             for p, x in zip(self.free, self.v, strict=True)
             if abs(x - p.bounds[0]) < 1e-6 or abs(x - p.bounds[1]) < 1e-6
         ]
-
-
-def _at(grown: Any, free: Sequence[Unknown], v: Array) -> Any:
-    core = grown.copy()
-    for p, x in zip(free, v, strict=True):
-        core.set(p.path, p.value(float(x)))
-    return core
 
 
 class Fitter:
@@ -147,13 +143,17 @@ class Fitter:
         grown, paths = hypothesis.put_in(c.core, self.sizes, c.part_sizes(hypothesis.effects))
         free = hypothesis.unknowns(grown, paths, self.sizes)
         best: Trial | None = None
+        improved = True
         for start in starts:
             if self.stop() or (best is not None and best.chi < enough):
                 break
+            if start.further and not improved:
+                continue
+            before = best
             u = np.clip(start.u, c.low, c.high)
             v = np.array([_coordinate(p, start.values.get(p.path)) for p in free])
             for _ in range(2 if slopes else 1):
-                left = c.left(_at(grown, free, v), u)
+                left = c.left(with_values(grown, free, v), u)
                 if left is None:
                     break
                 chi = self.evidence.chi(u, left)
@@ -161,6 +161,7 @@ class Fitter:
                     best = Trial(hypothesis, grown, free, u, v, left, chi)
                 if slopes:
                     u = self._followed(u, left, slopes)
+            improved = best is not before
         return best
 
     def _followed(self, u: Array, left: Sequence[Array], slopes: Sequence[Array]) -> Array:
@@ -179,7 +180,7 @@ class Fitter:
         """
         c = self.evidence.confrontation
         if self._cheap(trial.grown):
-            slopes = c.slopes(_at(trial.grown, trial.free, trial.v), trial.u) or slopes
+            slopes = c.slopes(with_values(trial.grown, trial.free, trial.v), trial.u) or slopes
         elif self._late(trial.grown):  # its own would cost seconds
             slopes = c.slopes(c.core, trial.u) or slopes
         return self._fitted(trial, slopes, renewals=renewals)
@@ -198,7 +199,7 @@ class Fitter:
         fresh = fresh and not self.stop() and not self._late(known.grown)
         if fresh:
             slopes = c.slopes(known.machine, where) or known.slopes
-            columns = self._secants(known.grown, known.free, where, known.v, left) or columns
+            columns = secants(c, known.grown, known.free, where, known.v, left) or columns
         chi = self.evidence.chi(where, left)
         trial = Trial(known.hypothesis, known.grown, known.free, where, known.v, left, chi)
         return self._fitted(trial, slopes, columns, renewals=2 if fresh else 0)
@@ -226,7 +227,7 @@ class Fitter:
     ) -> Refit:
         t = trial
         if columns is None:
-            columns = self._secants(t.grown, t.free, t.u, t.v, t.left)
+            columns = secants(self.evidence.confrontation, t.grown, t.free, t.u, t.v, t.left)
         raw = (t.hypothesis, t.grown, t.free)
         if columns is None:
             note = "its slopes can not be simulated"
@@ -251,28 +252,6 @@ class Fitter:
             "" if whole else "cut by the time limit",
         )
 
-    def _secants(
-        self, grown: Any, free: Sequence[Unknown], u: Array, v: Array, left: Sequence[Array]
-    ) -> list[Array] | None:
-        """Change of every series per effects' number, (n, k) each."""
-        c = self.evidence.confrontation
-        found = []
-        for j, p in enumerate(free):
-            step = _SECANT * max(abs(float(v[j])), _LEAST * max(1.0, abs(p.start)))
-            if p.unit == "s":
-                step = min(step, _INSTANT / p.slope(float(v[j])))
-            if v[j] + step > p.bounds[1]:
-                step = -step
-            moved = v.copy()
-            moved[j] += step
-            there = c.left(_at(grown, free, moved), u)
-            if there is None:
-                return None
-            found.append([(b - a) / step for a, b in zip(left, there, strict=True)])
-        if not found:
-            return [np.zeros((len(part), 0)) for part in left]
-        return [np.stack(parts, axis=1) for parts in zip(*found, strict=True)]
-
 
 class _OneHypothesis:
     """A hypothesis as a descent sees it (`descent.Problem`)."""
@@ -294,10 +273,10 @@ class _OneHypothesis:
             return None
         self._left, self._known = self._left - 1, point.x
         u, v = point.x[: self._count], point.x[self._count :]
-        slopes = None
+        c, slopes = self.evidence.confrontation, None
         if not self._fitter._late(self._trial.grown):
-            slopes = self.evidence.confrontation.slopes(self._machine(point.x), u)
-        columns = self._fitter._secants(self._trial.grown, self._trial.free, u, v, point.left)
+            slopes = c.slopes(self._machine(point.x), u)
+        columns = secants(c, self._trial.grown, self._trial.free, u, v, point.left)
         if columns is None:
             return None
         old = [j[:, : self._count] for j in point.jacobian]
@@ -308,7 +287,7 @@ class _OneHypothesis:
         return len(self._trial.u)
 
     def _machine(self, x: Array) -> Any:
-        return _at(self._trial.grown, self._trial.free, x[self._count :])
+        return with_values(self._trial.grown, self._trial.free, x[self._count :])
 
 
 def _coordinate(p: Unknown, value: float | None) -> float:

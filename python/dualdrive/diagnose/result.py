@@ -43,7 +43,7 @@ class Candidate:
     """One hypothesis: an effect (or two) in the machine, everything else refitted under it.
 
     effects:     (effect, place), one or two of them
-    probability: among the hypotheses considered, "none of these" included
+    probability: that this is all that is missing; what was not tried, or not found, included
     fitted:      headline error on the samples it was fitted to
     held_out:    headline error on samples it was not fitted to
     gain:        twice the log likelihood it gains over the refitted nominal machine
@@ -124,6 +124,7 @@ class Diagnosis:
     before:    comparison of the refitted machine; `after` of the improved one
     numbers:   nominal numbers, path -> interval, refitted beside the best candidate where one is
                named; `moved` those that the records put elsewhere than the data sheet, beyond doubt
+    over_floor: residual over noise floor, RMS, of the series that the leader explains worst
     """
 
     machine: str
@@ -148,6 +149,7 @@ class Diagnosis:
     after: Comparison | None
     moved: Mapping[str, Interval] = field(default_factory=dict)
     numbers: Mapping[str, Interval] = field(default_factory=dict)
+    over_floor: float = math.nan
 
     @property
     def best(self) -> Candidate | None:
@@ -173,6 +175,7 @@ class Diagnosis:
                         for c in self.where
                     ],
                     "error": dict(self.error),
+                    "over_floor": self.over_floor,
                     "parameters": {path: vars(value) for path, value in self.numbers.items()},
                     "moved": list(self.moved),
                     "shapes": [

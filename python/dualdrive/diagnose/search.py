@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Sequence
 from copy import copy
 from dataclasses import replace
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from dualdrive.diagnose import whitening
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.evidence import Evidence, effective, evidence
+from dualdrive.diagnose.floors import heard_above
 from dualdrive.diagnose.guesses import Guesses, guessed
 from dualdrive.diagnose.hypotheses import Hypothesis, candidates, members
 from dualdrive.diagnose.loads import sought
@@ -19,7 +21,7 @@ from dualdrive.diagnose.pairs import with_pairs
 from dualdrive.diagnose.refit import Fitter, Refit
 from dualdrive.diagnose.score import Scorer
 from dualdrive.diagnose.settle import ENOUGH, settle
-from dualdrive.diagnose.shortlist import distinct, refitted, without_twins
+from dualdrive.diagnose.shortlist import Shortlist, distinct, without_twins
 from dualdrive.diagnose.signatures import (
     CONTAINS,
     Prober,
@@ -41,6 +43,7 @@ WORTH_A_REFIT = 15.0  # fall of chi^2 over its inflation, below which no name co
 _RIVAL = 0.3  # of the best gain: less is no rival, where no more than noise is left
 _CONTAINED = 4.0  # gain of a simple law of friction from which the whole ones are tried there
 _TAKEN_APART = 6  # best groups of which the single parts are tried
+_FOR_TRIALS = 0.7  # of the time: what is simulated beyond it could not be refitted
 _FOR_PROBES = 0.45  # of the time; what is probed beyond it could not be refitted
 
 
@@ -67,7 +70,7 @@ def search(
     known = candidates(c.core, c.channels, balance=c.mode == "balance")
     every = list(known if wanted is None else wanted)
     plain = Survey(seen, nominal, base, [], {key_of(base): 0.0}, 1.0, [])
-    clear = excess(plain, base.left).max() > _CLEARLY * ENOUGH
+    clear = not _explains(plain, base)
     if clear and c.mode == "closed_loop":
         tell("other valleys of the nominal numbers")
         better = better_valley(seen, base, clock.stop)
@@ -87,23 +90,23 @@ def search(
     scores, untried = _scored(c, seen, base, scorer, every, clock, threads, tell)
     single, twins = without_twins(seen, scorer, scores)
     most = max((s.gain.gain for s in single), default=0.0)
-    least = 1.0 if clear else max(WORTH_A_REFIT, _RIVAL * most)
-    refits, missing = refitted(
-        Fitter(seen, clock.stop),
-        base,
-        nominal.u,
-        [s for s in single if s.gain.gain > least],
-        guesses,
-        shortlist,
-        threads,
-        tell,
-    )
+    least = -math.inf if clear else max(WORTH_A_REFIT, _RIVAL * most)
+    short = Shortlist(Fitter(seen, clock.stop), base, nominal.u, guesses, threads, tell)
+    worth = [s for s in single if s.gain.gain > least]
+    refits, missing = short(worth, shortlist)
+    if clear and not any(_explains(plain, r) for r in refits):
+        refits += short.others(worth, refits, lambda: clock.late(_FOR_TRIALS))
     if missing:
         clock.leave_out(f"not refitted: {', '.join(missing)}")
     found = replace(
         plain, base=base, refits=refits, scores=scores, untried=untried, twins=twins, refitted=base
     )
     return with_pairs(settle(found, clock, tell), clock, threads, tell)
+
+
+def _explains(plain: Survey, refit: Refit) -> bool:
+    """Whether about no more than noise is left."""
+    return bool(excess(plain, refit.left).max() < _CLEARLY * ENOUGH)
 
 
 def _scored(
@@ -120,10 +123,7 @@ def _scored(
 
     Groups come first, and the single parts of those that gain something.
     """
-    noise = [
-        max(s.floor, 1e-3 * s.spread, float(np.std(left[s.keep])) if s.keep.any() else 0.0)
-        for s, left in zip(c.series, base.left, strict=True)
-    ]
+    noise = list(map(heard_above, c.series, base.left))
     prober = Prober(c, base.u, base.left, noise)
     coloured = evidence(c, whitening.fitted(c.series, base.left))
     judges = [(seen, scorer), (coloured, Scorer(coloured.rows(base.u, base.left, base.slopes)))]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dualdrive.diagnose import whitening
 from dualdrive.diagnose.evidence import Evidence, effective, evidence
 from dualdrive.diagnose.hypotheses import is_strength
+from dualdrive.diagnose.profiled import profile
 from dualdrive.diagnose.refit import Fitter, Refit
 from dualdrive.diagnose.score import Scorer
 from dualdrive.diagnose.survey import Clock, Survey, excess, key_of
@@ -32,7 +33,7 @@ ENOUGH = 1.15  # residual over floor in every series, below which nothing is lef
 def settle(found: Survey, clock: Clock, tell: Callable[[str], None]) -> Survey:
     """Judge all again under the noise that the best of them leaves, until that is settled."""
     seen, every = found.evidence, [found.base, *found.refits]
-    criterion, inflation = _criterion(seen, every)
+    criterion, inflation = _criterion(seen, every, [profile(seen, r) for r in every])
     for number in range(_ROUNDS):
         ordered = sorted(every, key=lambda r: criterion[key_of(r)])
         tell(f"noise under {ordered[0].hypothesis.label}")
@@ -103,22 +104,26 @@ def _polished(fitter: Fitter, best: Refit, nominal: Array) -> Refit:
     return best
 
 
-def _criterion(seen: Evidence, every: Sequence[Refit]) -> tuple[dict[str, float], float]:
+def _criterion(
+    seen: Evidence, every: Sequence[Refit], costs: Sequence[float] = ()
+) -> tuple[dict[str, float], float]:
     """Quasi-BIC: chi^2 over the overdispersion of the best, and log n per number that is needed.
 
     A number that may as well have its neutral value (an asymmetry of zero, a second strength of
     zero) counts as the simpler law that it leaves: by its own chi^2 where that costs less. What
     was picked from many, the order of a harmonic, a spot, the hour of a load, pays for the looking.
+
+    costs: minus twice the log likelihood of each, where it is not chi^2
     """
     least = min(every, key=lambda r: r.chi)
     inflation = effective(seen.white(least.left), seen)
     count = max(seen.count / inflation, 10.0)
     each = float(np.log(count))
     found = {}
-    for r in every:
+    for r, cost in zip(every, costs or [r.chi / inflation for r in every], strict=True):
         spare = sum(max(each - z, 0.0) for z in _spare(seen, r, inflation))
         looked = 2.0 * float(np.log(r.hypothesis.searched))
-        found[key_of(r)] = r.chi / inflation + len(r.v) * each - spare + looked
+        found[key_of(r)] = cost + len(r.v) * each - spare + looked
     return found, inflation
 
 

@@ -8,8 +8,9 @@ them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from dualdrive.diagnose.evidence import Evidence
 from dualdrive.diagnose.guesses import Guesses
 from dualdrive.diagnose.hypotheses import Hypothesis
+from dualdrive.diagnose.profiled import sharpened
 from dualdrive.diagnose.refit import Fitter, Refit, Start, Trial
 from dualdrive.diagnose.score import Scorer, alike
 from dualdrive.diagnose.signatures import CONTAINS, Score
@@ -30,62 +32,131 @@ R = TypeVar("R")
 _TWIN = 1.0 - 1e-5  # squared cosine above which two signatures are one
 _AS_FORETOLD = 0.6  # of the foretold gain: such a start is good enough
 _TRIED = 1.5  # times as many are tried as are refitted
+_OTHERS = 3  # of all other laws, where none of the best explains what is left
 _SURELY = 3  # best scores that are refitted wherever their starts stand
 
 
-def refitted(
-    fitter: Fitter,
-    base: Refit,
-    nominal: Array,
-    scores: Sequence[Score],
-    guesses: Guesses,
-    count: int,
-    threads: int,
-    tell: Callable[[str], None],
-) -> tuple[list[Refit], list[str]]:
-    """The best of each simple law, then the whole laws of friction that contain them.
+@dataclass(frozen=True, eq=False)
+class Shortlist:
+    """Refits the best of many scores.
 
-    Returns:
-        the refits, and labels of what the time limit left out.
-
+    base:    the machine without any effect
+    nominal: nuisances of the machine as it came, shape (m,)
     """
-    simple = [s for s in scores if _law(s) not in CONTAINS]
-    chosen = _first(simple, guesses, round(_TRIED * count))
 
-    def tried(score: Score) -> Trial | None:
-        starts = _starts(fitter, score, base, nominal, guesses)
-        enough = base.chi - _AS_FORETOLD * score.fall
-        return fitter.tried(score.signature.hypothesis, starts, enough, base.slopes)
+    fitter: Fitter
+    base: Refit
+    nominal: Array
+    guesses: Guesses
+    threads: int
+    tell: Callable[[str], None]
 
-    def one(trial: Trial) -> Refit | None:
-        if fitter.stop():
+    def __call__(self, scores: Sequence[Score], count: int) -> tuple[list[Refit], list[str]]:
+        """The best of each simple law, then the whole laws of friction that contain them.
+
+        Returns:
+            the refits, and labels of what the time limit left out.
+
+        """
+        simple = [s for s in scores if _law(s) not in CONTAINS]
+        chosen = _first(simple, self.guesses, round(_TRIED * count))
+        self.tell(f"simulating {len(chosen)} effects at the sizes they should have")
+        trials = [t for t in self._side_by_side(self._tried, chosen) if t is not None]
+        best = _best(trials, count)
+        put_in = {s.label: s for s in reversed(simple) if _is_put_in(s)}
+
+        def one(trial: Trial) -> Refit | None:
+            score = put_in.get(trial.hypothesis.label)
+            if score is None:
+                return self._refit(trial)
+            each = ([start] for start in near(score, self.base))
+            return self._best_end(score, each, self.base.slopes)
+
+        found = [r for r in self._side_by_side(one, best) if r is not None]
+        found.sort(key=lambda r: r.chi)
+        whole = _whole(scores, {r.hypothesis.effects[-1]: r for r in found})
+        found += self._whole_laws(whole, found)
+        known = {r.hypothesis.label for r in found}
+        wanted = [t.hypothesis.label for t in best] + [s.label for s in whole]
+        return found, sorted(set(wanted) - known)
+
+    def others(
+        self, scores: Sequence[Score], known: Sequence[Refit], late: Callable[[], bool]
+    ) -> list[Refit]:
+        """The best of every other law, for where none of the known explains what is left.
+
+        late: no further law is simulated once this turns true
+        """
+        laws = {effect for r in known for effect, _ in r.hypothesis.effects} | set(CONTAINS)
+        first = {_law(s): s for s in reversed(scores) if _law(s) not in laws}
+        self.tell(f"simulating {len(first)} more")
+
+        def tried(score: Score) -> Trial | None:
+            starts = near(score, self.base)
+            h, slopes = score.signature.hypothesis, self.base.slopes
+            return None if late() else self.fitter.tried(h, starts, slopes=slopes)
+
+        trials = self._side_by_side(tried, list(first.values())[::-1])
+        best = sorted([t for t in trials if t is not None], key=lambda t: t.chi)[:_OTHERS]
+        return [r for r in self._side_by_side(self._refit, best) if r is not None]
+
+    def _tried(self, score: Score) -> Trial | None:
+        enough = self.base.chi - _AS_FORETOLD * score.fall
+        starts = _starts(self.fitter, score, self.base, self.nominal, self.guesses)
+        return self.fitter.tried(score.signature.hypothesis, starts, enough, self.base.slopes)
+
+    def _refit(self, trial: Trial) -> Refit | None:
+        if self.fitter.stop():
             return None
-        tell(f"refitting with {trial.hypothesis.label}")
-        return fitter(trial, base.slopes)
+        self.tell(f"refitting with {trial.hypothesis.label}")
+        return sharpened(self.fitter, self.fitter(trial, self.base.slopes))
 
-    tell(f"simulating {len(chosen)} effects at the sizes they should have")
-    best = _best([t for t in side_by_side(tried, chosen, threads) if t is not None], count)
-    found = [r for r in side_by_side(one, best, threads) if r is not None]
-    by_effect = {r.hypothesis.effects[-1]: r for r in reversed(found)}
-    whole = _whole(scores, by_effect)
+    def _best_end(
+        self, score: Score, several: Iterable[Iterable[Start]], slopes: Sequence[Array] = ()
+    ) -> Refit | None:
+        """The lowest refit, each from the best of some starts."""
+        h, ends = score.signature.hypothesis, list[Refit]()
+        for starts in several:
+            trial = None if self.fitter.stop() else self.fitter.tried(h, starts, slopes=slopes)
+            if trial is not None and (end := self._refit(trial)) is not None:
+                ends.append(end)
+        return min(ends, key=lambda r: r.chi, default=None)
 
-    def larger(score: Score) -> Refit | None:
-        effect, place = score.signature.hypothesis.effects[-1]
-        first = next(
-            (by_effect[e, place] for e in CONTAINS[effect] if (e, place) in by_effect), None
-        )
-        starts = grown_from(score, first) if first is not None else near(score, base)
-        trial = None if fitter.stop() else fitter.tried(score.signature.hypothesis, starts)
-        return one(trial) if trial is not None else None
+    def _whole_laws(self, whole: Sequence[Score], simpler: Sequence[Refit]) -> list[Refit]:
+        """Whole laws of friction; lugre begins where stribeck ended."""
+        by_effect = {r.hypothesis.effects[-1]: r for r in simpler}
 
-    for law in reversed(CONTAINS):  # lugre begins where stribeck ended
-        own = [s for s in whole if _law(s) == law]
-        more = [r for r in side_by_side(larger, own, threads) if r is not None]
-        found += more
-        by_effect.update({r.hypothesis.effects[-1]: r for r in more})
-    known = {r.hypothesis.label for r in found}
-    wanted = [t.hypothesis.label for t in best] + [s.label for s in whole]
-    return found, sorted(set(wanted) - known)
+        def larger(score: Score) -> Refit | None:
+            effect, place = score.signature.hypothesis.effects[-1]
+            first = next(
+                (by_effect[e, place] for e in CONTAINS[effect] if (e, place) in by_effect), None
+            )
+            if first is not None:
+                return self._best_end(score, [grown_from(score, first)])
+            foretold, *usual = near(score, self.base)
+            return self._best_end(score, [[foretold], usual])
+
+        found: list[Refit] = []
+        for law in CONTAINS:
+            own = [s for s in whole if _law(s) == law]
+            more = [r for r in self._side_by_side(larger, own) if r is not None]
+            found += more
+            by_effect.update({r.hypothesis.effects[-1]: r for r in more})
+        return found
+
+    def _side_by_side(self, work: Callable[[T], R], several: Sequence[T]) -> list[R]:
+        """Results in order; the core computes without holding the interpreter."""
+        if self.threads == 1 or len(several) < 2:
+            return list(map(work, several))
+        with ThreadPoolExecutor(self.threads) as pool:
+            return list(pool.map(work, several))
+
+
+def _is_put_in(score: Score) -> bool:
+    """Whether a compliance is put in: it rings, and chi^2 has a valley for every period."""
+    return any(
+        p.endswith(".stiffness") for p in score.signature.usual if not score.signature.strength
+    )
 
 
 def _best(trials: Sequence[Trial], count: int) -> list[Trial]:
@@ -146,14 +217,6 @@ def without_twins(
             kept.append(s)
             spans.append(columns)
     return kept, twins
-
-
-def side_by_side(work: Callable[[T], R], several: Sequence[T], threads: int) -> list[R]:
-    """Results in order; the core computes without holding the interpreter."""
-    if threads == 1 or len(several) < 2:
-        return [work(one) for one in several]
-    with ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(work, several))
 
 
 def distinct(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:

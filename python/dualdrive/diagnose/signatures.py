@@ -18,9 +18,9 @@ from dualdrive.diagnose.hypotheses import Hypothesis, Setting, is_strength, prob
 from dualdrive.diagnose.orders import (
     CARRIERS,
     HIGHEST,
-    angle_of,
     members_of,
     strongest_orders,
+    travel_of,
 )
 from dualdrive.diagnose.score import Gain, Scorer
 from dualdrive.diagnose.spots import TRIED, worst_spot
@@ -40,11 +40,18 @@ CONTAINS = {"stribeck": ("coulomb",), "lugre": ("stribeck", "coulomb")}
 
 @dataclass(frozen=True, eq=False)
 class Signature:
-    """How a hypothesis would show: change of every series per probe, (n, k) each."""
+    """How a hypothesis would show: change of every series per probe, (n, k) each.
+
+    settings: of the probes, made to be seen; usual: of the first, at its usual size
+    strength: path of the effect's first strength, by which a probe grows; empty where it has
+        none, or shows at once as a whole: limits, compliance, play
+    """
 
     hypothesis: Hypothesis
     grown: Any
     settings: Sequence[Setting]
+    usual: Setting
+    strength: str
     columns: Sequence[Array]
 
 
@@ -84,6 +91,7 @@ class Prober:
         if not free:
             return None  # nothing of it can be fitted
         settings = probes(grown, free, self._travel(hypothesis))
+        usual = settings[0]
         strengths = {p.path: (p.low, p.high) for p in free if is_strength(grown, p.path)}
         late = any("delay" in _core.effect_type(e).acts_on for e, _ in hypothesis.effects)
         first = None
@@ -111,7 +119,8 @@ class Prober:
         if not kept or first is None:
             return None
         columns = [np.stack(parts, axis=1) for parts in zip(*(c for _, c in kept), strict=True)]
-        return Signature(hypothesis, grown, [s for s, _ in kept], columns)
+        strength = next((path for path in usual if path in strengths), "")
+        return Signature(hypothesis, grown, [s for s, _ in kept], usual, strength, columns)
 
     def _travel(self, hypothesis: Hypothesis) -> list[float]:
         """Angles along the travel of the effect's place, rad; about its spot where one is known."""
@@ -119,15 +128,10 @@ class Prober:
         if f"{label}.centre" in hypothesis.begins:
             centre, width = (hypothesis.begins[f"{label}.{name}"] for name in ("centre", "width"))
             return [centre - 0.5 * width, centre + 0.5 * width]
-        angles = [
-            a
-            for k in range(len(c.series))
-            if (a := angle_of(c.core, c.columns(k), hypothesis.effects[-1][1])) is not None
-        ]
-        if not angles:
+        reach = travel_of(c, hypothesis.effects[-1][1])
+        if reach is None:
             return []
-        low, high = min(a.min() for a in angles), max(a.max() for a in angles)
-        return [float(low + share * (high - low)) for share in _ALONG]
+        return [reach[0] + share * (reach[1] - reach[0]) for share in _ALONG]
 
     def _change(self, grown: Any, setting: Mapping[str, float]) -> list[Array] | None:
         core = grown.copy()
@@ -232,9 +236,9 @@ def score_all(
         signature = prober(h)
         if signature is None:
             return None
-        sized = any(is_strength(signature.grown, path) for path in signature.settings[0])
         gains = [
-            (judge if sized else judge.whole)(e.white(signature.columns)) for e, judge in judges
+            (judge if signature.strength else judge.whole)(e.white(signature.columns))
+            for e, judge in judges
         ]
         scaled = [
             replace(g, gain=g.gain / o, held_out=g.held_out / o)

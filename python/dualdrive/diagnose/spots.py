@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.evidence import Evidence
-from dualdrive.diagnose.orders import angle_of
+from dualdrive.diagnose.orders import STANDS_OUT, angle_of, travel_of
 
 Array = NDArray[np.float64]
 
 _CENTRES, _WIDTHS = 25, (0.06, 0.15, 0.35)  # along the travel; of it
 TRIED = _CENTRES * len(_WIDTHS)
-_STANDS_OUT = 25.0  # fall of chi^2 below which no spot is named
 
 
 def worst_spot(evidence: Evidence, rest: Array, place: str) -> tuple[float, float] | None:
@@ -32,17 +31,14 @@ def worst_spot(evidence: Evidence, rest: Array, place: str) -> tuple[float, floa
 
     """
     c, parts = evidence.confrontation, evidence.apart(rest)
-    angles = [angle_of(c.core, c.columns(k), place) for k in range(len(parts))]
-    known = [a for a in angles if a is not None]
-    if not known:
+    reach = travel_of(c, place)
+    if reach is None or reach[1] <= reach[0]:
         return None
-    low, high = min(a.min() for a in known), max(a.max() for a in known)
-    travel = float(high - low)
-    if travel <= 0.0:
-        return None
+    low, travel = reach[0], reach[1] - reach[0]
     centres = low + travel * (np.arange(_CENTRES) + 0.5) / _CENTRES
     gains = np.zeros((len(_WIDTHS), _CENTRES))
-    for angle, white, own in zip(angles, evidence.whiteners, parts, strict=True):
+    for record, (white, own) in enumerate(zip(evidence.whiteners, parts, strict=True)):
+        angle = angle_of(c.core, c.columns(record), place)
         if angle is None:
             continue
         for k, width in enumerate(_WIDTHS):
@@ -51,6 +47,6 @@ def worst_spot(evidence: Evidence, rest: Array, place: str) -> tuple[float, floa
             size = np.einsum("ij,ij->j", bumps, bumps)
             gains[k] += np.where(size > 0.0, (own @ bumps) ** 2 / np.maximum(size, 1e-300), 0.0)
     widest, where = divmod(int(np.argmax(gains)), _CENTRES)
-    if gains[widest, where] < _STANDS_OUT:
+    if gains[widest, where] < STANDS_OUT:
         return None
     return float(centres[where]), float(_WIDTHS[widest] * travel)

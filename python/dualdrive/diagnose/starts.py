@@ -14,28 +14,56 @@ from dualdrive.diagnose.signatures import Score
 
 Array = NDArray[np.float64]
 
-#: of the step that a score foretells: far away it foretells too much
-_SHARES = (1.0, 0.3)
-_FEW = 4  # probes
-_OTHER_SIZES = (0.2, 3.0)  # times the usual one, of speeds and stiffnesses
+#: of its usual size, where a refit of an effect may begin
+_SIZES = (0.1, 1.0)
+_MUCH = 2.0  # a factor between two sizes: nearer ones are one start
 _LEVELS = (0.1, 0.3, 1.0, 3.0)  # times the usual Stribeck speed
+_SOFTER = (1.0, 0.1, 0.01)  # times the usual stiffness of bristles
 
 
 def near(score: Score, base: Refit) -> Iterator[Start]:
-    """Along the way the score foretells, the nuisances moving with the effect, and its probes."""
-    expected = _expected(score)
-    for share in _SHARES:
-        yield Start(base.u + share * score.gain.moved, _weaker(score, expected, share))
-    for values in _probes(score)[:_FEW]:
-        yield Start(base.u, values)
+    """Along the way the score foretells, the nuisances moving with the effect; at other sizes.
+
+    A score is linear. Where a machine hunts or sticks it foretells the direction, not how far to
+    go: a refit that begins at a usual size may still see the valley which that start overlooks.
+    """
+    foretold, first = expected(score), score.signature.strength
+    yield Start(base.u + score.gain.moved, foretold)
+    if not first:
+        others = [values for values in score.signature.settings if values != foretold]
+        yield from (Start(base.u, values) for values in others)
+        return
+    bristles = f"{score.label}.stiffness" in foretold
+    for size in _sizes(score, foretold[first]):
+        for one in _softer(score, {**foretold, first: size}):
+            yield Start(base.u, one, further=not bristles)
+
+
+def _sizes(score: Score, foretold: float) -> Iterator[float]:
+    """Usual sizes of the first strength, where the score foretells another; none of a delay."""
+    first = score.signature.strength
+    declared = score.signature.grown.parameter(score.signature.grown.members(first)[0])
+    if declared.unit == "s":  # a long one is a slow simulation
+        return
+    for share in _SIZES:
+        size = share * score.signature.usual[first]
+        if foretold < 0.0 and declared.low < 0.0:
+            size = -size
+        ratio = foretold / size if size else 1.0
+        if not 1.0 / _MUCH < ratio < _MUCH:
+            yield size
+
+
+def _softer(score: Score, setting: Setting) -> Iterator[Setting]:
+    """The same with bristles as stiff as usual, and softer: how far they give way is not known."""
+    path = f"{score.label}.stiffness"
+    for factor in _SOFTER if path in setting else (1.0,):
+        yield {**setting, path: factor * setting[path]} if path in setting else setting
 
 
 def from_nominal(score: Score, u: Array) -> Iterator[Start]:
     """From other nuisances than the refitted machine's, which the missing effect may have moved."""
-    expected = _expected(score)
-    yield Start(u, expected)
-    for values in _probes(score)[:1]:
-        yield Start(u, values)
+    yield Start(u, expected(score))
 
 
 def grown_from(score: Score, simple: Refit) -> Iterator[Start]:
@@ -45,59 +73,33 @@ def grown_from(score: Score, simple: Refit) -> Iterator[Start]:
     usual = score.signature.settings[0]
     own = {**usual, f"{label}.torque": level, f"{label}.static_ratio": 1.15}
     for factor in _LEVELS:
-        yield Start(simple.u, {**own, f"{label}.speed": factor * usual[f"{label}.speed"]})
+        speed = {f"{label}.speed": factor * usual[f"{label}.speed"]}
+        for one in _softer(score, {**own, **speed}):
+            yield Start(simple.u, one)
 
 
-def _expected(score: Score) -> Setting:
+def expected(score: Score) -> Setting:
     """The effect's numbers as the strengths of its probes tell."""
     settings, strengths = score.signature.settings, score.gain.strengths
     grown = score.signature.grown
-    if not _strength(score):
+    if not score.signature.strength:
         return dict(settings[int(np.argmax(strengths))])
     base = dict(settings[0])
-    expected, amplitude = dict(base), float(strengths[0])
+    found, amplitude = dict(base), float(strengths[0])
     whole = amplitude
     for one, g in zip(settings[1:], strengths[1:], strict=True):
         moved = next((path for path in one if one[path] != base[path] and one[path] != 0.0), "")
         if not moved:
             continue
         if is_strength(grown, moved):
-            expected[moved] = float(g) * one[moved]
+            found[moved] = float(g) * one[moved]
         elif moved.endswith("phase"):
-            expected[moved] = base[moved] + math.atan2(float(g), amplitude)
+            found[moved] = base[moved] + math.atan2(float(g), amplitude)
             whole = math.hypot(amplitude, float(g))
         elif not moved.endswith("centre") and (total := whole + float(g)) > 0:
             share = min(max(float(g) / total, -1.0), 2.0)
-            expected[moved] = base[moved] + share * (one[moved] - base[moved])
+            found[moved] = base[moved] + share * (one[moved] - base[moved])
             whole = total
-    if first := _strength(score):
-        expected[first] = base[first] * whole
-    return expected
-
-
-def _weaker(score: Score, setting: Setting, share: float) -> Setting:
-    grown = score.signature.grown
-    return {p: share * x if is_strength(grown, p) else x for p, x in setting.items()}
-
-
-def _probes(score: Score) -> list[Setting]:
-    """The probes, their strength as the score has it, and at other speeds and stiffnesses."""
-    first, settings = _strength(score), score.signature.settings
-    base = dict(settings[0])
-    size = max(_expected(score)[first] / base[first], 0.1) if first and base[first] else 1.0
-    found = [{**one, first: one[first] * size} if first else dict(one) for one in settings]
-    if first:
-        found.append(base)
-    found += [
-        {**found[0], path: factor * x}
-        for path, x in base.items()
-        if path.endswith((".speed", ".stiffness"))
-        for factor in _OTHER_SIZES
-    ]
+    first = score.signature.strength
+    found[first] = base[first] * whole
     return found
-
-
-def _strength(score: Score) -> str:
-    """Path of the effect's first strength; empty where it has none: limits, play."""
-    grown = score.signature.grown
-    return next((path for path in score.signature.settings[0] if is_strength(grown, path)), "")

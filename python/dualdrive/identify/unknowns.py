@@ -30,9 +30,10 @@ _STRUCTURE = ("time", "delta_c", "delta_t", "gap")
 
 @dataclass(frozen=True)
 class Unknown:
-    """One number to fit: value = start, or nominal·exp(u), or scale·u.
+    """One number to fit: value = start, or nominal·exp(u), or scale·u, or scale/u.
 
     sigma: one-sigma width of the prior in u, infinite where there is none
+    reciprocal: of a stiffness put in: compliances add, so that a fit can leave the rigid end
     """
 
     path: str
@@ -45,18 +46,26 @@ class Unknown:
     centre: float
     start: float
     sigma: float
+    reciprocal: bool = False
 
     def value(self, u: float) -> float:
         """The number in SI at u, inside its bounds whatever rounding does."""
-        plain = self.scale * (math.exp(u) if self.logarithmic else u)
+        if self.reciprocal:
+            plain = self.scale / u if u > 0.0 else math.inf
+        else:
+            plain = self.scale * (math.exp(u) if self.logarithmic else u)
         return min(max(plain, self.low), self.high)
 
     def slope(self, u: float) -> float:
         """Derivative of the value by u."""
+        if self.reciprocal:
+            return -self.scale / u**2
         return self.scale * math.exp(u) if self.logarithmic else self.scale
 
     def coordinate(self, value: float) -> float:
-        """The u of a value, infinite at the open end of a logarithm."""
+        """The u of a value, infinite at the open end of a logarithm or a reciprocal."""
+        if self.reciprocal:
+            return self.scale / value if value > 0.0 else math.inf
         if not self.logarithmic:
             return value / self.scale
         return (
@@ -70,7 +79,8 @@ class Unknown:
     @property
     def bounds(self) -> tuple[float, float]:
         """Lowest and highest u."""
-        return self.coordinate(self.low), self.coordinate(self.high)
+        low, high = sorted((self.coordinate(self.low), self.coordinate(self.high)))
+        return low, high
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from tests.blind.scoring.match import Json
 
 ALARMS = ("effect", "ambiguous", "unknown")
 HIDING = ("single", "two", "outside")
+OVER_FLOOR = (0.0, 1.08, 1.15, 1.22, 1.5, 3.0, math.inf)
 
 
 @dataclass(frozen=True)
@@ -154,7 +156,10 @@ def _nominal_intervals(cases: Sequence[Judged]) -> Iterable[bool]:
 
 
 def trust(cases: Sequence[Judged]) -> dict[str, Any]:
-    """Brier score of "the leading candidate is right", and a table of claimed against true."""
+    """Brier score of "the leading candidate is right", and a table of claimed against true.
+
+    Beside it how often the leader was right, by what it leaves over the floor in its worst series.
+    """
     claims = [
         (float(c.candidates[0]["probability"]), c.group != "outside" and c.top(1))
         for c in of(cases, *HIDING)
@@ -166,8 +171,18 @@ def trust(cases: Sequence[Judged]) -> dict[str, Any]:
         if own:
             claimed, right = (float(np.mean(column)) for column in zip(*own, strict=True))
             table.append({"from": low, "claimed": claimed, "right": right, "of": len(own)})
+    over = [
+        (float(c.answer["over_floor"]), c.group != "outside" and c.top(1))
+        for c in of(cases, *HIDING)
+        if c.candidates and c.answer.get("over_floor") and c.label["mode"] == "closed_loop"
+    ]
+    left = []
+    for low, high in pairwise(OVER_FLOOR):
+        own = [right for x, right in over if low <= x < high]
+        if own:
+            left.append({"from": low, "right": sum(own), "of": len(own)})
     brier = float(np.mean([(p - right) ** 2 for p, right in claims])) if claims else None
-    return {"Brier": brier, "of": len(claims), "calibration": table}
+    return {"Brier": brier, "of": len(claims), "calibration": table, "by what is left": left}
 
 
 def verdicts(cases: Sequence[Judged]) -> dict[str, dict[str, int]]:

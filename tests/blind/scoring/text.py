@@ -66,6 +66,9 @@ def _trust(row: Mapping[str, Any]) -> list[str]:
     for bin_ in row["calibration"]:
         said = f"claimed {bin_['claimed']:.2f}, right {bin_['right']:.2f}, of {bin_['of']}"
         lines.append(f"    from {bin_['from']:.2f}: {said}")
+    for bin_ in row["by what is left"]:
+        said = f"{bin_['right']} of {bin_['of']} leaders right"
+        lines.append(f"    leaves {bin_['from']:.2f} of the floor or more: {said}")
     return lines
 
 
