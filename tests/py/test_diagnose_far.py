@@ -40,13 +40,13 @@ def confronted(order: Order) -> ClosedLoop:
 def test_the_profile_is_the_likelihood_at_the_best_size_of_the_noise() -> None:
     """n log of the mean square, every series by its own size, n those that are independent."""
     n, sizes, alike = 400, (2.0, 0.1), (1.0, 8.0)
-    every, t = np.ones(n, dtype=bool), 1e-3 * np.arange(n)
+    every, t = np.ones(n, dtype=bool), 1e-3 * np.arange(n, dtype=np.float64)
     series = [Series("r", k, "", "", t, t, 1.0, t, every, ~every) for k in ("e", "I_1")]
     confrontation = SimpleNamespace(
         series=series, sigma=np.array([0.5, np.inf]), centre=np.zeros(2), mode="closed_loop"
     )
     whiteners = [whitening.Whitener(np.zeros(0), np.full(n, 3.0), every, own) for own in alike]
-    seen = Evidence(confrontation, whiteners, np.zeros(2 * n, dtype=int))  # type: ignore[arg-type]
+    seen = Evidence(confrontation, whiteners, np.zeros(2 * n, dtype=int))
     left = [size * np.where(t % 2e-3 < 1e-3, 1.0, -1.0) for size in sizes]
     refit = SimpleNamespace(u=np.array([1.0, 7.0]), left=left)
     expected = (1.0 / 0.5) ** 2

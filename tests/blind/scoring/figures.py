@@ -178,9 +178,9 @@ def trust(cases: Sequence[Judged]) -> dict[str, Any]:
     ]
     left = []
     for low, high in pairwise(OVER_FLOOR):
-        own = [right for x, right in over if low <= x < high]
-        if own:
-            left.append({"from": low, "right": sum(own), "of": len(own)})
+        inside = [right for x, right in over if low <= x < high]
+        if inside:
+            left.append({"from": low, "right": sum(inside), "of": len(inside)})
     brier = float(np.mean([(p - right) ** 2 for p, right in claims])) if claims else None
     return {"Brier": brier, "of": len(claims), "calibration": table, "by what is left": left}
 
