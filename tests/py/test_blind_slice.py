@@ -1,4 +1,4 @@
-"""A slice of the blind suite: strong effects, twelve records, a short budget for each."""
+"""A slice of the blind suite, strong effects: four cases, or with BLIND_SLICE=1 twelve."""
 
 from __future__ import annotations
 
@@ -6,24 +6,21 @@ import os
 import sys
 from pathlib import Path
 
-import pytest
-
-pytest.importorskip("dualdrive.diagnose.diagnose")
-if "BLIND_SLICE" not in os.environ:
-    pytest.skip("needs minutes and a machine of its own: BLIND_SLICE=1", allow_module_level=True)
 sys.path.insert(0, str(Path(__file__).parents[2]))
 from tests.blind import run, score
 from tests.blind.generator import suite
 from tests.blind.scoring import figures, text
 from tests.blind.scoring.figures import Judged
 
-BUDGET = 8.0  # s for each case, on a machine that has nothing else to do
-RIGHT = 3  # of twelve, measured on a busy machine; raise it as the diagnosis gets better
-ORDERS: list[suite.Order] = [
-    *((n, "none", ()) for n in range(2)),
-    *((n, "drifted", ()) for n in range(2, 4)),
+BUDGET = 60.0  # s for each case, several times what most of them need
+WHOLE = "BLIND_SLICE" in os.environ
+EVERY: list[suite.Order] = [
+    (0, "none", ()),
+    (2, "drifted", ()),
     (4, "single", ("coulomb",)),
     (5, "single", ("mesh_damping",)),
+    (1, "none", ()),
+    (3, "drifted", ()),
     (6, "single", ("cogging",)),
     (7, "single", ("eccentricity",)),
     (8, "single", ("hydrostatic_drag",)),
@@ -31,11 +28,11 @@ ORDERS: list[suite.Order] = [
     (10, "outside", ()),
     (11, "two", ("coulomb", "cogging")),
 ]
+ORDERS = EVERY if WHOLE else EVERY[:4]
+WRONG = 3 if WHOLE else 1  # at most: even strong effects may hide in a record that was drawn
 
 
-@pytest.fixture(scope="module")
-def judged(tmp_path_factory: pytest.TempPathFactory) -> list[Judged]:
-    folder = tmp_path_factory.mktemp("slice")
+def judged(folder: Path) -> list[Judged]:
     suite.generate(folder, "dev", ORDERS, share=0.05, tell=lambda _: None)
     cases = sorted((folder / "cases").iterdir())
     (folder / "out").mkdir()
@@ -43,19 +40,14 @@ def judged(tmp_path_factory: pytest.TempPathFactory) -> list[Judged]:
         run.Task(c, folder / "out" / f"{c.name}.json", BUDGET, "dualdrive.diagnose:diagnose")
         for c in cases
     ]
-    left = run.run(tasks, budget=300, jobs=os.cpu_count() or 1, tell=lambda _: None)
-    assert left == 0
+    assert run.run(tasks, budget=600, jobs=os.cpu_count() or 1, tell=lambda _: None) == 0
     return score.judged(folder, [folder / "out"])
 
 
-def test_every_case_is_answered(judged: list[Judged]) -> None:
-    assert [c.failed for c in judged] == [""] * len(ORDERS)
-
-
-def test_a_machine_that_lacks_nothing_is_told_nothing(judged: list[Judged]) -> None:
-    assert {c.verdict for c in judged if c.group == "none"} <= {"adequate", "parameters"}
-
-
-def test_so_many_are_right(judged: list[Judged]) -> None:
-    page = text.page(figures.everything(judged))
-    assert sum(map(figures.right, judged)) >= RIGHT, page
+def test_a_slice_is_judged_as_it_should_be(tmp_path: Path) -> None:
+    cases = judged(tmp_path)
+    page = text.page(figures.everything(cases))
+    assert [c.failed for c in cases] == [""] * len(ORDERS), page
+    quiet = {c.verdict for c in cases if c.group in ("none", "drifted")}
+    assert quiet <= {"adequate", "parameters"}, page
+    assert sum(not figures.right(c) for c in cases) <= WRONG, page
