@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive import _core
 from dualdrive.diagnose.heldout import held_out
 from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.result import Verdict
@@ -34,6 +35,8 @@ SURE = 0.9
 EXPLAINED = 0.75
 #: in a torque balance, whose floors are reckoned: share below which nothing is named
 FAINT = 0.5
+#: share that a plainer law may explain less than one of the angle on a small arc, and be as likely
+AS_MUCH = 0.03
 #: share of its gain that a name must keep where each stretch is foretold from the others
 KEPT = 0.25
 #: residual over floor, RMS, from which something is surely left
@@ -94,7 +97,9 @@ def _among_the_tried(found: Survey) -> Judgement:
         return Judgement(verdict, ranked, nothing, (), *figures)
     if (explained < EXPLAINED and _too_much(after, doubt)) or best.beyond():
         return Judgement("unknown", ranked, nothing, (), *figures)
-    group = tuple(dict.fromkeys((*_group(ranked), *_twins(found, ranked[0][0]))))
+    leader = ranked[0][0]
+    others = (*_twins(found, leader), *_plainer(found, leader, ranked))
+    group = tuple(dict.fromkeys((*_group(ranked), *others)))
     verdict = "effect" if ranked[0][1] >= SURE and len(group) == 1 else "ambiguous"
     return Judgement(verdict, ranked, nothing, group if len(group) > 1 else (), *figures)
 
@@ -107,6 +112,25 @@ def _twins(found: Survey, best: Refit) -> list[str]:
         for label in found.twins.get(f"{effect}@{place}", ())
         if label.partition("@")[0] != effect
     ]
+
+
+def _plainer(found: Survey, best: Refit, ranked: Sequence[tuple[Refit, float]]) -> list[str]:
+    """Names that explain as much where the leader has a law of the angle on less than a radian.
+
+    There it is a constant and a slope: a plain law and anything that varies along the way.
+    """
+    if not _small_arcs(found, best):
+        return []
+    least, own = explained_by(found, best) - AS_MUCH, set(best.hypothesis.effects)
+    plainer = []
+    for r, _ in ranked:
+        [changed, *more] = own - set(r.hypothesis.effects) or [("", "")]
+        alike = {e for e, _ in set(r.hypothesis.effects) - own}
+        if changed[0] and not more and alike and not _small_arcs(found, r):
+            confused = set(_core.effect_type(changed[0]).confused_with.split(","))
+            if alike <= confused and explained_by(found, r) > least:
+                plainer.append(r.hypothesis.label)
+    return plainer
 
 
 def _probabilities(found: Survey) -> tuple[list[tuple[Refit, float]], float]:
@@ -159,15 +183,20 @@ def _value(found: Survey, r: Refit) -> float:
 
     Over a small arc such a law is a constant or a slope, and the plainer name is the likelier one.
     """
+    return found.criterion[key_of(r)] + SMALL_ARC * _small_arcs(found, r)
+
+
+def _small_arcs(found: Survey, r: Refit) -> int:
+    """How many of its laws of the angle saw less than a radian of it."""
     travel = found.evidence.confrontation.sizes().get("travel", 0.0)
-    price = 0.0
+    count = 0
     for effect, place in r.hypothesis.effects:
         label = f"{effect}@{place}"
         order = max([x for p, x in r.hypothesis.fixed.items() if p.startswith(label)], default=1.0)
         if any(p.path == f"{label}.phase" for p in r.free):
             arc = order * travel * ratio_to_table(found.evidence.confrontation.core, _part(place))
-            price += SMALL_ARC if arc < 1.0 else 0.0
-    return found.criterion[key_of(r)] + price
+            count += arc < 1.0
+    return count
 
 
 def _part(place: str) -> str:
