@@ -176,7 +176,7 @@ def plan_next(
 ) -> Experiment | None:
     """The experiment that parts the names that can't be told apart, None where there is none."""
     known = {r.hypothesis.label: r for r, _ in reversed(verdict.ranked)}
-    refits = [known.get(label) or _twin(found, verdict, label) for label in verdict.group[:RIVALS]]
+    refits = [known.get(k) or _twin(found, verdict, k, clock) for k in verdict.group[:RIVALS]]
     rivals = [(r.hypothesis.label, machine_of(machine, c, r)) for r in refits if r is not None]
     noise: dict[str, float] = {}
     for s, r in zip(c.series, found.best.left, strict=True):
@@ -191,15 +191,14 @@ def plan_next(
         return None
 
 
-def _twin(found: Survey, verdict: Judgement, label: str) -> Refit | None:
+def _twin(found: Survey, verdict: Judgement, label: str, clock: Clock) -> Refit | None:
     """A law that was not refitted, since it does the same as the leader: as large as that is."""
     score = next((s for s in found.scores if s.label == label), None)
     if score is None or not verdict.ranked:
         return None
-    c, leader = found.evidence.confrontation, verdict.ranked[0][0]
-    fitter, start = Fitter(found.evidence), Start(leader.u, expected(score))
-    trial = fitter.tried(score.signature.hypothesis, [start])
-    return fitter(trial, c.slopes(c.core, leader.u) or leader.slopes) if trial else None
+    leader, fitter = verdict.ranked[0][0], Fitter(found.evidence, clock.stop)
+    trial = fitter.tried(score.signature.hypothesis, [Start(leader.u, expected(score))])
+    return fitter(trial, leader.slopes) if trial else None
 
 
 def command_for(best: Candidate) -> str:

@@ -42,9 +42,9 @@ KEPT = 0.25
 #: residual over floor, RMS, from which something is surely left
 LEFT_OVER = 1.22
 FAR_OVER = 1.35  # in one series alone
-#: how often leaders were right in development cases of the blind suite, however far the others that
-#: were tried were behind (docs/theory/diagnosis.md): by what they leave over the floor in their
-#: worst series, and by the share of what could be explained that they explain; the larger counts
+#: how often a leader is right, however far the others that were tried are behind: by what it leaves
+#: over the floor in its worst series, and by the share of what could be explained that it explains;
+#: the larger counts. Chosen by hand on development cases; `tests.blind score` prints how it fares
 RIGHT_AT_FLOOR = ((1.0, 1.15, 1.22), (0.95, 0.9, 0.0))
 RIGHT_BY_SHARE = ((0.25, 0.5, 0.75, 0.9, 0.97), (0.05, 0.1, 0.45, 0.6, 0.85))
 BALANCE = 3.0  # wider in a torque balance, whose floors are reckoned, not seen at standstill

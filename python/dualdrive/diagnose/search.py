@@ -95,7 +95,8 @@ def search(
     worth = [s for s in single if s.gain.gain > least]
     refits, missing = short(worth, shortlist)
     if clear and not any(_explains(plain, r) for r in refits):
-        refits += short.others(worth, refits, lambda: clock.late(_FOR_TRIALS))
+        more, cut = short.others(worth, refits, lambda: clock.late(_FOR_TRIALS))
+        refits, missing = [*refits, *more], [*missing, *cut]
     if missing:
         clock.leave_out(f"not refitted: {', '.join(missing)}")
     found = replace(

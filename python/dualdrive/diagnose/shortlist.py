@@ -82,10 +82,14 @@ class Shortlist:
 
     def others(
         self, scores: Sequence[Score], known: Sequence[Refit], late: Callable[[], bool]
-    ) -> list[Refit]:
+    ) -> tuple[list[Refit], list[str]]:
         """The best of every other law, for where none of the known explains what is left.
 
         late: no further law is simulated once this turns true
+
+        Returns:
+            the refits, and labels of what the time limit left out.
+
         """
         laws = {effect for r in known for effect, _ in r.hypothesis.effects} | set(CONTAINS)
         first = {_law(s): s for s in reversed(scores) if _law(s) not in laws}
@@ -96,9 +100,14 @@ class Shortlist:
             h, slopes = score.signature.hypothesis, self.base.slopes
             return None if late() else self.fitter.tried(h, starts, slopes=slopes)
 
-        trials = self._side_by_side(tried, list(first.values())[::-1])
+        several = list(first.values())[::-1]
+        trials = self._side_by_side(tried, several)
         best = sorted([t for t in trials if t is not None], key=lambda t: t.chi)[:_OTHERS]
-        return [r for r in self._side_by_side(self._refit, best) if r is not None]
+        found = [r for r in self._side_by_side(self._refit, best) if r is not None]
+        wanted = {t.hypothesis.label for t in best}
+        if late() or self.fitter.stop():
+            wanted |= {s.label for s, t in zip(several, trials, strict=True) if t is None}
+        return found, sorted(wanted - {r.hypothesis.label for r in found})
 
     def _tried(self, score: Score) -> Trial | None:
         enough = self.base.chi - _AS_FORETOLD * score.fall
@@ -154,9 +163,8 @@ class Shortlist:
 
 def _is_put_in(score: Score) -> bool:
     """Whether a compliance is put in: it rings, and chi^2 has a valley for every period."""
-    return any(
-        p.endswith(".stiffness") for p in score.signature.usual if not score.signature.strength
-    )
+    own = score.signature
+    return not own.strength and any(path.endswith(".stiffness") for path in own.usual)
 
 
 def _best(trials: Sequence[Trial], count: int) -> list[Trial]:
@@ -211,7 +219,8 @@ def without_twins(
         for other, span in zip(kept, spans, strict=True):
             near_ = abs(other.gain.gain - s.gain.gain) <= 1e-3 * max(s.gain.gain, 1.0)
             if near_ and span.shape[1] == columns.shape[1] and alike(span, columns) > _TWIN:
-                twins.setdefault(other.label, []).append(s.label)
+                if s.label != other.label:
+                    twins.setdefault(other.label, []).append(s.label)
                 break
         else:
             kept.append(s)

@@ -78,7 +78,9 @@ def _opening(
     )
     if verdict == "ambiguous":
         return f"An effect is missing, and more than one name fits. {opening}"
-    return f"{best.label} is missing (probability {best.probability:.2f}). {opening}"
+    return (
+        f"{best.label} is missing (probability {best.probability:.2f} that this is all). {opening}"
+    )
 
 
 def _evidence(candidates: Sequence[Candidate], shapes: Sequence[Shape]) -> list[str]:
