@@ -31,7 +31,7 @@ from dualdrive.diagnose.starts import near
 Array = NDArray[np.float64]
 
 _FITTED = 8  # hypotheses
-_GAINS = 12.0  # fall of chi^2 over its inflation that makes a fit worth while
+_GAINS = 4.0  # fall of chi^2 over its inflation that makes a fit worth while
 
 
 @dataclass(frozen=True, eq=False)

@@ -181,7 +181,7 @@ class Fitter:
         c = self.evidence.confrontation
         if self._cheap(trial.grown):
             slopes = c.slopes(with_values(trial.grown, trial.free, trial.v), trial.u) or slopes
-        elif self._late(trial.grown):  # its own would cost seconds
+        elif self.is_late(trial.grown):  # its own would cost seconds
             slopes = c.slopes(c.core, trial.u) or slopes
         return self._fitted(trial, slopes, renewals=renewals)
 
@@ -196,7 +196,7 @@ class Fitter:
         if left is None:
             return known
         slopes, columns = known.slopes, known.columns
-        fresh = fresh and not self.stop() and not self._late(known.grown)
+        fresh = fresh and not self.stop() and not self.is_late(known.grown)
         if fresh:
             slopes = c.slopes(known.machine, where) or known.slopes
             columns = secants(c, known.grown, known.free, where, known.v, left) or columns
@@ -209,10 +209,10 @@ class Fitter:
         if self.evidence.confrontation.mode == "balance":
             return True
         kinds = [_core.effect_type(e["effect"]) for e in grown.effects if not e["formula"]]
-        plain = all(k.affine for k in kinds) and not self._late(grown)
+        plain = all(k.affine for k in kinds) and not self.is_late(grown)
         return plain and len(kinds) == len(grown.effects)
 
-    def _late(self, grown: Any) -> bool:
+    def is_late(self, grown: Any) -> bool:
         """Whether any signal comes late: such a machine is slow to differentiate."""
         named = [e["effect"] for e in grown.effects if not e["formula"]]
         return any("delay" in _core.effect_type(name).acts_on for name in named)
@@ -274,7 +274,7 @@ class _OneHypothesis:
         self._left, self._known = self._left - 1, point.x
         u, v = point.x[: self._count], point.x[self._count :]
         c, slopes = self.evidence.confrontation, None
-        if not self._fitter._late(self._trial.grown):
+        if not self._fitter.is_late(self._trial.grown):
             slopes = c.slopes(self._machine(point.x), u)
         columns = secants(c, self._trial.grown, self._trial.free, u, v, point.left)
         if columns is None:

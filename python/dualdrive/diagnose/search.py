@@ -93,10 +93,12 @@ def search(
     least = -math.inf if clear else max(WORTH_A_REFIT, _RIVAL * most)
     short = Shortlist(Fitter(seen, clock.stop), base, nominal.u, guesses, threads, tell)
     worth = [s for s in single if s.gain.gain > least]
-    refits, missing = short(worth, shortlist)
-    if clear and not any(_explains(plain, r) for r in refits):
-        more, cut = short.others(worth, refits, lambda: clock.late(_FOR_TRIALS))
-        refits, missing = [*refits, *more], [*missing, *cut]
+    refits, missing = short(
+        worth,
+        shortlist,
+        lambda refit: not clear or _explains(plain, refit),
+        lambda: clock.late(_FOR_TRIALS),
+    )
     if missing:
         clock.leave_out(f"not refitted: {', '.join(missing)}")
     found = replace(

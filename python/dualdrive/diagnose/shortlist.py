@@ -51,8 +51,20 @@ class Shortlist:
     threads: int
     tell: Callable[[str], None]
 
-    def __call__(self, scores: Sequence[Score], count: int) -> tuple[list[Refit], list[str]]:
-        """The best of each simple law, then the whole laws of friction that contain them.
+    def __call__(
+        self,
+        scores: Sequence[Score],
+        count: int,
+        explains: Callable[[Refit], bool],
+        late: Callable[[], bool],
+    ) -> tuple[list[Refit], list[str]]:
+        """The best of each simple law, the whole laws of friction that contain them, then others.
+
+        Late signals, slow to simulate, come last unless they lead.
+
+        explains: whether a refit leaves nothing to explain: where none of the best does, every
+            other law is simulated
+        late: none of these is simulated once this turns true
 
         Returns:
             the refits, and labels of what the time limit left out.
@@ -63,34 +75,25 @@ class Shortlist:
         self.tell(f"simulating {len(chosen)} effects at the sizes they should have")
         trials = [t for t in self._side_by_side(self._tried, chosen) if t is not None]
         best = _best(trials, count)
-        put_in = {s.label: s for s in reversed(simple) if _is_put_in(s)}
-
-        def one(trial: Trial) -> Refit | None:
-            score = put_in.get(trial.hypothesis.label)
-            if score is None:
-                return self._refit(trial)
-            each = ([start] for start in near(score, self.base))
-            return self._best_end(score, each, self.base.slopes)
-
-        found = [r for r in self._side_by_side(one, best) if r is not None]
-        found.sort(key=lambda r: r.chi)
-        whole = _whole(scores, {r.hypothesis.effects[-1]: r for r in found})
-        found += self._whole_laws(whole, found)
-        known = {r.hypothesis.label for r in found}
+        slow = [t for t in best[1:] if self.fitter.is_late(t.grown)]
+        found = self._refitted([t for t in best if t not in slow], simple)
+        rubbing = [h.effects[-1][1] for h in (r.hypothesis for r in found) if _rubs(h)]
+        whole = _whole(scores, rubbing)
         wanted = [t.hypothesis.label for t in best] + [s.label for s in whole]
-        return found, sorted(set(wanted) - known)
+        if rubbing:
+            found += self._whole_laws(whole, found)
+        if not any(map(explains, found)):
+            more, cut = self._others(scores, [*found, *slow], late)
+            found, wanted = [*found, *more], [*wanted, *cut]
+        if not rubbing:
+            found += self._whole_laws(whole, found)
+        found += self._refitted(slow, simple)
+        return found, sorted(set(wanted) - {r.hypothesis.label for r in found})
 
-    def others(
-        self, scores: Sequence[Score], known: Sequence[Refit], late: Callable[[], bool]
+    def _others(
+        self, scores: Sequence[Score], known: Sequence[Refit | Trial], late: Callable[[], bool]
     ) -> tuple[list[Refit], list[str]]:
-        """The best of every other law, for where none of the known explains what is left.
-
-        late: no further law is simulated once this turns true
-
-        Returns:
-            the refits, and labels of what the time limit left out.
-
-        """
+        """The best of every law that is not known yet, and labels of what is left out."""
         laws = {effect for r in known for effect, _ in r.hypothesis.effects} | set(CONTAINS)
         first = {_law(s): s for s in reversed(scores) if _law(s) not in laws}
         self.tell(f"simulating {len(first)} more")
@@ -103,11 +106,24 @@ class Shortlist:
         several = list(first.values())[::-1]
         trials = self._side_by_side(tried, several)
         best = sorted([t for t in trials if t is not None], key=lambda t: t.chi)[:_OTHERS]
-        found = [r for r in self._side_by_side(self._refit, best) if r is not None]
-        wanted = {t.hypothesis.label for t in best}
+        wanted = [t.hypothesis.label for t in best]
         if late() or self.fitter.stop():
-            wanted |= {s.label for s, t in zip(several, trials, strict=True) if t is None}
-        return found, sorted(wanted - {r.hypothesis.label for r in found})
+            wanted += [s.label for s, t in zip(several, trials, strict=True) if t is None]
+        return self._refitted(best, scores), wanted
+
+    def _refitted(self, trials: Sequence[Trial], scores: Sequence[Score]) -> list[Refit]:
+        """Refits of several trials, the lowest first; a compliance from each of its starts."""
+        put_in = {s.label: s for s in reversed(scores) if _is_put_in(s)}
+
+        def one(trial: Trial) -> Refit | None:
+            score = put_in.get(trial.hypothesis.label)
+            if score is None:
+                return self._refit(trial)
+            each = ([start] for start in near(score, self.base))
+            return self._best_end(score, each, self.base.slopes)
+
+        found = [r for r in self._side_by_side(one, trials) if r is not None]
+        return sorted(found, key=lambda r: r.chi)
 
     def _tried(self, score: Score) -> Trial | None:
         enough = self.base.chi - _AS_FORETOLD * score.fall
@@ -192,15 +208,16 @@ def _first(scores: Sequence[Score], guesses: Guesses, count: int) -> list[Score]
     return list({id(s): s for s in [*scores[:count], *listed]}.values())
 
 
-def _whole(
-    scores: Sequence[Score], known: dict[tuple[str, str], Refit], most: int = 2
-) -> list[Score]:
+def _rubs(h: Hypothesis) -> bool:
+    return h.effects[-1][0] == "coulomb"
+
+
+def _whole(scores: Sequence[Score], rubbing: Sequence[str], most: int = 2) -> list[Score]:
     """Whole laws of friction: where a simpler one was refitted, or the best alone."""
     whole = [s for s in scores if _law(s) in CONTAINS]
-    rubbing = [place for effect, place in known if effect == "coulomb"][:most]
     if not rubbing:
         return whole[:most]
-    return [s for s in whole if s.signature.hypothesis.effects[-1][1] in rubbing]
+    return [s for s in whole if s.signature.hypothesis.effects[-1][1] in rubbing[:most]]
 
 
 def _law(score: Score) -> str:

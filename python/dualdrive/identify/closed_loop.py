@@ -34,6 +34,10 @@ _TROUBLED = 30
 _FINEST = 1e-4
 
 
+#: derivatives larger than this in any unit are those of an explosion: their squares overflow
+_OVERFLOWING = 1e100
+
+
 class FitError(RuntimeError):
     """A fit that can't be done; the message says what failed and what to try."""
 
@@ -234,6 +238,8 @@ class Problem:
         for k, name in self.rows:
             whole = np.zeros((len(self.records[k].t), self.size))
             raw = replays[k].slopes.get(name, np.zeros((len(whole), 0)))
+            if not np.abs(raw).max(initial=0.0) < _OVERFLOWING:
+                raise FitError(f"{self.records[k].name}: the sensitivities of {name} overflow")
             whole[:, :count] = raw[:, :count] * own_slope
             if (k, name) in self.offsets:
                 whole[:, count + self.offsets.index((k, name))] = self.spread[k, name]
