@@ -18,7 +18,6 @@ from clusters import Cluster
 from dualdrive import Machine
 from dualdrive.distributed import SchedulerError, connected
 from dualdrive.identify import Fit, Progress, fit
-from dualdrive.identify.screening import screen
 from dualdrive.mapper import mapped
 from dualdrive.motion import sampled
 from dualdrive.sweeps import Outcome, load_sweep, resume, sweep
@@ -201,15 +200,6 @@ def test_a_fit_of_several_records_is_the_local_one(cluster: Cluster) -> None:
         there = fit(sheet(torque=1000.0), records, FREE, scheduler=client, **SHORT)
         assert client.status == "running", "a client that was lent stays open"
     assert same(here, there)
-
-
-def test_a_screening_is_the_local_one(cluster: Cluster) -> None:
-    wanted = [("coulomb", "table"), ("sensor_delay", "table"), ("sensor_delay", "motor_1")]
-    here, there = (
-        screen(sheet(), demo("fit"), wanted, rtol=1e-6, scheduler=where)
-        for where in (None, cluster.address)
-    )
-    assert here == there
 
 
 def test_a_fit_keeps_the_starts_that_ended_before_the_scheduler_was_lost(mortal: Cluster) -> None:

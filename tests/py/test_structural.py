@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from dualdrive import Machine, MachineError, _core
-from dualdrive.identify import candidates_of, default_free, fit
+from dualdrive.diagnose.candidates import candidates
+from dualdrive.identify import default_free, fit
 from dualdrive.identify.unknowns import unknowns
 from dualdrive.motion import move
 from dualdrive.simulation import simulate
@@ -337,14 +338,20 @@ def test_what_an_effect_lends_is_free_once_and_believed_nothing_of() -> None:
 
 def test_candidates_leave_out_what_the_machine_has() -> None:
     machine = bench()
-    offered = candidates_of(machine.core)
-    assert ("gearbox_backlash", "gearboxes") in offered
-    assert ("transport_delay", "controller") in offered
-    assert ("current_limit", "motors") not in offered  # bench has its T_max
-    assert ("quantisation", "table") not in offered  # a continuous loop can't
-    machine.set("motors.T_max", np.inf)
-    assert ("current_limit", "motors") in candidates_of(machine.core)
+
+    def offered() -> set[str]:
+        return {h.label for h in candidates(machine.core)}
+
+    assert {"gearbox_backlash@gearboxes", "shaft_compliance@gearboxes"} <= offered()
+    assert "transport_delay@controller" in offered()
+    assert "quantisation@table" not in offered()  # a continuous loop can't
+    assert "coulomb@table" in offered()
+    machine.add("coulomb", "table", torque=0.01)
+    assert "coulomb@table" not in offered()
     machine.set("pinions.J", 0.0)
-    assert ("shaft_compliance", "gearboxes") not in candidates_of(machine.core)
+    assert "shaft_compliance@gearboxes" not in offered()
     machine = loose("compliant", stiffness=444.0)
-    assert ("shaft_compliance", "gearboxes") not in candidates_of(machine.core)
+    assert "shaft_compliance@gearboxes" not in offered()
+    assert "gearbox_backlash@gearboxes" in offered()
+    machine = loose("gap", stiffness=444.0, gap=1e-3)
+    assert not {"shaft_compliance@gearboxes", "gearbox_backlash@gearboxes"} & offered()

@@ -5,6 +5,6 @@
 sheet has it: some numbers are off and one effect is missing.
 """
 
-from dualdrive.demo.story import Refit, Step, Story, records, sheet, tell
+from dualdrive.demo.story import records, sheet, shipped, tell
 
-__all__ = ["Refit", "Step", "Story", "records", "sheet", "tell"]
+__all__ = ["records", "sheet", "shipped", "tell"]

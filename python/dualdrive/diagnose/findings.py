@@ -53,7 +53,7 @@ def candidate_of(c: Confrontation, found: Survey, r: Refit, p: float) -> Candida
 
 def scored_only(found: Survey, known: Sequence[Candidate]) -> list[Candidate]:
     """The best by score alone, of those that were not refitted: a shortlist, no more."""
-    labels = {x.label for x in known}
+    labels = {x.label for x in known} | {r.hypothesis.label for r in found.refits}
     rest = {s.label: s for s in reversed(found.scores) if s.label not in labels}
     best = sorted(rest.values(), key=lambda s: -s.gain.gain)[: max(0, TOLD - len(known))]
     unknown, note = float("nan"), "by its score alone, not refitted"

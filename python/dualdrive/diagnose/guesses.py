@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.diagnose import whitening
+from dualdrive.diagnose.candidates import SCALES
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.evidence import Evidence, effective, evidence
 from dualdrive.diagnose.floors import heard_above
-from dualdrive.diagnose.hypotheses import SCALES, Hypothesis
+from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.loads import LOAD, begun, sought
 from dualdrive.diagnose.loop import ClosedLoop
 from dualdrive.diagnose.refit import Fitter, Refit, Start

@@ -1,4 +1,4 @@
-"""What could be missing: every effect at every place the machine has, and how each is tried.
+"""A hypothesis, effects that may be missing: put into a machine, made free, probed.
 
 An effect is put in at a usual size for these records and the machine confronted again; the change
 is its signature. That needs no derivative, so limits, delays, play and sticking are tried like all
@@ -12,29 +12,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from dualdrive import _core
 from dualdrive.identify.unknowns import Unknown, unknowns
 from dualdrive.replay import ratio_to_table
 
-#: effects that are not tried: a constant of a sensor is a nuisance already; rounding is read off a
-#: channel; a load in time is tried where the records show its hour (`loads.py`)
-NOT_TRIED = ("sensor_offset", "expression", "spline", "quantisation", "cutting_torque")
 _SOFTER = 0.1  # of the stiffness that a compliant shaft is added with: nearly rigid
 #: numbers that move a signature about as much as its strength does: the others are left to a refit
 _LINEAR = ("phase", "centre", "asymmetry")
 _SHAPES = ("phase", "asymmetry", "centre", "spacing", "start")
 _ASYMMETRY = 0.3  # probe of a number without a usual size of its own
-_OF_A_MESH = ("load_dependent_mesh_loss",)
 _LIMITS, _ABOUT = ("T_max", "U_max"), (0.96, 1.03)  # a limit shows in what was recorded
 _PUT_IN, _OTHERWISE = ("stiffness", "gap"), (0.3, 3.0, 10.0)  # a part's: where it begins, times
 _RIGID = 1e3  # times that: stiffer is as good as rigid
 _SHORTEST = 5e-5  # s: a delay below that costs a simulation more than it could show
 _PRESLIDING = 1e-4  # rad at the table
-#: what the load does: a rotor is balanced and its inertia does not turn with it
-_OF_THE_LOAD = ("unbalance", "position_dependent_inertia")
-
-#: effects that in a balance are one with a common factor of all inertias and frictions
-SCALES = ("thermal_drift", "torque_constant_saturation")
 
 #: path -> SI value of an effect's numbers
 Setting = dict[str, float]
@@ -117,87 +107,6 @@ class Hypothesis:
             replace(p, low=max(p.low, _SHORTEST)) if own else p
             for p, own in zip(found, late, strict=True)
         ]
-
-
-def candidates(
-    core: Any, channels: Sequence[str] = (), *, balance: bool = False
-) -> list[Hypothesis]:
-    """Every effect at every usual place or group of this machine that does not carry it there.
-
-    channels: recorded channels at which a recorder's effects are tried, too
-    balance:  only what a torque balance shows; a loose joint hides a motion that it would need
-    """
-    found = []
-    for kind in _core.effect_types():
-        hidden = kind.structural or not kind.in_balance or kind.name in SCALES
-        if kind.name in NOT_TRIED or (balance and hidden):
-            continue
-        places = [p for p in kind.places.split(",") if not _is_twin(core, kind, p)]
-        if kind.name in _OF_THE_LOAD:
-            places = ["table"]
-        if {"sensor reading", "sensor delay"} & set(kind.acts_on.split(", ")):
-            places += channels
-        found += [h for p in places if (h := possible(core, kind.name, p)) is not None]
-    return found
-
-
-def members(core: Any, group: Hypothesis) -> list[Hypothesis]:
-    """The same effect at each single part of a group; none where the place is a part itself."""
-    [(effect, place)] = group.effects
-    one = _ONE.get(place, "")
-    if not one:
-        return []
-    parts = [p for p in (*core.motors, *core.bodies, *core.connections) if p.startswith(f"{one}_")]
-    return [h for p in parts if (h := possible(core, effect, p)) is not None]
-
-
-def possible(core: Any, effect: str, place: str) -> Hypothesis | None:
-    """The effect at the place; None where there is no such part, or it carries it already."""
-    hypothesis = Hypothesis(((effect, place),))
-    if _carried(core, effect, place):
-        return None
-    try:
-        hypothesis.put_in(core)
-    except ValueError:
-        return None  # no such part here
-    return hypothesis
-
-
-def _is_twin(core: Any, kind: Any, place: str) -> bool:
-    """Whether the same law at another place of the list is the very same thing here.
-
-    A mesh turns with its pinion: what goes with its angle is called the pinions'. Friction at both
-    ends of a rigid gearbox is on one body: it is called the motors', but for a loss that needs the
-    torque of a mesh: the pinions'.
-    """
-    places = kind.places.split(",")
-    if place == "meshes" and "pinions" in places:
-        return True
-    if not {"motors", "pinions"} <= set(places) or any("phase" in p.path for p in kind.parameters):
-        return False
-    gears = [c for c in core.connections if c.startswith("gearbox")]
-    one_body = bool(gears) and all(core.kind(g) == "rigid" for g in gears)
-    return one_body and place == ("motors" if kind.name in _OF_A_MESH else "pinions")
-
-
-_ONE = {
-    "motors": "motor",
-    "pinions": "pinion",
-    "meshes": "mesh",
-    "gearboxes": "gearbox",
-    "drives": "drive",
-}
-
-
-def _carried(core: Any, effect: str, place: str) -> bool:
-    """Whether the machine has this effect at this place, or at a group that includes it."""
-    for own in core.effects:
-        if own["effect"] == effect and (own["place"] == place or place in own["members"]):
-            return True
-        one = _ONE.get(place, "")
-        if own["effect"] == effect and one and own["place"].startswith(f"{one}_"):
-            return True
-    return False
 
 
 def _is_free(grown: Any, path: str) -> bool:

@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.diagnose.candidates import possible
 from dualdrive.diagnose.evidence import Evidence
-from dualdrive.diagnose.hypotheses import Hypothesis, possible
+from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.whitening import count_as_one
 

@@ -12,8 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from dualdrive.diagnose.candidates import candidates
 from dualdrive.diagnose.floors import heard_above
-from dualdrive.diagnose.hypotheses import Hypothesis, candidates
+from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.profiled import sharpened
 from dualdrive.diagnose.refit import Fitter, Refit, Start
 from dualdrive.diagnose.score import Scorer

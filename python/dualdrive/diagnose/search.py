@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose import whitening
+from dualdrive.diagnose.candidates import candidates, members
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.evidence import Evidence, effective, evidence
 from dualdrive.diagnose.floors import heard_above
 from dualdrive.diagnose.guesses import Guesses, guessed
-from dualdrive.diagnose.hypotheses import Hypothesis, candidates, members
+from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.loads import sought
 from dualdrive.diagnose.pairs import with_pairs
 from dualdrive.diagnose.refit import Fitter, Refit

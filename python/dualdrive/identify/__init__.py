@@ -1,7 +1,6 @@
 """Fits of a machine to measured traces."""
 
 from dualdrive.identify.balance import torque_balance
-from dualdrive.identify.candidates import candidates_of
 from dualdrive.identify.closed_loop import FitError
 from dualdrive.identify.evaluation import Evaluation, evaluate
 from dualdrive.identify.filtering import Processing
@@ -11,7 +10,6 @@ from dualdrive.identify.model import Balance, BalanceModel, Declared
 from dualdrive.identify.play import estimate_play
 from dualdrive.identify.play_result import PlayEstimate
 from dualdrive.identify.result import BalanceFit, Estimate
-from dualdrive.identify.screening import Candidate, screen
 from dualdrive.identify.search import Progress
 from dualdrive.identify.standstill import Standstill
 from dualdrive.identify.unknowns import default_free
@@ -20,7 +18,6 @@ __all__ = [
     "Balance",
     "BalanceFit",
     "BalanceModel",
-    "Candidate",
     "Declared",
     "Direction",
     "Estimate",
@@ -32,13 +29,11 @@ __all__ = [
     "Processing",
     "Progress",
     "Standstill",
-    "candidates_of",
     "default_free",
     "estimate_play",
     "evaluate",
     "fit",
     "refuse_filters",
-    "screen",
     "torque_balance",
     "which_mode",
     "with_torques",

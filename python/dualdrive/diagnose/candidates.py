@@ -1,0 +1,114 @@
+"""What could be missing: every effect of the library at every place this machine has."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from dualdrive import _core
+from dualdrive.diagnose.hypotheses import Hypothesis
+
+#: effects that are not tried: a constant of a sensor is a nuisance already; rounding is read off a
+#: channel; a load in time is tried where the records show its hour (`loads.py`)
+NOT_TRIED = ("sensor_offset", "expression", "spline", "quantisation", "cutting_torque")
+#: of what turns rigidly together: such a loss needs the torque of a mesh
+_OF_A_MESH = ("load_dependent_mesh_loss",)
+#: what the load does: a rotor is balanced and its inertia does not turn with it
+_OF_THE_LOAD = ("unbalance", "position_dependent_inertia")
+#: effects that in a balance are one with a common factor of all inertias and frictions
+SCALES = ("thermal_drift", "torque_constant_saturation")
+#: a group of parts -> what its single parts are called
+_ONE = {
+    "motors": "motor",
+    "pinions": "pinion",
+    "meshes": "mesh",
+    "gearboxes": "gearbox",
+    "drives": "drive",
+}
+
+
+def candidates(
+    core: Any, channels: Sequence[str] = (), *, balance: bool = False
+) -> list[Hypothesis]:
+    """Every effect at every usual place or group of this machine that does not carry it there.
+
+    channels: recorded channels at which a recorder's effects are tried, too
+    balance:  only what a torque balance shows; a loose joint hides a motion that it would need
+    """
+    found = []
+    for kind in _core.effect_types():
+        hidden = kind.structural or not kind.in_balance or kind.name in SCALES
+        if kind.name in NOT_TRIED or (balance and hidden):
+            continue
+        places = [p for p in kind.places.split(",") if not _is_twin(core, kind, p)]
+        if kind.name in _OF_THE_LOAD:
+            places = ["table"]
+        if {"sensor reading", "sensor delay"} & set(kind.acts_on.split(", ")):
+            places += channels
+        found += [h for p in places if (h := possible(core, kind.name, p)) is not None]
+    return found
+
+
+def members(core: Any, group: Hypothesis) -> list[Hypothesis]:
+    """The same effect at each single part of a group; none where the place is a part itself."""
+    [(effect, place)] = group.effects
+    one = _ONE.get(place, "")
+    if not one:
+        return []
+    parts = [p for p in (*core.motors, *core.bodies, *core.connections) if p.startswith(f"{one}_")]
+    return [h for p in parts if (h := possible(core, effect, p)) is not None]
+
+
+def possible(core: Any, effect: str, place: str) -> Hypothesis | None:
+    """The effect at the place; None where there is no such part, or it carries it already."""
+    hypothesis = Hypothesis(((effect, place),))
+    if _carried(core, effect, place):
+        return None
+    try:
+        grown, _ = hypothesis.put_in(core)
+    except ValueError:
+        return None  # no such part here
+    joints = [j for j in grown.effects[-1]["members"] if j in core.connections]
+    if _core.effect_type(effect).structural and joints:
+        if any(core.kind(joint) == grown.kind(joint) for joint in joints):
+            return None  # such a joint it is already
+        if _stands(core) and not _stands(grown):
+            return None  # a joint without inertia on one side
+    return hypothesis
+
+
+def _stands(core: Any) -> bool:
+    """Whether the machine's laws can be evaluated without any inputs."""
+    try:
+        _core.linearise(core)
+    except ValueError:
+        return False
+    return True
+
+
+def _is_twin(core: Any, kind: Any, place: str) -> bool:
+    """Whether the same law at another place of the list is the very same thing here.
+
+    A mesh turns with its pinion: what goes with its angle is called the pinions'. Friction at both
+    ends of a rigid gearbox is on one body: it is called the motors', but for a loss that needs the
+    torque of a mesh: the pinions'.
+    """
+    places = kind.places.split(",")
+    if place == "meshes" and "pinions" in places:
+        return True
+    if not {"motors", "pinions"} <= set(places) or any("phase" in p.path for p in kind.parameters):
+        return False
+    gears = [c for c in core.connections if c.startswith("gearbox")]
+    one_body = bool(gears) and all(core.kind(g) == "rigid" for g in gears)
+    return one_body and place == ("motors" if kind.name in _OF_A_MESH else "pinions")
+
+
+def _carried(core: Any, effect: str, place: str) -> bool:
+    """Whether the machine has this effect at this place, or at a group that includes it."""
+    for own in core.effects:
+        if own["effect"] == effect and (own["place"] == place or place in own["members"]):
+            return True
+        one = _ONE.get(place, "")
+        if own["effect"] == effect and one and own["place"].startswith(f"{one}_"):
+            return True
+    return False
