@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dualdrive.diagnose.candidates import candidates
+from dualdrive.diagnose.candidates import candidates, members
 from dualdrive.diagnose.floors import heard_above
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.profiled import sharpened
@@ -32,6 +32,8 @@ from dualdrive.diagnose.starts import near
 from dualdrive.diagnose.survey import Clock, Survey, excess, key_of
 
 _FIRSTS, _SECONDS = 2, 3  # effects to begin with, and partners of each
+_TAKEN_APART = 3  # best groups of which the single parts are tried, too
+_NEAR = 0.5  # of the leader's gain: what has less is no first effect of a pair
 _KNOWN = 2  # partners beside the leader by the scores without it
 _WORTH = 15.0  # expected fall of chi^2 over its inflation for which a second effect is tried
 _SURELY = 45.0  # the same, for which it is tried though no more than noise seems left
@@ -44,7 +46,7 @@ def with_pairs(found: Survey, clock: Clock, threads: int, tell: Callable[[str], 
     if not singles or found.best is found.base or not _leaves_something(found, singles[0]):
         return found
     fitter, refits, known = Fitter(found.evidence, clock.stop), list[Refit](), set[frozenset[str]]()
-    for number, first in enumerate(_firsts(singles)):
+    for number, first in enumerate(_firsts(found, singles)):
         partners = _partners(found, first, found.scores)
         if number == 0:
             tell(f"trying what {first.hypothesis.label} leaves")
@@ -81,13 +83,18 @@ def _beside(found: Survey, first: Refit, clock: Clock, threads: int) -> list[Sco
     c, seen = copy(found.evidence.confrontation), found.evidence
     c.core = first.machine
     balance = c.mode == "balance"
-    hypotheses = [h for h in candidates(c.core, c.channels, balance=balance) if _plain(h)]
     scorer = _scorer(found, first)
     rest = scorer.rest(scorer.rows.left[:, None])[:, 0]
-    listed = with_spots(seen, rest, with_orders(seen, rest, hypotheses))
-    noise = list(map(heard_above, c.series, first.left))
-    prober = Prober(c, first.u, first.left, noise)
-    scores = score_all(prober, [(seen, scorer)], [1.0], distinct(listed), threads, clock.stop)
+    prober = Prober(c, first.u, first.left, list(map(heard_above, c.series, first.left)))
+
+    def tried(several: Sequence[Hypothesis]) -> list[Score]:
+        listed = distinct(with_spots(seen, rest, with_orders(seen, rest, several)))
+        return score_all(prober, [(seen, scorer)], [1.0], listed, threads, clock.stop)
+
+    scores = tried([h for h in candidates(c.core, c.channels, balance=balance) if _plain(h)])
+    best = sorted(scores, key=lambda s: -s.gain.gain)[:_TAKEN_APART]
+    groups = dict.fromkeys(s.signature.hypothesis.effects for s in best)
+    scores += tried([m for effects in groups for m in members(c.core, Hypothesis(effects))])
     if clock.stop():
         clock.leave_out(f"not all was tried beside {first.hypothesis.label}")
     return scores
@@ -98,17 +105,19 @@ def _plain(h: Hypothesis) -> bool:
     return h.effects[-1][0] not in CONTAINS
 
 
-def _firsts(singles: list[Refit]) -> list[Refit]:
-    """The best, of laws that do not contain one another."""
-    found: list[Refit] = []
+def _firsts(found: Survey, singles: Sequence[Refit]) -> list[Refit]:
+    """The best, of laws that do not contain one another, and what gains about as much."""
+    chosen: list[Refit] = []
     for r in singles:
         law = r.hypothesis.effects[0][0]
-        known = [other.hypothesis.effects[0][0] for other in found]
+        known = [other.hypothesis.effects[0][0] for other in chosen]
         if not any(
             law == k or law in CONTAINS.get(k, ()) or k in CONTAINS.get(law, ()) for k in known
         ):
-            found.append(r)
-    return found[:_FIRSTS]
+            chosen.append(r)
+    none = found.criterion[key_of(found.base)]
+    gains = [none - found.criterion[key_of(r)] for r in chosen]
+    return [r for r, g in zip(chosen, gains, strict=True) if g >= _NEAR * gains[0]][:_FIRSTS]
 
 
 def _scorer(found: Survey, first: Refit) -> Scorer:

@@ -15,7 +15,7 @@ import numpy as np
 
 from dualdrive.diagnose import whitening
 from dualdrive.diagnose.evidence import Evidence, evidence
-from dualdrive.diagnose.refit import Fitter, Refit
+from dualdrive.diagnose.refit import Fitter, Refit, Trial
 
 _ROUNDS = 3
 
@@ -37,7 +37,7 @@ def sharpened(fitter: Fitter, refit: Refit) -> Refit:
     return replace(best, chi=seen.chi(best.u, best.left))
 
 
-def profile(seen: Evidence, refit: Refit) -> float:
+def profile(seen: Evidence, refit: Refit | Trial) -> float:
     """Minus twice the log likelihood at the best sizes of the noise, priors included."""
     c = seen.confrontation
     believed = np.isfinite(c.sigma)

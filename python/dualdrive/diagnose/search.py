@@ -19,7 +19,7 @@ from dualdrive.diagnose.guesses import Guesses, guessed
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.loads import sought
 from dualdrive.diagnose.pairs import with_pairs
-from dualdrive.diagnose.refit import Fitter, Refit
+from dualdrive.diagnose.refit import Fitter, Refit, Trial
 from dualdrive.diagnose.score import Scorer
 from dualdrive.diagnose.settle import ENOUGH, settle
 from dualdrive.diagnose.shortlist import Shortlist, distinct, without_twins
@@ -92,20 +92,53 @@ def search(
     single, twins = without_twins(seen, scorer, scores)
     most = max((s.gain.gain for s in single), default=0.0)
     least = -math.inf if clear else max(WORTH_A_REFIT, _RIVAL * most)
-    short = Shortlist(Fitter(seen, clock.stop), base, nominal.u, guesses, threads, tell)
     worth = [s for s in single if s.gain.gain > least]
+    found = replace(plain, scores=scores, untried=untried, twins=twins, refitted=base)
+
+    def listed(now: Survey) -> Shortlist:
+        fitter = Fitter(now.evidence, clock.stop)
+        return Shortlist(fitter, now.base, nominal.u, guesses, threads, tell)
+
+    trials = listed(found).trials(worth, shortlist)
+    return _refined(found, worth, trials, listed, clear, clock, threads, tell)
+
+
+def _refined(
+    plain: Survey,
+    worth: Sequence[Score],
+    trials: Sequence[Trial],
+    listed: Callable[[Survey], Shortlist],
+    clear: bool,
+    clock: Clock,
+    threads: int,
+    tell: Callable[[str], None],
+) -> Survey:
+    """The survey with the best refitted, alone and two at once.
+
+    A leader far ahead of all else that still leaves more than noise gets its partners first.
+
+    clear: whether something is missing, whatever a score says of its name
+    """
+    found, short = plain, listed(plain)
+    begun = short.leader(trials, worth) if clear else []
+    early = any(short.far_ahead(r, trials) and not _explains(plain, r) for r in begun)
+    if early:
+        found = with_pairs(settle(replace(found, refits=begun), clock, tell), clock, threads, tell)
+        if excess(found, found.best.left).max() < ENOUGH:
+            return found
+        short, begun = listed(found), []
+    known = {r.hypothesis.label for r in (*found.refits, *begun)}
     refits, missing = short(
+        [short.again(t) for t in trials if t.hypothesis.label not in known],
         worth,
-        shortlist,
+        begun,
         lambda refit: not clear or _explains(plain, refit),
         lambda: clock.late(_FOR_TRIALS),
     )
     if missing:
         clock.leave_out(f"not refitted: {', '.join(missing)}")
-    found = replace(
-        plain, base=base, refits=refits, scores=scores, untried=untried, twins=twins, refitted=base
-    )
-    return with_pairs(settle(found, clock, tell), clock, threads, tell)
+    found = settle(replace(found, refits=[*found.refits, *refits]), clock, tell)
+    return found if early else with_pairs(found, clock, threads, tell)
 
 
 def _explains(plain: Survey, refit: Refit) -> bool:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from dualdrive.diagnose.evidence import Evidence
 from dualdrive.diagnose.guesses import Guesses
 from dualdrive.diagnose.hypotheses import Hypothesis
-from dualdrive.diagnose.profiled import sharpened
+from dualdrive.diagnose.profiled import profile, sharpened
 from dualdrive.diagnose.refit import Fitter, Refit, Start, Trial
 from dualdrive.diagnose.score import Scorer, alike
 from dualdrive.diagnose.signatures import CONTAINS, Score
@@ -33,6 +33,7 @@ _TWIN = 1.0 - 1e-5  # squared cosine above which two signatures are one
 _AS_FORETOLD = 0.6  # of the foretold gain: such a start is good enough
 _TRIED = 1.5  # times as many are tried as are refitted
 _OTHERS = 3  # of all other laws, where none of the best explains what is left
+_FAR, _MUCH = 3.0, 50.0  # times the gain of all others, and of this: partners of such come first
 _SURELY = 3  # best scores that are refitted wherever their starts stand
 
 
@@ -51,35 +52,59 @@ class Shortlist:
     threads: int
     tell: Callable[[str], None]
 
+    def trials(self, scores: Sequence[Score], count: int) -> list[Trial]:
+        """The best of each simple law where they were really tried, least chi^2 first."""
+        chosen = _first(_simple(scores), self.guesses, round(_TRIED * count))
+        self.tell(f"simulating {len(chosen)} effects at the sizes they should have")
+        return _best([t for t in self._side_by_side(self._tried, chosen) if t is not None], count)
+
+    def leader(self, trials: Sequence[Trial], scores: Sequence[Score]) -> list[Refit]:
+        """The first of them refitted, but for late signals, which are slow to simulate."""
+        return self._refitted([t for t in trials[:1] if not self.fitter.is_late(t.grown)], scores)
+
+    def far_ahead(self, leader: Refit, trials: Sequence[Trial]) -> bool:
+        """Whether a refit gains far more than any other law does where it was tried.
+
+        Gains are those of the profile likelihood: a law may explain one record and not another.
+        """
+        seen = self.fitter.evidence
+        none = profile(seen, self.base)
+        laws = {effect for effect, _ in leader.hypothesis.effects}
+        others = [t for t in trials if laws.isdisjoint(e for e, _ in t.hypothesis.effects)]
+        most = max([none - profile(seen, t) for t in others], default=0.0)
+        return none - profile(seen, leader) > _FAR * max(most, _MUCH)
+
+    def again(self, trial: Trial) -> Trial:
+        """A trial as this evidence has it."""
+        return replace(trial, chi=self.fitter.evidence.chi(trial.u, trial.left))
+
     def __call__(
         self,
+        trials: Sequence[Trial],
         scores: Sequence[Score],
-        count: int,
+        begun: Sequence[Refit],
         explains: Callable[[Refit], bool],
         late: Callable[[], bool],
     ) -> tuple[list[Refit], list[str]]:
-        """The best of each simple law, the whole laws of friction that contain them, then others.
+        """What was tried, refitted, the whole laws of friction that contain it, then others.
 
         Late signals, slow to simulate, come last unless they lead.
 
+        begun: what was refitted already
         explains: whether a refit leaves nothing to explain: where none of the best does, every
             other law is simulated
         late: none of these is simulated once this turns true
 
         Returns:
-            the refits, and labels of what the time limit left out.
+            all refits, and labels of what the time limit left out.
 
         """
-        simple = [s for s in scores if _law(s) not in CONTAINS]
-        chosen = _first(simple, self.guesses, round(_TRIED * count))
-        self.tell(f"simulating {len(chosen)} effects at the sizes they should have")
-        trials = [t for t in self._side_by_side(self._tried, chosen) if t is not None]
-        best = _best(trials, count)
-        slow = [t for t in best[1:] if self.fitter.is_late(t.grown)]
-        found = self._refitted([t for t in best if t not in slow], simple)
+        slow = [t for t in (trials if begun else trials[1:]) if self.fitter.is_late(t.grown)]
+        found = [*begun, *self._refitted([t for t in trials if t not in slow], scores)]
+        found.sort(key=lambda r: r.chi)
         rubbing = [h.effects[-1][1] for h in (r.hypothesis for r in found) if _rubs(h)]
         whole = _whole(scores, rubbing)
-        wanted = [t.hypothesis.label for t in best] + [s.label for s in whole]
+        wanted = [t.hypothesis.label for t in trials] + [s.label for s in whole]
         if rubbing:
             found += self._whole_laws(whole, found)
         if not any(map(explains, found)):
@@ -87,7 +112,7 @@ class Shortlist:
             found, wanted = [*found, *more], [*wanted, *cut]
         if not rubbing:
             found += self._whole_laws(whole, found)
-        found += self._refitted(slow, simple)
+        found += self._refitted(slow, scores)
         return found, sorted(set(wanted) - {r.hypothesis.label for r in found})
 
     def _others(
@@ -113,7 +138,7 @@ class Shortlist:
 
     def _refitted(self, trials: Sequence[Trial], scores: Sequence[Score]) -> list[Refit]:
         """Refits of several trials, the lowest first; a compliance from each of its starts."""
-        put_in = {s.label: s for s in reversed(scores) if _is_put_in(s)}
+        put_in = {s.label: s for s in reversed(_simple(scores)) if _is_put_in(s)}
 
         def one(trial: Trial) -> Refit | None:
             score = put_in.get(trial.hypothesis.label)
@@ -218,6 +243,11 @@ def _whole(scores: Sequence[Score], rubbing: Sequence[str], most: int = 2) -> li
     if not rubbing:
         return whole[:most]
     return [s for s in whole if s.signature.hypothesis.effects[-1][1] in rubbing[:most]]
+
+
+def _simple(scores: Sequence[Score]) -> list[Score]:
+    """All but the whole laws of friction."""
+    return [s for s in scores if _law(s) not in CONTAINS]
 
 
 def _law(score: Score) -> str:
