@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "../../cpp/src/solvers/explicit/dop853.hpp"
+#include "../../cpp/src/solvers/explicit/dopri5.hpp"
 #include "../../cpp/src/solvers/explicit/runge_kutta.hpp"
 #include "../../cpp/src/solvers/handover.hpp"
 
@@ -29,11 +30,23 @@ Weights dense(const method::Row<n>& row) {
     return w;
 }
 
-const std::array<Weights, method::stages>& matrix() {
+using Matrix = std::array<Weights, method::stages>;  // stages that a method lacks have no weights
+
+const Matrix& matrix() {
     using namespace method;
-    static const std::array<Weights, stages> a{Weights{}, dense(a1),  dense(a2),  dense(a3), dense(a4),  dense(a5),
+    static const Matrix a{Weights{}, dense(a1),  dense(a2),  dense(a3), dense(a4),  dense(a5),
                                                dense(a6), dense(a7),  dense(a8),  dense(a9), dense(a10), dense(a11),
                                                dense(b),  dense(a13), dense(a14), dense(a15)};
+    return a;
+}
+
+const Matrix& short_matrix() {
+    using namespace dopri5;
+    static const Matrix a = [] {
+        Matrix rows{Weights{}, dense(a1), dense(a2), dense(a3), dense(a4), dense(a5)};
+        rows[last] = dense(b);
+        return rows;
+    }();
     return a;
 }
 
@@ -47,7 +60,7 @@ struct Tree {
 };
 
 // All trees of up to `order` nodes: a root with any multiset of smaller trees on it.
-std::vector<Tree> trees(int order) {
+std::vector<Tree> trees(int order, const Matrix& matrix) {
     std::vector<Tree> all{{1, 1.0, {}}};
     all[0].value.fill(1.0);
     for (int n = 2; n <= order; ++n) {
@@ -61,7 +74,7 @@ std::vector<Tree> trees(int order) {
             for (std::size_t k = next; k < smaller.size(); ++k) {
                 if (root.order + smaller[k].order > n) continue;
                 Tree larger{root.order + smaller[k].order, root.density * smaller[k].density, root.value};
-                for (std::size_t i = 0; i < method::stages; ++i) larger.value[i] *= sum(matrix()[i], smaller[k].value);
+                for (std::size_t i = 0; i < method::stages; ++i) larger.value[i] *= sum(matrix[i], smaller[k].value);
                 self(self, larger, k);
             }
         };
@@ -70,10 +83,8 @@ std::vector<Tree> trees(int order) {
     return all;
 }
 
-// Weights of the stages at x within the step, from the formula of the extension.
-Weights inside(double x) {
-    const Weights step = dense(method::b),
-                  d[] = {dense(method::d0), dense(method::d1), dense(method::d2), dense(method::d3)};
+// Weights of the stages at x within a step, from the formula of the extension; d: its highest coefficients.
+Weights inside(double x, const Weights& step, const std::array<Weights, 4>& d) {
     Weights w{};
     for (std::size_t i = 0; i < method::stages; ++i) {
         const double first = i == 0, last = i == method::last, y = 1.0 - x;
@@ -95,7 +106,7 @@ TEST_CASE("every stage stands where its row says") {
 }
 
 TEST_CASE("the step fulfils all 200 conditions up to order 8, the estimates theirs and no more") {
-    const auto all = trees(9);
+    const auto all = trees(9, matrix());
     CHECK(std::count_if(all.begin(), all.end(), [](const Tree& t) { return t.order <= 8; }) == 200);
     double worst = 0.0, fifth = 0.0, third = 0.0, of_9 = 0.0, of_6 = 0.0, of_4 = 0.0;
     const auto keep = [](double& most, double v) { most = std::max(most, std::abs(v)); };
@@ -112,17 +123,41 @@ TEST_CASE("the step fulfils all 200 conditions up to order 8, the estimates thei
 }
 
 TEST_CASE("the extension fulfils all conditions up to order 7 everywhere in the step") {
-    const auto all = trees(8);
+    const auto all = trees(8, matrix());
+    const std::array<Weights, 4> d{dense(method::d0), dense(method::d1), dense(method::d2), dense(method::d3)};
     for (const double x : {0.05, 0.2, 0.37, 0.5, 0.81, 1.0}) {
         CAPTURE(x);
+        const Weights w = inside(x, dense(method::b), d);
         double worst = 0.0, beyond = 0.0;
         for (const Tree& t : all) {
-            const double off = std::abs(sum(inside(x), t.value) - std::pow(x, t.order) / t.density);
+            const double off = std::abs(sum(w, t.value) - std::pow(x, t.order) / t.density);
             double& most = t.order <= 7 ? worst : beyond;
             most = std::max(most, off);
         }
         CHECK(worst < 1e-13);
         if (x < 1.0) CHECK(beyond > 1e-9);
+    }
+}
+
+TEST_CASE("the short step fulfils its conditions up to order 5, its estimate and its extension theirs up to 4") {
+    const auto all = trees(6, short_matrix());
+    for (std::size_t i = 0; i < dopri5::stages; ++i)
+        CHECK(std::accumulate(short_matrix()[i].begin(), short_matrix()[i].end(), 0.0) ==
+              doctest::Approx(dopri5::c[i]).epsilon(1e-14));
+    double worst = 0.0, of_6 = 0.0, fourth = 0.0, of_5 = 0.0;
+    const auto keep = [](double& most, double v) { most = std::max(most, std::abs(v)); };
+    for (const Tree& t : all) {
+        keep(t.order <= 5 ? worst : of_6, sum(dense(dopri5::b), t.value) - 1.0 / t.density);
+        if (t.order <= 5) keep(t.order <= 4 ? fourth : of_5, sum(dense(dopri5::error_4), t.value));
+    }
+    CHECK(worst < 1e-14);
+    CHECK(fourth < 1e-14);
+    for (const double beyond : {of_6, of_5}) CHECK(beyond > 1e-5);
+    for (const double x : {0.05, 0.2, 0.37, 0.5, 0.81, 1.0}) {
+        CAPTURE(x);
+        const Weights w = inside(x, dense(dopri5::b), {dense(dopri5::d0)});
+        for (const Tree& t : all)
+            if (t.order <= 4) CHECK(std::abs(sum(w, t.value) - std::pow(x, t.order) / t.density) < 1e-14);
     }
 }
 
@@ -202,6 +237,53 @@ TEST_CASE("errors fall with the eighth power of the step, inside it with the sev
     const Errors coarse = errors_of_steps(0.5), fine = errors_of_steps(0.25);
     CHECK(std::log2(coarse.at_end / fine.at_end) == doctest::Approx(8.0).epsilon(0.1));
     CHECK(std::log2(coarse.inside / fine.inside) > 6.9);
+}
+
+namespace {
+
+struct Sampled {
+    double error = 0.0, inside = 0.0;
+    long rhs = 0, steps = 0;
+};
+
+// From sample to sample, an interval apart, and a new start at each.
+Sampled sampled(double interval, double rtol) {
+    Law law = swell();
+    auto solver = started(law, rtol, 1.0);
+    Sampled found;
+    for (int k = 1; k * interval < 8.0; ++k) {
+        while (solver->step(k * interval) == Solver::Outcome::stepped) {
+        }
+        const double from = solver->previous_time(), t = solver->time();
+        found.error = std::max(found.error, std::abs(solver->state()[0] - swell_at(t)));
+        for (const double x : {0.2, 0.5, 0.8}) {
+            double y = 0.0;
+            solver->state_at(from + x * (t - from), &y);
+            found.inside = std::max(found.inside, std::abs(y - swell_at(from + x * (t - from))));
+        }
+        solver->restart(t, std::vector<double>{rtol}, rtol);
+    }
+    found.rhs = solver->counts().rhs, found.steps = solver->counts().steps;
+    return found;
+}
+
+}  // namespace
+
+TEST_CASE("from sample to sample, short steps are taken at half the work, to the same tolerance") {
+    const Sampled fine = sampled(0.02, 1e-8);
+    CHECK(fine.rhs < 9 * fine.steps);
+    CHECK(fine.error < 1e-8);
+    CHECK(fine.inside < 1e-8);
+    const Sampled coarse = sampled(0.4, 1e-8);  // too long for order 5
+    CHECK(coarse.rhs > 15 * coarse.steps);
+    CHECK(coarse.error < 3e-8);
+    CHECK(coarse.inside < 3e-8);
+}
+
+TEST_CASE("the error of short steps falls with the fifth power of the interval") {
+    const Sampled coarse = sampled(0.1, 1e3), fine = sampled(0.05, 1e3);
+    CHECK(std::log2(coarse.error / fine.error) == doctest::Approx(5.0).epsilon(0.1));
+    CHECK(std::log2(coarse.inside / fine.inside) > 3.9);
 }
 
 TEST_CASE("the error reached goes with the tolerance") {

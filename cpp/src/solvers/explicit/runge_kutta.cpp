@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "dop853.hpp"
+#include "dopri5.hpp"
 
 namespace dualdrive {
 
@@ -20,6 +21,7 @@ constexpr double after_a_bad_number = 0.25;  // of a step that left the domain o
 // if it errs by less than this share of the state; where something goes to infinity, it errs by more.
 constexpr double most_forgiven = 1e-6;
 constexpr double near_instability = 3.0;  // of h times the fastest pole; the method is stable up to about 6
+constexpr int longest_pause = 31;         // steps without another try of a short one, after many that failed
 constexpr double inner_share = 0.2;       // of the defect in mid-step that counts as error; chosen by measurement
 
 // How a step should change that erred by e times what is allowed; both its errors go with the eighth power.
@@ -92,7 +94,13 @@ Solver::Outcome RungeKutta::step(double stop) {
     // The last two steps before a stop share what is left, so that none is tiny.
     double h = wanted > 0.99 * left ? left : wanted > 0.5 * left ? 0.5 * left : wanted;
     bool rejected = false, stops = h == left;
-    double e = try_step(stops ? stop : begin_ + h);
+    double e = infinite;
+    if (stops && 2.0 * left <= longest_ && ++since_short_ > short_pause_) {
+        e = try_short_step(stop);
+        since_short_ = 0;
+        short_pause_ = e > 1.0 ? std::min(2 * short_pause_ + 1, longest_pause) : 0;
+    }
+    if (e > 1.0) e = try_step(stops ? stop : begin_ + h);
     for (; e > 1.0; e = try_step(begin_ + h)) {
         rejected = true;
         stops = false;
@@ -122,9 +130,14 @@ void RungeKutta::combine(double h, Vector& y) const {
 }
 
 template <const auto& row>
-bool RungeKutta::stage(std::size_t k, double h) {
+bool RungeKutta::stage(double c, std::size_t k, double h) {
     combine<row>(h, stage_);
-    return rates(dop853::c[k] < 1.0 ? begin_ + dop853::c[k] * h : end_, stage_.data(), rate(k));
+    return rates(c < 1.0 ? begin_ + c * h : end_, stage_.data(), rate(k));
+}
+
+void RungeKutta::weigh() {
+    for (std::size_t i = 0; i < width_; ++i)
+        weight_[i] = 1.0 / (atol_[i] + rtol_ * std::max(std::abs(from_[i]), std::abs(to_[i])));
 }
 
 // The error of a step over what is allowed, at its end and inside; infinite where the laws give no number.
@@ -132,19 +145,39 @@ double RungeKutta::try_step(double end) {
     using namespace dop853;
     end_ = end;
     const double h = end_ - begin_;
-    const bool finite = stage<a1>(1, h) && stage<a2>(2, h) && stage<a3>(3, h) && stage<a4>(4, h) && stage<a5>(5, h) &&
-                        stage<a6>(6, h) && stage<a7>(7, h) && stage<a8>(8, h) && stage<a9>(9, h) && stage<a10>(10, h) &&
-                        stage<a11>(11, h);
+    const bool finite = stage<a1>(c[1], 1, h) && stage<a2>(c[2], 2, h) && stage<a3>(c[3], 3, h) && stage<a4>(c[4], 4, h) && stage<a5>(c[5], 5, h) &&
+                        stage<a6>(c[6], 6, h) && stage<a7>(c[7], 7, h) && stage<a8>(c[8], 8, h) && stage<a9>(c[9], 9, h) && stage<a10>(c[10], 10, h) &&
+                        stage<a11>(c[11], 11, h);
     if (!finite) return infinite;
     combine<b>(h, to_);
-    for (std::size_t i = 0; i < width_; ++i)
-        weight_[i] = 1.0 / (atol_[i] + rtol_ * std::max(std::abs(from_[i]), std::abs(to_[i])));
+    weigh();
     const double e = forgiven(error(h), h);
     if (e > 1.0) return e;
     if (!rates(end_, to_.data(), rate(last))) return infinite;
-    pole_ = fastest_pole();
+    pole_ = fastest_pole(last - 1);
     if (!extend(h)) return infinite;
     return forgiven(std::max(e, inner_share * defect(h)), h);
+}
+
+// The same by the method of order 5, at half the work: for steps that are short anyhow, from one sample to the next. Its
+// stages and the middle lie three tenths of a step apart at most.
+double RungeKutta::try_short_step(double end) {
+    using namespace dopri5;
+    end_ = end;
+    const double h = end_ - begin_;
+    const bool finite = stage<a1>(c[1], 1, h) && stage<a2>(c[2], 2, h) && stage<a3>(c[3], 3, h) &&
+                        stage<a4>(c[4], 4, h) && stage<a5>(c[5], 5, h);
+    if (!finite) return infinite;
+    combine<b>(h, to_);
+    weigh();
+    if (!rates(end_, to_.data(), rate(last))) return infinite;
+    const double e = h * size([&](std::size_t i) { return weighted<error_4>(rates_.data(), width_, i); });
+    if (e > 1.0) return e;
+    pole_ = fastest_pole(stages - 1);
+    join(h);
+    for (std::size_t i = 0; i < width_; ++i) F(3)[i] = h * weighted<d0>(rates_.data(), width_, i);
+    for (std::size_t k = 4; k < dop853::powers; ++k) std::fill_n(F(k), width_, 0.0);
+    return std::max(e, inner_share * defect(h));
 }
 
 double RungeKutta::forgiven(double e, double h) const {
@@ -173,10 +206,10 @@ double RungeKutta::error(double h) const {
 // The rates at the step's end and at its last stage belong to states that lie close together, apart mostly along the
 // fastest motions: their difference quotient shows the fastest pole (Hairer, Wanner, Solving Ordinary Differential
 // Equations II, IV.2).
-double RungeKutta::fastest_pole() const {
+double RungeKutta::fastest_pole(std::size_t before) const {
     double rise = 0.0, run = 0.0;
     for (std::size_t i = 0; i < states_; ++i) {
-        const double df = weight_[i] * (rate(dop853::last)[i] - rate(dop853::last - 1)[i]);
+        const double df = weight_[i] * (rate(dop853::last)[i] - rate(before)[i]);
         const double dy = weight_[i] * (to_[i] - stage_[i]);
         rise += df * df;
         run += dy * dy;
@@ -220,18 +253,25 @@ double RungeKutta::first_step() {
 // y(x) = y0 + x (F0 + (1 − x) (F1 + x (F2 + (1 − x) (F3 + …)))), x in 0 … 1
 bool RungeKutta::extend(double h) {
     using namespace dop853;
-    if (!stage<a13>(13, h) || !stage<a14>(14, h) || !stage<a15>(15, h)) return false;
+    if (!stage<a13>(c[13], 13, h) || !stage<a14>(c[14], 14, h) || !stage<a15>(c[15], 15, h)) return false;
+    join(h);
     for (std::size_t i = 0; i < width_; ++i) {
-        const double rise = to_[i] - from_[i], at_begin = h * rate(0)[i], at_end = h * rate(last)[i];
-        F(0)[i] = rise;
-        F(1)[i] = at_begin - rise;
-        F(2)[i] = 2.0 * rise - at_begin - at_end;
         F(3)[i] = h * weighted<d0>(rates_.data(), width_, i);
         F(4)[i] = h * weighted<d1>(rates_.data(), width_, i);
         F(5)[i] = h * weighted<d2>(rates_.data(), width_, i);
         F(6)[i] = h * weighted<d3>(rates_.data(), width_, i);
     }
     return true;
+}
+
+// What both ends of the step, and the rates there, tell of its inside.
+void RungeKutta::join(double h) {
+    for (std::size_t i = 0; i < width_; ++i) {
+        const double rise = to_[i] - from_[i], at_begin = h * rate(0)[i], at_end = h * rate(dop853::last)[i];
+        F(0)[i] = rise;
+        F(1)[i] = at_begin - rise;
+        F(2)[i] = 2.0 * rise - at_begin - at_end;
+    }
 }
 
 // How far the extension's slope in mid-step is from the rate there, times h. A fast mode that has died away grows again

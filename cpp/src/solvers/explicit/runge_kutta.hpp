@@ -53,8 +53,10 @@ class RungeKutta final : public Solver {
     template <const auto& row>
     void combine(double h, Vector& y) const;
     template <const auto& row>
-    bool stage(std::size_t k, double h);
+    bool stage(double c, std::size_t k, double h);
+    void weigh();
     double try_step(double end);
+    double try_short_step(double end);
     double forgiven(double e, double h) const;
     double error(double h) const;
     double defect(double h);
@@ -62,7 +64,8 @@ class RungeKutta final : public Solver {
     double size(Component&& component) const;
     double first_step();
     bool extend(double h);
-    double fastest_pole() const;
+    void join(double h);
+    double fastest_pole(std::size_t before) const;
     void inside(double t, std::size_t first, std::size_t n, double* out) const;
     void at(double t, std::size_t first, std::size_t n, double* out) const;
 
@@ -74,6 +77,7 @@ class RungeKutta final : public Solver {
 
     double t_ = 0.0, begin_ = 0.0, end_ = 0.0;  // now; the last step, even where part of it was taken back
     double next_ = 0.0, least_ = 0.0, longest_ = std::numeric_limits<double>::infinity(), pole_ = 0.0;
+    int since_short_ = 0, short_pause_ = 0;  // steps since one of order 5 was tried, and before the next
     int limited_ = 0, mild_ = 0;  // steps in a row at the limit of stability, and not
     bool rate_known_ = false, finite_ = true;
     Vector now_, from_, to_, atol_, weight_, stage_, middle_;
