@@ -34,9 +34,8 @@ using Matrix = std::array<Weights, method::stages>;  // stages that a method lac
 
 const Matrix& matrix() {
     using namespace method;
-    static const Matrix a{Weights{}, dense(a1),  dense(a2),  dense(a3), dense(a4),  dense(a5),
-                                               dense(a6), dense(a7),  dense(a8),  dense(a9), dense(a10), dense(a11),
-                                               dense(b),  dense(a13), dense(a14), dense(a15)};
+    static const Matrix a{Weights{}, dense(a1), dense(a2),  dense(a3),  dense(a4), dense(a5),  dense(a6),  dense(a7),
+                          dense(a8), dense(a9), dense(a10), dense(a11), dense(b),  dense(a13), dense(a14), dense(a15)};
     return a;
 }
 

@@ -145,9 +145,10 @@ double RungeKutta::try_step(double end) {
     using namespace dop853;
     end_ = end;
     const double h = end_ - begin_;
-    const bool finite = stage<a1>(c[1], 1, h) && stage<a2>(c[2], 2, h) && stage<a3>(c[3], 3, h) && stage<a4>(c[4], 4, h) && stage<a5>(c[5], 5, h) &&
-                        stage<a6>(c[6], 6, h) && stage<a7>(c[7], 7, h) && stage<a8>(c[8], 8, h) && stage<a9>(c[9], 9, h) && stage<a10>(c[10], 10, h) &&
-                        stage<a11>(c[11], 11, h);
+    const bool finite = stage<a1>(c[1], 1, h) && stage<a2>(c[2], 2, h) && stage<a3>(c[3], 3, h) &&
+                        stage<a4>(c[4], 4, h) && stage<a5>(c[5], 5, h) && stage<a6>(c[6], 6, h) &&
+                        stage<a7>(c[7], 7, h) && stage<a8>(c[8], 8, h) && stage<a9>(c[9], 9, h) &&
+                        stage<a10>(c[10], 10, h) && stage<a11>(c[11], 11, h);
     if (!finite) return infinite;
     combine<b>(h, to_);
     weigh();

@@ -78,7 +78,7 @@ class RungeKutta final : public Solver {
     double t_ = 0.0, begin_ = 0.0, end_ = 0.0;  // now; the last step, even where part of it was taken back
     double next_ = 0.0, least_ = 0.0, longest_ = std::numeric_limits<double>::infinity(), pole_ = 0.0;
     int since_short_ = 0, short_pause_ = 0;  // steps since one of order 5 was tried, and before the next
-    int limited_ = 0, mild_ = 0;  // steps in a row at the limit of stability, and not
+    int limited_ = 0, mild_ = 0;             // steps in a row at the limit of stability, and not
     bool rate_known_ = false, finite_ = true;
     Vector now_, from_, to_, atol_, weight_, stage_, middle_;
     Vector rates_, extension_;  // [stage][component], [coefficient][component]
