@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
+from dualdrive.diagnose import judge
+from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.probability import SURE, how_often_right, leaders
 
 
@@ -38,3 +41,34 @@ def test_names_count_until_together_they_are_sure(
 ) -> None:
     assert SURE == 0.9, "the cases are drawn up for it"
     assert leaders(named(*several)) == group  # type: ignore[arg-type]
+
+
+def pair_of(first: str, second: str, *, brings: float) -> tuple[Any, Any]:
+    """A survey in which a pair gains 1000, its second effect that share of it; and the pair."""
+    parts = [tuple(x.split("@")) for x in (first, second)]
+    none, alone, both = (
+        SimpleNamespace(hypothesis=Hypothesis(tuple(parts[:k])))  # type: ignore[arg-type]
+        for k in range(3)
+    )
+    costs = {
+        "nothing": 1000.0,
+        alone.hypothesis.label: 1000.0 * brings,
+        both.hypothesis.label: 0.0,
+    }
+    return SimpleNamespace(base=none, refits=[alone, both], criterion=costs), both
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "brings", "bent"),
+    [
+        ("hydrostatic_drag@table", "coulomb@motors", 0.01, True),
+        ("hydrostatic_drag@table", "coulomb@motors", 0.2, False),
+        ("hydrostatic_drag@table", "cogging@motors", 0.01, False),  # along another coordinate
+    ],
+)
+def test_a_friction_that_only_bends_another_makes_no_name(
+    first: str, second: str, brings: float, bent: bool
+) -> None:
+    found, pair = pair_of(first, second, brings=brings)
+    assert judge._bent(found, pair) is bent
+    assert not judge._bent(found, found.refits[0]), "a single law is never that"

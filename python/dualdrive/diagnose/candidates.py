@@ -17,6 +17,8 @@ _OF_A_MESH = ("load_dependent_mesh_loss",)
 _OF_THE_LOAD = ("unbalance", "position_dependent_inertia")
 #: effects that in a balance are one with a common factor of all inertias and frictions
 SCALES = ("thermal_drift", "torque_constant_saturation")
+#: friction that grows with speed or bends bristles, beside all that acts as dry friction
+_FRICTION = ("viscous", "hydrostatic_drag", "lugre")
 #: a group of parts -> what its single parts are called
 _ONE = {
     "motors": "motor",
@@ -57,6 +59,11 @@ def members(core: Any, group: Hypothesis) -> list[Hypothesis]:
         return []
     parts = [p for p in (*core.motors, *core.bodies, *core.connections) if p.startswith(f"{one}_")]
     return [h for p in parts if (h := possible(core, effect, p)) is not None]
+
+
+def rubs(effect: str) -> bool:
+    """Whether it is a law of friction."""
+    return effect in _FRICTION or "dry friction" in _core.effect_type(effect).acts_on
 
 
 def possible(core: Any, effect: str, place: str) -> Hypothesis | None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
+from dualdrive.diagnose.candidates import rubs
 from dualdrive.diagnose.heldout import held_out
 from dualdrive.diagnose.probability import (
     SURE,
@@ -20,6 +21,7 @@ from dualdrive.diagnose.probability import (
 )
 from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.result import Verdict
+from dualdrive.diagnose.settle import ENOUGH
 from dualdrive.diagnose.survey import Survey, excess, key_of
 
 Array = NDArray[np.float64]
@@ -34,6 +36,8 @@ EXPLAINED = 0.75
 FAINT = 0.5
 #: share that a plainer law may explain less than one of the angle on a small arc, and be as likely
 AS_MUCH = 0.03
+#: share of a pair's gain that its second law of friction must bring to be one of its own
+BENT = 0.02
 #: share of its gain that a name must keep where each stretch is foretold from the others
 KEPT = 0.25
 #: residual over floor, RMS, from which something is surely left
@@ -86,13 +90,32 @@ def _among_the_tried(found: Survey) -> Judgement:
     if best is base or gain < needed or faint or not _foretells(found, best, gain):
         verdict: Verdict = "unknown" if _too_much(before, doubt) else _sound(found)
         return Judgement(verdict, ranked, nothing, (), *figures)
-    if (explained < EXPLAINED and _too_much(after, doubt)) or best.beyond():
+    little = explained < EXPLAINED and (after.max() - 1.0) > doubt * (ENOUGH - 1.0)
+    if little or best.beyond() or _bent(found, best):
         return Judgement("unknown", ranked, nothing, (), *figures)
     leader = ranked[0][0]
     others = (*_twins(found, leader), *_plainer(found, leader, ranked))
     group = tuple(dict.fromkeys((*leaders(ranked), *others)))
     verdict = "effect" if ranked[0][1] >= SURE and len(group) == 1 else "ambiguous"
     return Judgement(verdict, ranked, nothing, group if len(group) > 1 else (), *figures)
+
+
+def _bent(found: Survey, best: Refit) -> bool:
+    """Whether the second of two laws of friction does no more than bend the curve of the first.
+
+    Then neither is the law: with a cubic damper a square one leaves a little, which some other
+    friction takes.
+    """
+    if len(best.hypothesis.effects) < 2 or not all(rubs(e) for e, _ in best.hypothesis.effects):
+        return False
+    singles = [r for r in found.refits if len(r.hypothesis.effects) == 1]
+    costs = [
+        found.criterion[key_of(r)]
+        for r in singles
+        if r.hypothesis.effects[0] in best.hypothesis.effects
+    ]
+    none, both = found.criterion[key_of(found.base)], found.criterion[key_of(best)]
+    return min(costs, default=none) - both < BENT * (none - both)
 
 
 def _twins(found: Survey, best: Refit) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from dualdrive.compare.equation import EquationAtFault
+from dualdrive.diagnose.judge import EXPLAINED
 from dualdrive.diagnose.result import Candidate, Experiment, Shape, Verdict
 
 _FEW = 3  # warnings that a paragraph can hold
@@ -123,9 +124,11 @@ def _unexplained(
     said = []
     if candidates and candidates[0].resolved:
         best = candidates[0]
+        why = "which is too little for a name"
+        if best.explained > EXPLAINED and len(best.effects) > 1:
+            why = "but its second law only bends the curve of the first: it is another shape"
         said.append(
-            f"The best of them, {best.label}, takes {100 * best.explained:.0f} % of it, which is "
-            "too little for a name."
+            f"The best of them, {best.label}, takes {100 * best.explained:.0f} % of it, {why}."
         )
     if equation is not None:
         said.append(f"The equation that does not close is that of the {equation.name}.")
