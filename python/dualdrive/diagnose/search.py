@@ -128,13 +128,14 @@ def _refined(
             return found
         short, begun = listed(found), []
     known = {r.hypothesis.label for r in (*found.refits, *begun)}
-    refits, missing = short(
-        [short.again(t) for t in trials if t.hypothesis.label not in known],
-        worth,
-        begun,
-        lambda refit: not clear or _explains(plain, refit),
-        lambda: clock.late(_FOR_TRIALS),
-    )
+    rest = [short.again(t) for t in trials if t.hypothesis.label not in known]
+    cut: list[str] = []
+    if clear and not any(_explains(plain, r) for r in begun):
+        more, cut = short.others(worth, trials, lambda: clock.late(_FOR_TRIALS))
+        rest = sorted([*rest, *more], key=lambda t: t.chi)
+    if cut:
+        clock.leave_out(f"not simulated: {', '.join(cut)}")
+    refits, missing = short(rest, worth, begun)
     if missing:
         clock.leave_out(f"not refitted: {', '.join(missing)}")
     found = settle(replace(found, refits=[*found.refits, *refits]), clock, tell)

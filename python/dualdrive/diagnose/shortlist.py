@@ -79,21 +79,13 @@ class Shortlist:
         return replace(trial, chi=self.fitter.evidence.chi(trial.u, trial.left))
 
     def __call__(
-        self,
-        trials: Sequence[Trial],
-        scores: Sequence[Score],
-        begun: Sequence[Refit],
-        explains: Callable[[Refit], bool],
-        late: Callable[[], bool],
+        self, trials: Sequence[Trial], scores: Sequence[Score], begun: Sequence[Refit] = ()
     ) -> tuple[list[Refit], list[str]]:
-        """What was tried, refitted, the whole laws of friction that contain it, then others.
+        """What was tried, refitted, and the whole laws of friction that contain it.
 
         Late signals, slow to simulate, come last unless they lead.
 
         begun: what was refitted already
-        explains: whether a refit leaves nothing to explain: where none of the best does, every
-            other law is simulated
-        late: none of these is simulated once this turns true
 
         Returns:
             all refits, and labels of what the time limit left out.
@@ -105,21 +97,20 @@ class Shortlist:
         rubbing = [h.effects[-1][1] for h in (r.hypothesis for r in found) if _rubs(h)]
         whole = _whole(scores, rubbing)
         wanted = [t.hypothesis.label for t in trials] + [s.label for s in whole]
-        if rubbing:
-            found += self._whole_laws(whole, found)
-        if not any(map(explains, found)):
-            more, cut = self._others(scores, [*found, *slow], late)
-            found, wanted = [*found, *more], [*wanted, *cut]
-        if not rubbing:
-            found += self._whole_laws(whole, found)
+        found += self._whole_laws(whole, found)
         found += self._refitted(slow, scores)
         return found, sorted(set(wanted) - {r.hypothesis.label for r in found})
 
-    def _others(
-        self, scores: Sequence[Score], known: Sequence[Refit | Trial], late: Callable[[], bool]
-    ) -> tuple[list[Refit], list[str]]:
-        """The best of every law that is not known yet, and labels of what is left out."""
-        laws = {effect for r in known for effect, _ in r.hypothesis.effects} | set(CONTAINS)
+    def others(
+        self, scores: Sequence[Score], trials: Sequence[Trial], late: Callable[[], bool]
+    ) -> tuple[list[Trial], list[str]]:
+        """The best of all other laws, simulated at usual sizes, and labels of what time left out.
+
+        For where the leader leaves something: a score tells little of a machine that hunts.
+
+        late: no further law is simulated once this turns true
+        """
+        laws = {effect for t in trials for effect, _ in t.hypothesis.effects} | set(CONTAINS)
         first = {_law(s): s for s in reversed(scores) if _law(s) not in laws}
         self.tell(f"simulating {len(first)} more")
 
@@ -129,12 +120,10 @@ class Shortlist:
             return None if late() else self.fitter.tried(h, starts, slopes=slopes)
 
         several = list(first.values())[::-1]
-        trials = self._side_by_side(tried, several)
-        best = sorted([t for t in trials if t is not None], key=lambda t: t.chi)[:_OTHERS]
-        wanted = [t.hypothesis.label for t in best]
-        if late() or self.fitter.stop():
-            wanted += [s.label for s, t in zip(several, trials, strict=True) if t is None]
-        return self._refitted(best, scores), wanted
+        found = self._side_by_side(tried, several)
+        cut = [s.label for s, t in zip(several, found, strict=True) if t is None]
+        best = sorted([t for t in found if t is not None], key=lambda t: t.chi)[:_OTHERS]
+        return best, cut if late() or self.fitter.stop() else []
 
     def _refitted(self, trials: Sequence[Trial], scores: Sequence[Score]) -> list[Refit]:
         """Refits of several trials, the lowest first; a compliance from each of its starts."""
