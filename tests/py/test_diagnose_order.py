@@ -40,6 +40,11 @@ def test_the_same_law_elsewhere_is_no_rival_of_a_leader(listed: Shortlist) -> No
     assert listed.far_ahead(leader, [leader, part])
 
 
+def test_dry_friction_waits_for_the_whole_laws_that_contain_it(listed: Shortlist) -> None:
+    leader, other = of("coulomb@table", 200.0), of("cogging@motors", 900.0)
+    assert not listed.far_ahead(leader, [leader, other])
+
+
 def test_a_leader_that_gains_next_to_nothing_is_not_ahead(listed: Shortlist) -> None:
     assert not listed.far_ahead(of("cogging@motors", 990.0), [of("unbalance@table", 1000.0)])
 

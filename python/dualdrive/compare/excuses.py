@@ -66,7 +66,7 @@ def first_point(core: Any, held: Sequence[Held]) -> Point:
     """Nominal numbers, and the zeros under which the drives' equations close best."""
     free = _free(core, held)
     u = np.array([x.coordinate(x.nominal) if x.nominal else x.start for x in free])
-    return _at(core, free, u, [_first_zeros(core, h) for h in held], held)
+    return _at(core, free, u, [first_zeros(core, h) for h in held], held)
 
 
 def refitted(point: Point, weigh: Weigh, rounds: int) -> Point:
@@ -185,7 +185,7 @@ def _free(core: Any, held: Sequence[Held]) -> list[Unknown]:
     return unknowns(core, kept, None, {}) if kept else []
 
 
-def _first_zeros(core: Any, h: Held) -> dict[str, float]:
+def first_zeros(core: Any, h: Held) -> dict[str, float]:
     """The zero under which a drive's own equation closes best, of those that its play allows."""
     found = {}
     thin = max(1, len(h.t) // 400)

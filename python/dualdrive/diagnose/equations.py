@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
-from dualdrive.compare.excuses import _first_zeros
+from dualdrive.compare.excuses import first_zeros
 from dualdrive.compare.held import Held, hold
 from dualdrive.compare.laws import shifted
+from dualdrive.diagnose.balance_motion import calm, sizes_of, usual_zero
 from dualdrive.diagnose.confront import Series, Tolerance, believable, nominal_unknowns
 from dualdrive.identify import Processing, with_torques
 from dualdrive.identify.filtering import ANGLES
 from dualdrive.identify.model import TORQUES
 from dualdrive.identify.unknowns import Unknown, default_free
-from dualdrive.replay import ratio_to_table
 from dualdrive.replay.record import with_settings
 from dualdrive.traces import Trace
 
@@ -34,9 +34,7 @@ Flags = NDArray[np.bool_]
 PROCESSING = Processing(decimate=4)
 #: constant torque of an equation, as a share of the spread of its measured torque
 CONSTANT = 0.5
-_GAPS = (0.7, 0.85, 1.0, 1.15, 1.3)  # of the nominal play: where contact may change
 _TOO_FEW = 40  # samples that count, of the best equation
-_REACH = 4  # samples on either side that the filter smears a change over
 
 
 class TorqueBalance:
@@ -67,7 +65,7 @@ class TorqueBalance:
         self.held = [hold(core, trace, name, processing) for name, trace in whole.items()]
         self.equations = _chosen(self.held[0]) if apart else ("total",)
         zeros = [
-            _first_zeros(with_settings(core, s), h)
+            first_zeros(with_settings(core, s), h)
             for s, h in zip(self.settings, self.held, strict=True)
         ]
         self.zeros = [
@@ -76,7 +74,7 @@ class TorqueBalance:
             for angle, zero in own.items()
             if self.equations != ("total",)  # in the sum no twist counts
         ]
-        self._scale = [self._zero_scale(k, angle) for k, angle, _ in self.zeros]
+        self._scale = [usual_zero(core, self.held[k], angle) for k, angle, _ in self.zeros]
         self.nominal = self._free()
         raw = [self._evaluate(core, h, h.samples) for h in self.held]
         self._measured = [m for _, m in raw]
@@ -193,24 +191,7 @@ class TorqueBalance:
 
     def sizes(self) -> dict[str, float]:
         """Spread of the torque carried to the table, N*m, of its speed, and its travel."""
-        torque = speed = 0.0
-        for held in self.held:
-            for motor in self.core.motors:
-                name = f"T_{motor.rpartition('_')[2]}"
-                if name in held.samples:
-                    spread = float(np.std(held.samples[name]))
-                    torque = max(torque, ratio_to_table(self.core, motor) * spread)
-            for _, (rate, _) in ANGLES.items():
-                if rate in held.samples:
-                    part = {"omega_m": "table"}.get(rate) or _part(rate)
-                    own = float(np.std(held.samples[rate])) / ratio_to_table(self.core, part)
-                    speed = max(speed, own)
-        travel = 0.0
-        for angle in (a for held in self.held for a in ANGLES if a in held.samples):
-            part = "table" if angle == "theta_m" else _part(angle.replace("theta", "omega"))
-            own = max(float(np.ptp(h.samples[angle])) for h in self.held if angle in h.samples)
-            travel = max(travel, own / ratio_to_table(self.core, part))
-        return {"torque": torque, "speed": speed, "travel": travel}
+        return sizes_of(self.core, self.held)
 
     # --- parts --------------------------------------------------------------------------------
 
@@ -257,25 +238,16 @@ class TorqueBalance:
         }
         return dict(shifted(self.held[k].samples, zeros))
 
-    def _zero_scale(self, k: int, angle: str) -> float:
-        """A usual error of an encoder's zero: its noise, or a hundredth of its drive's play."""
-        held, n = self.held[k], angle[-1]
-        noise = float(np.std(held.noisy[angle] - held.samples[angle]))
-        mesh = f"mesh_{n}"
-        play = self.core.get(f"{mesh}.gap") if mesh in self.core.connections else 0.0
-        part = f"motor_{n}" if f"motor_{n}" in self.core.motors else f"pinion_{n}"
-        ratio = ratio_to_table(self.core, part) / max(ratio_to_table(self.core, mesh), 1e-12)
-        return max(noise, 0.01 * play * ratio, 1e-12)
-
     def _series(self) -> list[Series]:
         found = []
         for k, held in enumerate(self.held):
             core = with_settings(self.core, self.settings[k])
             noisy, _ = self._evaluate(core, held, held.noisy)
             plain, measured = self._evaluate(core, held, held.samples)
+            zeros = {angle: zero for record, angle, zero in self.zeros if record == k}
             speed = np.abs(next(held.samples[r] for r, _ in ANGLES.values() if r in held.samples))
             for e, name in enumerate(self.equations):
-                keep = held.keep & self._calm(k, name)
+                keep = held.keep & calm(self.core, held, name, zeros)
                 own = (noisy - plain)[e][keep]
                 floor = float(np.sqrt(np.median(own**2)) / 0.6745) if len(own) else 0.0
                 found.append(
@@ -294,42 +266,8 @@ class TorqueBalance:
                 )
         return found
 
-    def _calm(self, k: int, equation: str) -> Flags:
-        """Samples further from a change of contact than the filter reaches, (n,).
-
-        A contact law on filtered motion is not the filtered law: where a flank meets or parts, a
-        drive's own equation shows a spike that is no torque. The sum at the table has none.
-        """
-        held, n = self.held[k], equation[-1]
-        mesh = f"mesh_{n}"
-        every = np.ones(len(held.t), dtype=bool)
-        if equation == "total" or mesh not in self.core.connections:
-            return every
-        zeros = {a: zero for record, a, zero in self.zeros if record == k and a[-1] == n}
-        if not zeros or self.core.kind(mesh) != "gap":
-            return every
-        [(angle, zero)] = zeros.items()
-        ratio = self.core.get(f"{mesh}.ratio")
-        geared = angle == f"theta_{n}" and f"gearbox_{n}" in self.core.connections
-        own = (held.samples[angle] - zero) / (
-            self.core.get(f"gearbox_{n}.ratio") if geared else 1.0
-        )
-        twist, gap = own - ratio * held.samples["theta_m"], self.core.get(f"{mesh}.gap")
-        near = np.zeros(len(twist), dtype=bool)
-        for share in _GAPS:
-            side = np.sign(twist) * (np.abs(twist) > share * gap)
-            changes = np.flatnonzero(np.diff(side) != 0)
-            for c in changes:
-                near[max(0, c - _REACH) : c + 2 + _REACH] = True
-        return ~near
-
 
 def _chosen(held: Held) -> tuple[str, ...]:
     """The sum at the table, and the drives' own equations where they are recorded."""
     drives = tuple(e for e in held.equations if e not in ("m", "total"))
     return ("total", *drives) if len(held.equations) > 1 else ("total",)
-
-
-def _part(rate: str) -> str:
-    suffix = rate.removeprefix("omega_")
-    return f"pinion_{suffix[1:]}" if suffix.startswith("c") else f"motor_{suffix}"

@@ -66,7 +66,10 @@ class Shortlist:
         """Whether a refit gains far more than any other law does where it was tried.
 
         Gains are those of the profile likelihood: a law may explain one record and not another.
+        Dry friction is never ahead: the whole laws that contain it are its first rivals.
         """
+        if _rubs(leader.hypothesis):
+            return False
         seen = self.fitter.evidence
         none = profile(seen, self.base)
         laws = {effect for effect, _ in leader.hypothesis.effects}
