@@ -1,4 +1,4 @@
-"""Independent evaluations, computed side by side: what a fit or a screening is spread by."""
+"""Independent evaluations, computed side by side: what a fit is spread by."""
 
 from __future__ import annotations
 

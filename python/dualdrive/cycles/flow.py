@@ -49,12 +49,6 @@ class Flow:
         self.states = [state for state, _ in self.core.states()]
         self.inputs = {"theta_ref": _core.constant(0.0)}
 
-    def with_number(self, path: str, value: float) -> Flow:
-        """The same with one parameter set."""
-        machine = self.machine.copy()
-        machine.set(path, value)
-        return Flow(machine)
-
     def run(self, state: Array, span: float, *, points: int = 1) -> _core.Trajectory:
         """Simulate for `span` s with `points` output steps. Raises NoCycleError if that fails."""
         known = {name for name, _, _ in self.core.signals()}

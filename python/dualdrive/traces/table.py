@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -117,14 +116,3 @@ def numbers(column: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.bool_
         except ValueError:
             bad[i] = True
     return values, bad
-
-
-def constants_of(found: Mapping[str, Any]) -> dict[str, float]:
-    """Keep the real numbers among `found`."""
-    return {
-        name: float(value)
-        for name, value in found.items()
-        if np.ndim(value) == 0
-        and np.issubdtype(np.asarray(value).dtype, np.number)
-        and not np.iscomplexobj(value)
-    }
