@@ -1,19 +1,19 @@
-"""Compare a machine with its trace, score what could be missing, add it, refit."""
+"""Confront a machine with its trace, learn what is missing, and test it on another trace."""
 
 from dualdrive import demo
-from dualdrive.identify import evaluate, fit, screen
+from dualdrive.diagnose import diagnose
+from dualdrive.identify import evaluate
 
 machine = demo.sheet()
 record, held_out = demo.records()
 
-nominal = fit(machine, record, rtol=1e-6)
-print(f"data sheet refitted: {nominal.error['refitted']:.1%}")
+found = diagnose(machine, record)
+print(f"data sheet refitted: {found.error['refitted']:.1%}")
 
-best = screen(nominal.machine, record, rtol=1e-6)[0]
-print(f"most likely missing: {best.label}, explains {best.explained:.0%} of what is left")
+best = found.candidates[0]
+print(f"{found.verdict}: {best.label}, explains {best.explained:.0%} of what is left")
+for path, number in best.parameters.items():
+    print(f"  {path} = {number.value:.4g} [{number.low:.4g} .. {number.high:.4g}] {number.unit}")
 
-grown = nominal.machine.copy()
-grown.add(best.effect, best.place, **{p.split(".")[-1]: v for p, v in best.expected.items()})
-found = fit(grown, record, rtol=1e-6)
-unseen = evaluate(found.machine, held_out).error
-print(f"with it: {found.error['refitted']:.1%}, held out {unseen:.1%}")
+unseen = evaluate(found.improved, held_out).error
+print(f"with it: {found.error['best']:.1%}, held out {unseen:.1%}")
