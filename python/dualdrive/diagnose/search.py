@@ -44,7 +44,7 @@ WORTH_A_REFIT = 15.0  # fall of chi^2 over its inflation, below which no name co
 _RIVAL = 0.3  # of the best gain: less is no rival, where no more than noise is left
 _CONTAINED = 4.0  # gain of a simple law of friction from which the whole ones are tried there
 _TAKEN_APART = 6  # best groups of which the single parts are tried
-_FOR_TRIALS = 0.7  # of the time: what is simulated beyond it could not be refitted
+_FOR_TRIALS = 0.85  # of the time: what is simulated beyond it could not be refitted
 _FOR_PROBES = 0.45  # of the time; what is probed beyond it could not be refitted
 
 
