@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from dualdrive import Machine
 from dualdrive.diagnose import pairs, shortlist
 from dualdrive.diagnose.guesses import Guesses
 from dualdrive.diagnose.hypotheses import Hypothesis
@@ -63,3 +64,28 @@ def test_what_gains_half_as_much_may_be_the_first_of_a_pair_too() -> None:
     assert [r.hypothesis.label for r in chosen] == ["coulomb@table", "cogging@motors"]
     criterion["cogging@motors"] = 501.0
     assert [r.hypothesis.label for r in pairs._firsts(found, several)] == ["coulomb@table"]
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "again"),
+    [
+        ("transmission_error@pinions", "transmission_error@pinion_2", True),
+        ("transmission_error@pinions", "transmission_error@table", False),
+        ("coulomb@table", "coulomb@motors", False),
+        ("cogging@motor_1", "cogging@motors", True),
+        ("cogging@motor_1", "cogging@motor_2", False),
+        ("cogging@motors", "torque_ripple@motors", False),
+    ],
+)
+def test_a_law_is_no_partner_of_itself_at_a_part_that_has_it(
+    first: str, second: str, again: bool
+) -> None:
+    core = Machine.load("bench").core
+
+    def put_in(label: str) -> Any:
+        hypothesis = Hypothesis((tuple(label.split("@")),))  # type: ignore[arg-type]
+        grown, _ = hypothesis.put_in(core)
+        return SimpleNamespace(hypothesis=hypothesis, grown=grown, label=label)
+
+    one, other = put_in(first), put_in(second)
+    assert pairs._again(one, SimpleNamespace(signature=other, label=second)) is again  # type: ignore[arg-type]

@@ -144,12 +144,21 @@ def _partners(found: Survey, first: Refit, scores: Sequence[Score]) -> list[Scor
         replace(s, gain=scorer(seen.white(s.signature.columns)))
         for s in scores
         if s.label not in same
-        and s.signature.hypothesis.effects[0] != (effect, place)
+        and not _again(first, s)
         and not (place == s.signature.hypothesis.effects[0][1] and _contains(s, effect))
     ]
     worth = [s for s in others if s.gain.gain / found.inflation > _WORTH]
     worth.sort(key=lambda s: -s.gain.gain)
     return list({s.label: s for s in reversed(worth)}.values())[::-1][:_SECONDS]
+
+
+def _again(first: Refit, score: Score) -> bool:
+    """Whether it is the law of the first once more, at a part that has it already."""
+    effect = score.signature.hypothesis.effects[0][0]
+    if effect != first.hypothesis.effects[0][0]:
+        return False
+    parts = [set(grown.effects[-1]["members"]) for grown in (first.grown, score.signature.grown)]
+    return bool(parts[0] & parts[1]) or score.label == first.hypothesis.label
 
 
 def _contains(score: Score, effect: str) -> bool:
