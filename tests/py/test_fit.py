@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from typing import Any
 
@@ -211,6 +212,22 @@ def test_jacobian_is_the_derivative_of_the_residual() -> None:
         off = np.linalg.norm(jacobian[:, k] - numeric)
         # grazing contacts and the spline behind a delay leave little, never a wrong column
         assert off < 0.03 * size + 1e-9 * np.linalg.norm(jacobian), k
+
+
+@pytest.mark.parametrize("slope", [1e200, np.inf, np.nan])
+def test_slopes_that_explode_are_an_error_not_a_crash(
+    slope: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = problem(sheet(), demo("fit"), ["table.J"])
+    real = own.replays(own.start, slopes=True)
+    assert real is not None
+    wild = [
+        dataclasses.replace(r, slopes={name: 0.0 * x + slope for name, x in r.slopes.items()})
+        for r in real
+    ]
+    monkeypatch.setattr(own, "replays", lambda *_, **__: wild)
+    with pytest.raises(FitError, match=r"r: the sensitivities of \w+ overflow"):
+        own.jacobian(own.start)
 
 
 # --- how a fit ends -------------------------------------------------------------------------------
