@@ -90,8 +90,9 @@ def _among_the_tried(found: Survey) -> Judgement:
     if best is base or gain < needed or faint or not _foretells(found, best, gain):
         verdict: Verdict = "unknown" if _too_much(before, doubt) else _sound(found)
         return Judgement(verdict, ranked, nothing, (), *figures)
-    little = explained < EXPLAINED and (after.max() - 1.0) > doubt * (ENOUGH - 1.0)
-    if little or best.beyond() or _bent(found, best):
+    several = len(best.hypothesis.effects) > 1  # picked from thousands: nothing may be left
+    left = _too_much(after, doubt) or (several and (after.max() - 1.0) > doubt * (ENOUGH - 1.0))
+    if (explained < EXPLAINED and left) or best.beyond() or _bent(found, best):
         return Judgement("unknown", ranked, nothing, (), *figures)
     leader = ranked[0][0]
     others = (*_twins(found, leader), *_plainer(found, leader, ranked))

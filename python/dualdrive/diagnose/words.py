@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 from dualdrive.compare.equation import EquationAtFault
@@ -122,11 +123,13 @@ def _unexplained(
     candidates: Sequence[Candidate], equation: EquationAtFault | None, shapes: Sequence[Shape]
 ) -> list[str]:
     said = []
-    if candidates and candidates[0].resolved:
+    if candidates and math.isfinite(candidates[0].explained):
         best = candidates[0]
         why = "which is too little for a name"
         if best.explained > EXPLAINED and len(best.effects) > 1:
             why = "but its second law only bends the curve of the first: it is another shape"
+        elif best.explained > EXPLAINED:
+            why = "but not at a size that it can have"
         said.append(
             f"The best of them, {best.label}, takes {100 * best.explained:.0f} % of it, {why}."
         )

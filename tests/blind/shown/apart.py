@@ -1,7 +1,7 @@
 """The suggested experiment, carried out by the generator: does it part what was ambiguous?
 
-Both explanations are refitted to the new record, the sheet's numbers within their tolerances and
-the effect's within what the old record left. They are parted if the right one leaves less by more
+Both explanations are refitted to the new record, the machine's numbers and the effect's within what
+the old record left of them. They are parted if the right one leaves less by more
 than DECIDED, twice the log of odds of 20 to 1. Beside it any experiment of the menu that the
 machine survives, as large as it can do it.
 """
@@ -20,8 +20,8 @@ from tests.blind.scoring.match import same_place
 from tests.blind.shown.ordered import Order
 from tests.blind.shown.preloaded import OLD, Alike
 
-from dualdrive import Machine, parse_motion
-from dualdrive.diagnose import Candidate, Diagnosis
+from dualdrive import parse_motion
+from dualdrive.diagnose import Diagnosis
 from dualdrive.diagnose.experiment import Limits, menu, next_experiment
 from dualdrive.diagnose.experiment.distance import Noise, misfit
 from dualdrive.diagnose.experiment.limits import axis_of
@@ -91,26 +91,20 @@ def same(label: str, other: str) -> bool:
 
 
 def explanation(order: Order, found: Diagnosis, label: str) -> Rival | None:
-    """The sheet's machine with that candidate in it, as far as the old record knows its numbers."""
+    """The refitted machine with that candidate, as far as the old record knows its numbers."""
     fitting = (c for c in found.candidates if c.parameters and same(c.label, label))
     candidate = next(fitting, None)
     if candidate is None:
         return None
-    return Rival(candidate.label, core_of(_grown(order.machine(), candidate)), _known(candidate))
-
-
-def _grown(machine: Machine, candidate: Candidate) -> Machine:
+    machine = order.machine()
     for effect, place in candidate.effects:
         machine.add(effect, place)
-    for path, number in candidate.parameters.items():
+    every = {**found.numbers, **candidate.parameters}
+    for path, number in every.items():
         machine.core.set(path, number.value)
-    return machine
-
-
-def _known(candidate: Candidate) -> dict[str, float]:
-    """Standard deviations that the old record left, from the 95 % intervals."""
-    wide = {path: (p.high - p.low) / 3.92 for path, p in candidate.parameters.items()}
-    return {path: width for path, width in wide.items() if 0.0 < width < math.inf}
+    wide = {path: (p.high - p.low) / 3.92 for path, p in every.items()}
+    known = {path: width for path, width in wide.items() if 0.0 < width < math.inf}
+    return Rival(candidate.label, core_of(machine), known)
 
 
 def suggestion(
