@@ -15,6 +15,7 @@ from rich.table import Table
 
 from dualdrive.compare import Condition
 from dualdrive.diagnose import VERDICTS, Candidate, Diagnosis, Experiment, Interval, Ladder
+from dualdrive.files import write_atomically
 from dualdrive.machine import Machine
 from dualdrive.motion import parse_motion
 from dualdrive.units import human
@@ -241,3 +242,16 @@ def save(machine: Machine, path: Path, change: str, *, known: Machine, overwrite
     old, new = machine.history[: len(known.history)], machine.history[len(known.history) :]
     machine.history = (*old, *({**entry, "command": command_line()} for entry in new))
     machine.save(path, overwrite=overwrite)
+
+
+def save_page(
+    path: Path, d: Diagnosis, ladder: Ladder | None, machine: Machine, files: Sequence[Path]
+) -> None:
+    """Write the report of a diagnosis; machine: as it was given, files: of the records."""
+    from dualdrive.report import Provenance, page
+
+    improved = ladder.machine if ladder and ladder.steps else d.improved
+    origin = Provenance.of(machine, files, improved=improved, commands=(command_line(),))
+    text = page(d, ladder=ladder, provenance=origin)
+    with write_atomically(path) as temporary:
+        temporary.write_text(text, "utf-8")

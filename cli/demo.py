@@ -10,10 +10,11 @@ import click
 
 from dualdrive.demo import sheet, shipped, tell
 from dualdrive.files import make_folder, write_atomically
-from dualdrive_cli._diagnosis import budget_option, save, show, show_ladder, told
+from dualdrive.interrupt import interrupt
+from dualdrive_cli._diagnosis import budget_option, end, save, save_page, show, show_ladder, told
 from dualdrive_cli._shared import (
     FAILED,
-    command_line,
+    STOPPED,
     console,
     give_up,
     json_option,
@@ -50,22 +51,23 @@ def command(output: Path, no_pictures: bool, budget: float, json_to: str | None)
     """
     screen, began = console(), time.monotonic()
     make_folder(output)
-    with console(err=True).status("starting") as status:
+    with console(err=True).status("starting") as status, interrupt() as stop:
         found = tell(told(status), budget=budget)
         if not found.steps:
-            give_up(f"the demo: {found.stopped}", FAILED)
+            give_up(f"the demo: {found.stopped}", STOPPED if stop.is_set() else FAILED)
         if not no_pictures:
             status.update("drawing")
             _draw(found, output)
-            _report(found, output / REPORT)
+            with shipped() as (_, *files):
+                save_page(output / REPORT, found.diagnoses[0], found, sheet(), files)
     save(found.machine, output / MACHINE, "improved", known=sheet(), overwrite=True)
     write_json(json_to, found.figures())
-    if json_to == "-":
-        return
-    show(found.diagnoses[0])
-    show_ladder(found)
-    kept = [MACHINE] if no_pictures else [MACHINE, REPORT, *(f"{p}.png" for p in PICTURES)]
-    screen.print(f"\nIn {output}/: {', '.join(kept)}   ({time.monotonic() - began:.0f} s)")
+    if json_to != "-":
+        show(found.diagnoses[0])
+        show_ladder(found)
+        kept = [MACHINE] if no_pictures else [MACHINE, REPORT, *(f"{p}.png" for p in PICTURES)]
+        screen.print(f"\nIn {output}/: {', '.join(kept)}   ({time.monotonic() - began:.0f} s)")
+    end(stop)
 
 
 def _draw(found: Ladder, folder: Path) -> None:
@@ -84,15 +86,3 @@ def _draw(found: Ladder, folder: Path) -> None:
     for name in PICTURES:
         with write_atomically(folder / f"{name}.png") as temporary:
             figures[name].savefig(temporary)
-
-
-def _report(found: Ladder, path: Path) -> None:
-    from dualdrive.report import Provenance, page
-
-    with shipped() as files:
-        origin = Provenance.of(
-            sheet(), files[1:], improved=found.machine, commands=(command_line(),)
-        )
-    text = page(found.diagnoses[0], ladder=found, provenance=origin)
-    with write_atomically(path) as temporary:
-        temporary.write_text(text, "utf-8")

@@ -8,22 +8,21 @@ from typing import Any
 import click
 
 from dualdrive import diagnose
-from dualdrive.files import refuse_existing, write_atomically
+from dualdrive.files import refuse_existing
 from dualdrive.identify import FitError
 from dualdrive.interrupt import interrupt
-from dualdrive.report import Provenance, page
 from dualdrive_cli._diagnosis import (
     budget_option,
     confronting,
     end,
     how,
+    save_page,
     settings_for,
     told,
 )
 from dualdrive_cli._shared import (
     FAILED,
     STOPPED,
-    command_line,
     console,
     give_up,
     json_option,
@@ -102,15 +101,7 @@ def command(
         except FitError as error:
             give_up(f"{m.name}: {error}", STOPPED if stop.is_set() else FAILED)
     with console(err=True).status("drawing"):
-        origin = Provenance.of(
-            m,
-            [*traces, *held_out],
-            improved=steps.machine if steps and steps.steps else found.improved,
-            commands=(command_line(),),
-        )
-        text = page(found, ladder=steps, provenance=origin)
-    with write_atomically(output) as temporary:
-        temporary.write_text(text, "utf-8")
+        save_page(output, found, steps, m, [*traces, *held_out])
     write_json(json_to, (steps or found).figures())
     if json_to != "-":
         best = f": {found.best.label}" if found.best else ""

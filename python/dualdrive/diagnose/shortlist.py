@@ -32,7 +32,7 @@ R = TypeVar("R")
 _TWIN = 1.0 - 1e-5  # squared cosine above which two signatures are one
 _AS_FORETOLD = 0.6  # of the foretold gain: such a start is good enough
 _TRIED = 1.5  # times as many are tried as are refitted
-_OTHERS = 3  # of all other laws, where none of the best explains what is left
+_OTHERS = 3  # of all other laws, where the leader leaves something
 _FAR, _MUCH = 3.0, 50.0  # times the gain of all others, and of this: partners of such come first
 _SURELY = 3  # best scores that are refitted wherever their starts stand
 
@@ -68,7 +68,7 @@ class Shortlist:
         Gains are those of the profile likelihood: a law may explain one record and not another.
         Dry friction is never ahead: the whole laws that contain it are its first rivals.
         """
-        if _rubs(leader.hypothesis):
+        if _is_dry(leader.hypothesis):
             return False
         seen = self.fitter.evidence
         none = profile(seen, self.base)
@@ -97,7 +97,7 @@ class Shortlist:
         slow = [t for t in (trials if begun else trials[1:]) if self.fitter.is_late(t.grown)]
         found = [*begun, *self._refitted([t for t in trials if t not in slow], scores)]
         found.sort(key=lambda r: r.chi)
-        rubbing = [h.effects[-1][1] for h in (r.hypothesis for r in found) if _rubs(h)]
+        rubbing = [h.effects[-1][1] for h in (r.hypothesis for r in found) if _is_dry(h)]
         whole = _whole(scores, rubbing)
         wanted = [t.hypothesis.label for t in trials] + [s.label for s in whole]
         found += self._whole_laws(whole, found)
@@ -225,7 +225,8 @@ def _first(scores: Sequence[Score], guesses: Guesses, count: int) -> list[Score]
     return list({id(s): s for s in [*scores[:count], *listed]}.values())
 
 
-def _rubs(h: Hypothesis) -> bool:
+def _is_dry(h: Hypothesis) -> bool:
+    """Whether it is the friction that whole laws contain."""
     return h.effects[-1][0] == "coulomb"
 
 

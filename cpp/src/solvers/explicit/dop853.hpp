@@ -3,7 +3,7 @@
 //
 // Source: Hairer, Nørsett, Wanner, "Solving Ordinary Differential Equations I", 2nd ed., Springer 1993, § II.5, II.6 and
 // II.10; Dormand, Prince, "New Runge-Kutta algorithms for numerical simulation in dynamical astronomy", Celestial
-// Mechanics 18 (1978). tests/cpp/test_explicit.cpp holds every coefficient to the conditions of order.
+// Mechanics 18 (1978). tests/cpp/test_explicit_coefficients.cpp holds every coefficient to the conditions of order.
 #pragma once
 
 #include <array>

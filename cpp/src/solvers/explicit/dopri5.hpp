@@ -3,7 +3,7 @@
 // terms these are: the rate at the step's end stands at the same place.
 //
 // Source: Hairer, Nørsett, Wanner, "Solving Ordinary Differential Equations I", 2nd ed., Springer 1993, § II.5 and II.6;
-// Dormand, Prince, "A family of embedded Runge-Kutta formulae", J. Comp. Appl. Math. 6 (1980). tests/cpp/test_explicit.cpp
+// Dormand, Prince, "A family of embedded Runge-Kutta formulae", J. Comp. Appl. Math. 6 (1980). tests/cpp/test_explicit_coefficients.cpp
 // holds every coefficient to the conditions of order.
 #pragma once
 
