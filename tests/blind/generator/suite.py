@@ -16,8 +16,12 @@ from typing import Any
 import numpy as np
 from tests.blind.generator import cases, effects
 
-#: what suites are drawn from; nobody tunes anything on the sealed one
-PHRASES = {"dev": "tune on these", "sealed": "judged on these, seen by nobody before"}
+#: what suites are drawn from; nobody tunes anything on a sealed one
+PHRASES = {
+    "dev": "tune on these",
+    "sealed": "judged on these, seen by nobody before",
+    "sealed-2": "the next ones, once the others had all been read",
+}
 #: shares of the groups where only a count is given
 USUAL = {"single": 0.32, "none": 0.16, "drifted": 0.16, "outside": 0.18, "two": 0.18}
 FULL = {"single": 124, "none": 150, "drifted": 150, "outside": 48, "two": 48}
