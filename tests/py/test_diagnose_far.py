@@ -26,6 +26,7 @@ from dualdrive.diagnose.refit import Fitter, Refit
 from dualdrive.diagnose.score import Scorer
 from dualdrive.diagnose.signatures import Prober, score_all
 from dualdrive.diagnose.starts import near
+from dualdrive.diagnose.work import Clock, Work
 from dualdrive.replay import core_of, records
 
 rng = np.random.default_rng(11)
@@ -86,11 +87,10 @@ def test_a_strong_dead_time_is_fitted_though_the_machine_without_it_hunts() -> N
     noise = list(map(heard_above, c.series, base.left))
     scorer = Scorer(seen.rows(base.u, base.left, base.slopes))
     wanted = Hypothesis((("dead_time", "motors"),))
-    [score] = score_all(
-        Prober(c, base.u, base.left, noise), [(seen, scorer)], [1.0], [wanted], 1, lambda: False
-    )
+    prober = Prober(c, base.u, base.left, noise)
+    [score] = score_all(prober, [(seen, scorer)], [1.0], [wanted], Work(Clock(math.inf)))
     fitter = Fitter(seen)
-    trial = fitter.tried(wanted, near(score, base), slopes=base.slopes)
+    trial = fitter.tried(wanted, near(score, base.u), slopes=base.slopes)
     assert trial is not None
     found = sharpened(fitter, fitter(trial, base.slopes))
     values = found.values()

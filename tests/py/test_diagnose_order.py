@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,6 +14,7 @@ from dualdrive.diagnose.guesses import Guesses
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.shortlist import Shortlist
 from dualdrive.diagnose.survey import key_of
+from dualdrive.diagnose.work import Clock, Work
 
 
 def of(label: str, cost: float) -> Any:
@@ -26,7 +28,7 @@ def listed(monkeypatch: pytest.MonkeyPatch) -> Shortlist:
     monkeypatch.setattr(shortlist, "profile", lambda _, refit: refit.cost)
     fitter: Any = SimpleNamespace(evidence=None)
     none: Any = SimpleNamespace(cost=1000.0)
-    return Shortlist(fitter, none, none, Guesses(), 1, lambda _: None)
+    return Shortlist(fitter, none, none, Guesses(), Work(Clock(math.inf)))
 
 
 def test_a_leader_is_far_ahead_where_all_other_laws_gain_little(listed: Shortlist) -> None:
@@ -39,11 +41,6 @@ def test_a_leader_is_far_ahead_where_all_other_laws_gain_little(listed: Shortlis
 def test_the_same_law_elsewhere_is_no_rival_of_a_leader(listed: Shortlist) -> None:
     leader, part = of("current_limit@motors", 200.0), of("current_limit@motor_1", 500.0)
     assert listed.far_ahead(leader, [leader, part])
-
-
-def test_dry_friction_waits_for_the_whole_laws_that_contain_it(listed: Shortlist) -> None:
-    leader, other = of("coulomb@table", 200.0), of("cogging@motors", 900.0)
-    assert not listed.far_ahead(leader, [leader, other])
 
 
 def test_a_leader_that_gains_next_to_nothing_is_not_ahead(listed: Shortlist) -> None:

@@ -12,7 +12,7 @@ import pytest
 from dualdrive import Machine
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.refit import Fitter, Start
-from dualdrive.diagnose.survey import Clock
+from dualdrive.diagnose.work import Clock
 
 DRY = Hypothesis((("coulomb", "table"),))
 TORQUE = "coulomb@table.torque"

@@ -66,6 +66,22 @@ def rubs(effect: str) -> bool:
     return effect in _FRICTION or "dry friction" in _core.effect_type(effect).acts_on
 
 
+def akin(first: str, second: str) -> bool:
+    """Whether the library says that one effect is confused with the other, or both are one."""
+    return first == second or any(
+        b in _core.effect_type(a).confused_with.split(",")
+        for a, b in ((first, second), (second, first))
+    )
+
+
+def station(place: str) -> str:
+    """Which drive train a place is in, whatever part of it: all, or a number; else the place."""
+    if place in _ONE:
+        return "drives"
+    part, _, number = place.rpartition("_")
+    return number if part in _ONE.values() else place
+
+
 def possible(core: Any, effect: str, place: str) -> Hypothesis | None:
     """The effect at the place; None where there is no such part, or it carries it already."""
     hypothesis = Hypothesis(((effect, place),))

@@ -33,8 +33,9 @@ from dualdrive.diagnose.loop import ClosedLoop
 from dualdrive.diagnose.result import Diagnosis
 from dualdrive.diagnose.search import search
 from dualdrive.diagnose.shape import shapes
-from dualdrive.diagnose.survey import Clock, Survey
+from dualdrive.diagnose.survey import Survey
 from dualdrive.diagnose.words import paragraph
+from dualdrive.diagnose.work import Clock, Work
 from dualdrive.identify import which_mode
 from dualdrive.interrupt import interrupt
 from dualdrive.replay import core_of, named, records
@@ -140,7 +141,7 @@ def diagnose(
                 settings=own,
             )
             c = ClosedLoop(core, played, tolerance=tolerance)
-        result = search(c, clock, threads=threads or os.cpu_count() or 1, tell=tell)
+        result = search(c, Work(clock, threads or os.cpu_count() or 1, tell))
         whole = Clock(budget, stop.is_set)
         whole.begin, whole.cut = clock.begin, clock.cut
         verdict = judge(result)

@@ -18,7 +18,8 @@ from dualdrive.diagnose.judge import Judgement, explained_by
 from dualdrive.diagnose.refit import Fitter, Refit, Start
 from dualdrive.diagnose.result import Candidate, Experiment, Interval
 from dualdrive.diagnose.starts import expected
-from dualdrive.diagnose.survey import Clock, Survey
+from dualdrive.diagnose.survey import Survey
+from dualdrive.diagnose.work import Clock
 from dualdrive.identify import FitError
 from dualdrive.replay import core_of
 from dualdrive.traces import Trace

@@ -13,7 +13,9 @@ Array = NDArray[np.float64]
 
 _FEWEST, _STRETCH = 30, 0.15  # samples, s: a standstill long enough to show its noise
 _OF_SPREAD = 1e-3  # no probe need be fainter
-_LEAST, _MOST = 0.5, 2.0  # of the record's own estimate: a model that hunts is no noise
+#: of the record's own estimate: a model that hunts is no noise, and noise that a filter has
+#: coloured reads down to a third in the spectrum above the signal
+_LEAST, _MOST = 0.5, 3.0
 
 
 def ratios(series: Sequence[Series], left: Sequence[Array], best: Sequence[Array]) -> Array:

@@ -8,7 +8,7 @@ milliseconds, and its refit in the loop then begins in the right valley.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -28,6 +28,7 @@ from dualdrive.diagnose.refit import Fitter, Refit, Start
 from dualdrive.diagnose.score import Scorer
 from dualdrive.diagnose.signatures import Prober, Score, score_all, with_orders
 from dualdrive.diagnose.starts import near
+from dualdrive.diagnose.work import Work
 
 Array = NDArray[np.float64]
 
@@ -63,9 +64,7 @@ class Guesses:
 def guessed(
     c: Confrontation,
     hypotheses: Sequence[Hypothesis],
-    stop: Callable[[], bool],
-    threads: int,
-    tell: Callable[[str], None],
+    work: Work,
     *,
     load: bool = True,
 ) -> Guesses:
@@ -75,21 +74,21 @@ def guessed(
     """
     balance = _balance(c)
     left = balance.left(balance.core, balance.start) if balance is not None else None
-    if balance is None or left is None or stop():
+    if balance is None or left is None or work.stop():
         return Guesses()
     seen = [h for h in hypotheses if _shows(h)]
-    tell(f"closing the torque balance with {len(seen)} effects")
+    work.tell(f"closing the torque balance with {len(seen)} effects")
     first = evidence(balance, whitening.sized(balance.series, left))
-    base = Fitter(first, stop).nominal(balance.levelled(balance.core, balance.start))
+    base = Fitter(first, work.stop).nominal(balance.levelled(balance.core, balance.start))
     if base is None:
         return Guesses()
     noise = evidence(balance, whitening.sized(balance.series, base.left))
     if load and (one := sought(noise, base)) is not None:
         seen.append(one)
-    fitter = Fitter(noise, stop)
+    fitter = Fitter(noise, work.stop)
     found: list[Refit] = []
-    for score in _best(balance, noise, base, seen, threads, stop):
-        trial = fitter.tried(score.signature.hypothesis, near(score, base))
+    for score in _best(balance, noise, base, seen, work):
+        trial = fitter.tried(score.signature.hypothesis, near(score, base.u))
         if trial is not None:
             found.append(fitter(trial, base.slopes))
     found.sort(key=lambda r: r.chi)
@@ -105,15 +104,14 @@ def _best(
     seen: Evidence,
     base: Refit,
     hypotheses: Sequence[Hypothesis],
-    threads: int,
-    stop: Callable[[], bool],
+    work: Work,
 ) -> list[Score]:
     scorer = Scorer(seen.rows(base.u, base.left, base.slopes))
     prober = Prober(balance, base.u, base.left, list(map(heard_above, balance.series)))
     rest = scorer.rest(scorer.rows.left[:, None])[:, 0]
     over = effective(seen.white(base.left), seen)
     listed = with_orders(seen, rest, hypotheses)
-    scores = score_all(prober, [(seen, scorer)], [over], listed, threads, stop)
+    scores = score_all(prober, [(seen, scorer)], [over], listed, work)
     worth = [s for s in scores if s.gain.gain > _GAINS and not _load(s)]
     loads = [s for s in scores if _load(s)]  # one that was looked for stands out already
     return [*sorted(worth, key=lambda s: -s.gain.gain)[:_FITTED], *loads]

@@ -6,17 +6,15 @@ strong effect moves the machine so far that signatures taken without it tell lit
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
-
-import numpy as np
 
 from dualdrive.diagnose.candidates import candidates, members
 from dualdrive.diagnose.floors import heard_above
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.profiled import sharpened
-from dualdrive.diagnose.refit import Fitter, Refit, Start
+from dualdrive.diagnose.refit import Fitter, Refit
 from dualdrive.diagnose.score import Scorer
 from dualdrive.diagnose.settle import ENOUGH, settle
 from dualdrive.diagnose.shortlist import distinct
@@ -28,8 +26,9 @@ from dualdrive.diagnose.signatures import (
     with_orders,
     with_spots,
 )
-from dualdrive.diagnose.starts import near
-from dualdrive.diagnose.survey import Clock, Survey, excess, key_of
+from dualdrive.diagnose.starts import beside
+from dualdrive.diagnose.survey import Survey, excess, key_of
+from dualdrive.diagnose.work import Work
 
 _FIRSTS, _SECONDS = 2, 3  # effects to begin with, and partners of each
 _TAKEN_APART = 3  # best groups of which the single parts are tried, too
@@ -39,35 +38,35 @@ _WORTH = 15.0  # expected fall of chi^2 over its inflation for which a second ef
 _SURELY = 45.0  # the same, for which it is tried though no more than noise seems left
 
 
-def with_pairs(found: Survey, clock: Clock, threads: int, tell: Callable[[str], None]) -> Survey:
+def with_pairs(found: Survey, work: Work) -> Survey:
     """Refit pairs where the best single effect leaves more than noise."""
     singles = [r for r in found.refits if len(r.hypothesis.effects) == 1]
     singles.sort(key=lambda r: found.criterion[key_of(r)])
     if not singles or found.best is found.base or not _leaves_something(found, singles[0]):
         return found
-    fitter, refits, known = Fitter(found.evidence, clock.stop), list[Refit](), set[frozenset[str]]()
+    fitter, refits, known = Fitter(found.evidence, work.stop), list[Refit](), set[frozenset[str]]()
     for number, first in enumerate(_firsts(found, singles)):
         partners = _partners(found, first, found.scores)
         if number == 0:
-            tell(f"trying what {first.hypothesis.label} leaves")
-            beside = _partners(found, first, _beside(found, first, clock, threads))
+            work.tell(f"trying what {first.hypothesis.label} leaves")
+            beside = _partners(found, first, _beside(found, first, work))
             partners = [*beside, *partners[:_KNOWN]]
         for score in partners:
             both = frozenset((first.hypothesis.label, score.label))
             if both in known:
                 continue
             known.add(both)
-            if clock.stop():
-                clock.leave_out(f"not refitted: {first.hypothesis.label} + {score.label}")
+            if work.stop():
+                work.clock.leave_out(f"not refitted: {first.hypothesis.label} + {score.label}")
                 continue
-            tell(f"refitting with {first.hypothesis.label} + {score.label}")
+            work.tell(f"refitting with {first.hypothesis.label} + {score.label}")
             if (pair := _refitted(fitter, first, score)) is not None:
                 refits.append(pair)
         if any(excess(found, pair.left).max() < ENOUGH for pair in refits):
             break  # nothing is left to explain
     if not refits:
         return found
-    return settle(replace(found, refits=[*found.refits, *refits]), clock, tell)
+    return settle(replace(found, refits=[*found.refits, *refits]), work)
 
 
 def _leaves_something(found: Survey, first: Refit) -> bool:
@@ -78,7 +77,7 @@ def _leaves_something(found: Survey, first: Refit) -> bool:
     return any(s.gain.gain / found.inflation > _SURELY for s in best)
 
 
-def _beside(found: Survey, first: Refit, clock: Clock, threads: int) -> list[Score]:
+def _beside(found: Survey, first: Refit, work: Work) -> list[Score]:
     """All effects tried on the machine that has the first; none where time is up."""
     c, seen = copy(found.evidence.confrontation), found.evidence
     c.core = first.machine
@@ -89,14 +88,14 @@ def _beside(found: Survey, first: Refit, clock: Clock, threads: int) -> list[Sco
 
     def tried(several: Sequence[Hypothesis]) -> list[Score]:
         listed = distinct(with_spots(seen, rest, with_orders(seen, rest, several)))
-        return score_all(prober, [(seen, scorer)], [1.0], listed, threads, clock.stop)
+        return score_all(prober, [(seen, scorer)], [1.0], listed, work)
 
     scores = tried([h for h in candidates(c.core, c.channels, balance=balance) if _plain(h)])
     best = sorted(scores, key=lambda s: -s.gain.gain)[:_TAKEN_APART]
     groups = dict.fromkeys(s.signature.hypothesis.effects for s in best)
     scores += tried([m for effects in groups for m in members(c.core, Hypothesis(effects))])
-    if clock.stop():
-        clock.leave_out(f"not all was tried beside {first.hypothesis.label}")
+    if work.stop():
+        work.clock.leave_out(f"not all was tried beside {first.hypothesis.label}")
     return scores
 
 
@@ -124,15 +123,7 @@ def _scorer(found: Survey, first: Refit) -> Scorer:
     """Scores beside the first effect, its own numbers moving with the nuisances."""
     seen = found.evidence
     rows = seen.rows(first.u, first.left, first.slopes)
-    own = seen.white(first.columns)
-    return Scorer(
-        replace(
-            rows,
-            slopes=np.concatenate([rows.slopes, own], axis=1),
-            pull=np.concatenate([rows.pull, np.zeros(own.shape[1])]),
-            sigma=np.concatenate([rows.sigma, np.full(own.shape[1], np.inf)]),
-        )
-    )
+    return Scorer(rows.beside(seen.white(first.columns)))
 
 
 def _partners(found: Survey, first: Refit, scores: Sequence[Score]) -> list[Score]:
@@ -169,15 +160,8 @@ def _contains(score: Score, effect: str) -> bool:
 
 def _refitted(fitter: Fitter, first: Refit, score: Score) -> Refit | None:
     try:
-        trial = fitter.tried(first.hypothesis + score.signature.hypothesis, _starts(first, score))
+        starts = beside(score, first.u, first.values())
+        trial = fitter.tried(first.hypothesis + score.signature.hypothesis, starts)
     except ValueError:
         return None  # two effects that can't sit there together
     return sharpened(fitter, fitter(trial, first.slopes)) if trial is not None else None
-
-
-def _starts(first: Refit, score: Score) -> Iterator[Start]:
-    m = len(first.u)
-    whole = score.gain.moved
-    beside = replace(score, gain=replace(score.gain, moved=whole[:m]))
-    for start in near(beside, first):
-        yield Start(start.u, {**first.values(), **start.values})

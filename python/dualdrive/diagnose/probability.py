@@ -7,14 +7,19 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from dualdrive.diagnose.candidates import akin, rubs
 from dualdrive.diagnose.heldout import held_out
 from dualdrive.diagnose.refit import Refit
+from dualdrive.diagnose.settle import ENOUGH
 from dualdrive.diagnose.signatures import CONTAINS
-from dualdrive.diagnose.survey import Survey, key_of
+from dualdrive.diagnose.survey import Survey, excess, key_of
 from dualdrive.replay import ratio_to_table
 
 #: fall of the criterion below which no second effect is named beside a first
 SECOND = 25.0
+#: share of a pair's gain that the second of two laws confused with one another must bring, where
+#: the first alone leaves no more than noise
+MENDED = 0.03
 #: of the criterion, tempered: odds of 1 to 20 against a law of the angle on less than a radian
 SMALL_ARC = 12.0
 #: of twice the log evidence: how sure differences between good fits are (see the blind suite)
@@ -63,6 +68,8 @@ def _worth_a_name(found: Survey) -> list[Refit]:
         if len(r.hypothesis.effects) > 1:
             alone = min(singles.get(e, math.inf) for e in r.hypothesis.effects)
             if value_of(found, r) > alone - SECOND or _foretells_worse(found, r):
+                continue
+            if _mended(found, r):
                 continue
         label = r.hypothesis.label
         if label not in by_label or value_of(found, r) < value_of(found, by_label[label]):
@@ -114,6 +121,25 @@ def small_arcs(found: Survey, r: Refit) -> int:
 def _part(place: str) -> str:
     """One part of a group."""
     return {"motors": "motor_1", "pinions": "pinion_1", "meshes": "mesh_1"}.get(place, place)
+
+
+def _mended(found: Survey, pair: Refit) -> bool:
+    """Whether its second law only mends the first, which is nearly of its kind and explains all.
+
+    A model is never quite the machine, and what it lacks grows with what it explains. Two laws of
+    friction are for `judge` to look at.
+    """
+    (first, _), (second, _) = pair.hypothesis.effects
+    if not akin(first, second) or (rubs(first) and rubs(second)):
+        return False
+    singles = [r for r in found.refits if len(r.hypothesis.effects) == 1]
+    for r in singles:
+        if r.hypothesis.effects[0] in pair.hypothesis.effects:
+            gain = value_of(found, found.base) - value_of(found, pair)
+            brings = value_of(found, r) - value_of(found, pair)
+            if brings < MENDED * gain and excess(found, r.left).max() < ENOUGH:
+                return True
+    return False
 
 
 def _foretells_worse(found: Survey, pair: Refit) -> bool:

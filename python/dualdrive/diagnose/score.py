@@ -7,7 +7,7 @@ pose as an effect, and a record is cut into blocks, each of which is foretold fr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,16 @@ class Rows:
     def precision(self) -> Array:
         """1 / sigma^2, zero where nothing is believed, (m,)."""
         return np.where(np.isfinite(self.sigma), 1.0 / self.sigma**2, 0.0)
+
+    def beside(self, columns: Array) -> Rows:
+        """The same with more nuisances, of which nothing is believed: columns of shape (n, k)."""
+        width = columns.shape[1]
+        return replace(
+            self,
+            slopes=np.concatenate([self.slopes, columns], axis=1),
+            pull=np.concatenate([self.pull, np.zeros(width)]),
+            sigma=np.concatenate([self.sigma, np.full(width, np.inf)]),
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from dualdrive.diagnose.floors import heard_above
 from dualdrive.diagnose.guesses import Guesses, guessed
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.loads import sought
+from dualdrive.diagnose.neighbours import with_neighbours
 from dualdrive.diagnose.pairs import with_pairs
 from dualdrive.diagnose.refit import Fitter, Refit, Trial
 from dualdrive.diagnose.score import Scorer
@@ -31,8 +32,9 @@ from dualdrive.diagnose.signatures import (
     with_orders,
     with_spots,
 )
-from dualdrive.diagnose.survey import Clock, Survey, excess, key_of
+from dualdrive.diagnose.survey import Survey, excess, key_of
 from dualdrive.diagnose.valleys import better_valley
+from dualdrive.diagnose.work import Clock, Work
 from dualdrive.identify import FitError
 
 Array = NDArray[np.float64]
@@ -50,12 +52,10 @@ _FOR_PROBES = 0.45  # of the time; what is probed beyond it could not be refitte
 
 def search(
     confrontation: Confrontation,
-    clock: Clock,
+    work: Work,
     *,
     wanted: Sequence[Hypothesis] | None = None,
     shortlist: int = SHORTLIST,
-    threads: int = 2,
-    tell: Callable[[str], None] = lambda _: None,
 ) -> Survey:
     """Try every hypothesis.
 
@@ -63,7 +63,7 @@ def search(
         FitError: the machine itself can not be simulated.
 
     """
-    c = confrontation
+    c, clock, tell = confrontation, work.clock, work.tell
     tell("the machine as it stands")
     nominal = records_alone(c, clock)
     tell("refitting the nominal numbers")
@@ -79,7 +79,7 @@ def search(
             seen, base = _refitted(c, better.u, clock)
     guesses = Guesses()
     if clear:
-        guesses = guessed(c, every, clock.stop, threads, tell, load=wanted is None)
+        guesses = guessed(c, every, work, load=wanted is None)
     if (start := guesses.start(c, base.u)) is not None:  # it may have met a better valley
         other = Fitter(seen, clock.stop).nominal(start.u)
         base = other if other is not None and other.chi < base.chi else base
@@ -88,7 +88,7 @@ def search(
         every += [load for load in [sought(seen, base)] if load is not None]
     plain = replace(plain, evidence=seen, base=base, criterion={key_of(base): 0.0})
     scorer = Scorer(seen.rows(base.u, base.left, base.slopes))
-    scores, untried = _scored(c, seen, base, scorer, every, clock, threads, tell)
+    scores, untried = _scored(c, seen, base, scorer, every, work)
     single, twins = without_twins(seen, scorer, scores)
     most = max((s.gain.gain for s in single), default=0.0)
     least = -math.inf if clear else max(WORTH_A_REFIT, _RIVAL * most)
@@ -97,10 +97,10 @@ def search(
 
     def listed(now: Survey) -> Shortlist:
         fitter = Fitter(now.evidence, clock.stop)
-        return Shortlist(fitter, now.base, nominal.u, guesses, threads, tell)
+        return Shortlist(fitter, now.base, nominal.u, guesses, work)
 
     trials = listed(found).trials(worth, shortlist)
-    return _refined(found, worth, trials, listed, clear, clock, threads, tell)
+    return _refined(found, worth, trials, listed, clear, work)
 
 
 def _refined(
@@ -109,9 +109,7 @@ def _refined(
     trials: Sequence[Trial],
     listed: Callable[[Survey], Shortlist],
     clear: bool,
-    clock: Clock,
-    threads: int,
-    tell: Callable[[str], None],
+    work: Work,
 ) -> Survey:
     """The survey with the best refitted, alone and two at once.
 
@@ -119,11 +117,11 @@ def _refined(
 
     clear: whether something is missing, whatever a score says of its name
     """
-    found, short = plain, listed(plain)
+    found, short, clock = plain, listed(plain), work.clock
     begun = short.leader(trials, worth) if clear else []
     early = any(short.far_ahead(r, trials) and not _explains(plain, r) for r in begun)
     if early:
-        found = with_pairs(settle(replace(found, refits=begun), clock, tell), clock, threads, tell)
+        found = _together(settle(replace(found, refits=begun), work), work)
         if excess(found, found.best.left).max() < ENOUGH:
             return found
         short, begun = listed(found), []
@@ -138,8 +136,15 @@ def _refined(
     refits, missing = short(rest, worth, begun)
     if missing:
         clock.leave_out(f"not refitted: {', '.join(missing)}")
-    found = settle(replace(found, refits=[*found.refits, *refits]), clock, tell)
-    return found if early else with_pairs(found, clock, threads, tell)
+    found = settle(replace(found, refits=[*found.refits, *refits]), work)
+    return found if early else _together(found, work)
+
+
+def _together(found: Survey, work: Work) -> Survey:
+    """The best single effect and its neighbours, then two at once and the neighbours of those."""
+    single = with_neighbours(found, work)
+    both = with_pairs(single, work)
+    return both if both is single else with_neighbours(both, work)
 
 
 def _explains(plain: Survey, refit: Refit) -> bool:
@@ -153,15 +158,13 @@ def _scored(
     base: Refit,
     scorer: Scorer,
     every: Sequence[Hypothesis],
-    clock: Clock,
-    threads: int,
-    tell: Callable[[str], None],
+    work: Work,
 ) -> tuple[list[Score], list[str]]:
     """Scores under what is left as white noise and as coloured noise, the larger counting.
 
     Groups come first, and the single parts of those that gain something.
     """
-    noise = list(map(heard_above, c.series, base.left))
+    noise, clock = list(map(heard_above, c.series, base.left)), work.clock
     prober = Prober(c, base.u, base.left, noise)
     coloured = evidence(c, whitening.fitted(c.series, base.left))
     judges = [(seen, scorer), (coloured, Scorer(coloured.rows(base.u, base.left, base.slopes)))]
@@ -169,9 +172,9 @@ def _scored(
     rest = [j.rest(j.rows.left[:, None])[:, 0] for _, j in judges]
 
     def tried(hypotheses: Sequence[Hypothesis]) -> list[Score]:
-        tell(f"trying {len(hypotheses)} effects at their places")
+        work.tell(f"trying {len(hypotheses)} effects at their places")
         listed = with_spots(coloured, rest[1], with_orders(coloured, rest[1], hypotheses))
-        return score_all(prober, judges, over, distinct(listed), threads, clock.stop)
+        return score_all(prober, judges, over, distinct(listed), work)
 
     simple = [h for h in every if h.effects[-1][0] not in CONTAINS]
     scores = tried(simple)

@@ -6,7 +6,7 @@ noise; each better hypothesis leaves less, and the rest is judged again under th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +18,8 @@ from dualdrive.diagnose.hypotheses import is_strength
 from dualdrive.diagnose.profiled import profile
 from dualdrive.diagnose.refit import Fitter, Refit
 from dualdrive.diagnose.score import Scorer
-from dualdrive.diagnose.survey import Clock, Survey, excess, key_of
+from dualdrive.diagnose.survey import Survey, excess, key_of
+from dualdrive.diagnose.work import Work
 
 Array = NDArray[np.float64]
 
@@ -30,13 +31,13 @@ _POLISH = 2
 ENOUGH = 1.15  # residual over floor in every series, below which nothing is left to explain
 
 
-def settle(found: Survey, clock: Clock, tell: Callable[[str], None]) -> Survey:
+def settle(found: Survey, work: Work) -> Survey:
     """Judge all again under the noise that the best of them leaves, until that is settled."""
     seen, every = found.evidence, [found.base, *found.refits]
     criterion, inflation = _criterion(seen, every, [profile(seen, r) for r in every])
     for number in range(_ROUNDS):
         ordered = sorted(every, key=lambda r: criterion[key_of(r)])
-        tell(f"noise under {ordered[0].hypothesis.label}")
+        work.tell(f"noise under {ordered[0].hypothesis.label}")
         left = ordered[0].left
         series = seen.confrontation.series
         # colour is read off noise; what a wrong model leaves is weighed by its size alone
@@ -44,7 +45,7 @@ def settle(found: Survey, clock: Clock, tell: Callable[[str], None]) -> Survey:
         now = evidence(
             seen.confrontation, (whitening.fitted if noise else whitening.sized)(series, left)
         )
-        fitter = Fitter(now, clock.stop)
+        fitter = Fitter(now, work.stop)
         least = criterion[key_of(ordered[0])]
         close = [r for r in ordered[:_FEW] if criterion[key_of(r)] < least + _CLOSE]
         again = [
@@ -64,7 +65,7 @@ def settle(found: Survey, clock: Clock, tell: Callable[[str], None]) -> Survey:
         settled = whitening.settled(_size(seen), _size(now))
         seen, every = now, again
         criterion, inflation = _criterion(seen, every)
-        if settled or clock.stop():
+        if settled or work.stop():
             break
     base, *refits = every
     return replace(

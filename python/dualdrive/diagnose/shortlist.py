@@ -9,9 +9,7 @@ them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +22,9 @@ from dualdrive.diagnose.refit import Fitter, Refit, Start, Trial
 from dualdrive.diagnose.score import Scorer, alike
 from dualdrive.diagnose.signatures import CONTAINS, Score
 from dualdrive.diagnose.starts import from_nominal, grown_from, near
+from dualdrive.diagnose.work import Work
 
 Array = NDArray[np.float64]
-T = TypeVar("T")
-R = TypeVar("R")
 
 _TWIN = 1.0 - 1e-5  # squared cosine above which two signatures are one
 _AS_FORETOLD = 0.6  # of the foretold gain: such a start is good enough
@@ -49,14 +46,14 @@ class Shortlist:
     base: Refit
     nominal: Array
     guesses: Guesses
-    threads: int
-    tell: Callable[[str], None]
+    work: Work
 
     def trials(self, scores: Sequence[Score], count: int) -> list[Trial]:
         """The best of each simple law where they were really tried, least chi^2 first."""
         chosen = _first(_simple(scores), self.guesses, round(_TRIED * count))
-        self.tell(f"simulating {len(chosen)} effects at the sizes they should have")
-        return _best([t for t in self._side_by_side(self._tried, chosen) if t is not None], count)
+        self.work.tell(f"simulating {len(chosen)} effects at the sizes they should have")
+        tried = self.work.side_by_side(self._tried, chosen)
+        return _best([t for t in tried if t is not None], count)
 
     def leader(self, trials: Sequence[Trial], scores: Sequence[Score]) -> list[Refit]:
         """The first of them refitted, but for late signals, which are slow to simulate."""
@@ -66,10 +63,7 @@ class Shortlist:
         """Whether a refit gains far more than any other law does where it was tried.
 
         Gains are those of the profile likelihood: a law may explain one record and not another.
-        Dry friction is never ahead: the whole laws that contain it are its first rivals.
         """
-        if _is_dry(leader.hypothesis):
-            return False
         seen = self.fitter.evidence
         none = profile(seen, self.base)
         laws = {effect for effect, _ in leader.hypothesis.effects}
@@ -115,15 +109,15 @@ class Shortlist:
         """
         laws = {effect for t in trials for effect, _ in t.hypothesis.effects} | set(CONTAINS)
         first = {_law(s): s for s in reversed(scores) if _law(s) not in laws}
-        self.tell(f"simulating {len(first)} more")
+        self.work.tell(f"simulating {len(first)} more")
 
         def tried(score: Score) -> Trial | None:
-            starts = near(score, self.base)
+            starts = near(score, self.base.u)
             h, slopes = score.signature.hypothesis, self.base.slopes
             return None if late() else self.fitter.tried(h, starts, slopes=slopes)
 
         several = list(first.values())[::-1]
-        found = self._side_by_side(tried, several)
+        found = self.work.side_by_side(tried, several)
         cut = [s.label for s, t in zip(several, found, strict=True) if t is None]
         best = sorted([t for t in found if t is not None], key=lambda t: t.chi)[:_OTHERS]
         return best, cut if late() or self.fitter.stop() else []
@@ -136,10 +130,10 @@ class Shortlist:
             score = put_in.get(trial.hypothesis.label)
             if score is None:
                 return self._refit(trial)
-            each = ([start] for start in near(score, self.base))
+            each = ([start] for start in near(score, self.base.u))
             return self._best_end(score, each, self.base.slopes)
 
-        found = [r for r in self._side_by_side(one, trials) if r is not None]
+        found = [r for r in self.work.side_by_side(one, trials) if r is not None]
         return sorted(found, key=lambda r: r.chi)
 
     def _tried(self, score: Score) -> Trial | None:
@@ -150,7 +144,7 @@ class Shortlist:
     def _refit(self, trial: Trial) -> Refit | None:
         if self.fitter.stop():
             return None
-        self.tell(f"refitting with {trial.hypothesis.label}")
+        self.work.tell(f"refitting with {trial.hypothesis.label}")
         return sharpened(self.fitter, self.fitter(trial, self.base.slopes))
 
     def _best_end(
@@ -175,23 +169,16 @@ class Shortlist:
             )
             if first is not None:
                 return self._best_end(score, [grown_from(score, first)])
-            foretold, *usual = near(score, self.base)
+            foretold, *usual = near(score, self.base.u)
             return self._best_end(score, [[foretold], usual])
 
         found: list[Refit] = []
         for law in CONTAINS:
             own = [s for s in whole if _law(s) == law]
-            more = [r for r in self._side_by_side(larger, own) if r is not None]
+            more = [r for r in self.work.side_by_side(larger, own) if r is not None]
             found += more
             by_effect.update({r.hypothesis.effects[-1]: r for r in more})
         return found
-
-    def _side_by_side(self, work: Callable[[T], R], several: Sequence[T]) -> list[R]:
-        """Results in order; the core computes without holding the interpreter."""
-        if self.threads == 1 or len(several) < 2:
-            return list(map(work, several))
-        with ThreadPoolExecutor(self.threads) as pool:
-            return list(pool.map(work, several))
 
 
 def _is_put_in(score: Score) -> bool:
@@ -214,7 +201,7 @@ def _starts(
     guess = guesses.start(c, base.u, score.label)
     if guess is not None:
         yield guess
-    yield from near(score, base)
+    yield from near(score, base.u)
     yield from from_nominal(score, nominal)
 
 

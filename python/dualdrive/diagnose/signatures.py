@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -24,6 +23,7 @@ from dualdrive.diagnose.orders import (
 )
 from dualdrive.diagnose.score import Gain, Scorer
 from dualdrive.diagnose.spots import TRIED, worst_spot
+from dualdrive.diagnose.work import Work
 
 Array = NDArray[np.float64]
 
@@ -225,13 +225,12 @@ def score_all(
     judges: Sequence[tuple[Evidence, Scorer]],
     over: Sequence[float],
     hypotheses: Sequence[Hypothesis],
-    threads: int,
-    stop: Callable[[], bool],
+    work: Work,
 ) -> list[Score]:
     """Signatures and gains over the inflation of each judge, the best judge counting."""
 
     def one(h: Hypothesis) -> Score | None:
-        if stop():
+        if work.stop():
             return None
         signature = prober(h)
         if signature is None:
@@ -246,9 +245,4 @@ def score_all(
         ]
         return Score(signature, max(scaled, key=lambda g: g.gain), gains[0].gain)
 
-    if threads == 1:
-        found = list(map(one, hypotheses))
-    else:
-        with ThreadPoolExecutor(threads) as pool:
-            found = list(pool.map(one, hypotheses))
-    return [s for s in found if s is not None]
+    return [s for s in work.side_by_side(one, hypotheses) if s is not None]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,22 +22,32 @@ _LEVELS = (0.1, 0.3, 1.0, 3.0)  # times the usual Stribeck speed
 _SOFTER = (1.0, 0.1, 0.01)  # times the usual stiffness of bristles
 
 
-def near(score: Score, base: Refit) -> Iterator[Start]:
+def near(score: Score, u: Array) -> Iterator[Start]:
     """Along the way the score foretells, the nuisances moving with the effect; at other sizes.
 
     A score is linear. Where a machine hunts or sticks it foretells the direction, not how far to
     go: a refit that begins at a usual size may still see the valley which that start overlooks.
     """
     foretold, first = expected(score), score.signature.strength
-    yield Start(base.u + score.gain.moved, foretold)
+    yield Start(u + score.gain.moved, foretold)
     if not first:
         others = [values for values in score.signature.settings if values != foretold]
-        yield from (Start(base.u, values) for values in others)
+        yield from (Start(u, values) for values in others)
         return
     bristles = f"{score.label}.stiffness" in foretold
     for size in _sizes(score, foretold[first]):
         for one in _softer(score, {**foretold, first: size}):
-            yield Start(base.u, one, further=not bristles)
+            yield Start(u, one, further=not bristles)
+
+
+def beside(score: Score, u: Array, own: Setting) -> Iterator[Start]:
+    """Starts of a second effect beside one whose numbers, path -> SI value, are known.
+
+    The score may have moved those too, after the nuisances u, (m,).
+    """
+    moved = score.gain.moved[: len(u)]
+    for start in near(replace(score, gain=replace(score.gain, moved=moved)), u):
+        yield Start(start.u, {**own, **start.values})
 
 
 def _sizes(score: Score, foretold: float) -> Iterator[float]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,38 +14,6 @@ from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.signatures import Score
 
 Array = NDArray[np.float64]
-
-
-class Clock:
-    """What is left of a time budget; `stop` turns true when it is used up or a user asks."""
-
-    def __init__(self, budget: float, asked: Callable[[], bool] = lambda: False) -> None:
-        self.begin, self.budget, self.asked = time.monotonic(), budget, asked
-        self.cut: list[str] = []
-
-    @property
-    def used(self) -> float:
-        """Seconds since the beginning."""
-        return time.monotonic() - self.begin
-
-    def stop(self) -> bool:
-        """Whether no further simulation should begin."""
-        return self.asked() or self.used > self.budget
-
-    def late(self, share: float) -> bool:
-        """Whether so much of the time is gone."""
-        return self.used > share * self.budget
-
-    def allows(self, what: str) -> bool:
-        """Whether there is time for it; what there is none for is noted."""
-        if self.stop():
-            self.leave_out(f"left out: {what}")
-            return False
-        return True
-
-    def leave_out(self, what: str) -> None:
-        """Note what was not done."""
-        self.cut.append(what)
 
 
 @dataclass(frozen=True, eq=False)

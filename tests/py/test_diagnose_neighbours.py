@@ -1,0 +1,155 @@
+"""What the best name may be taken for is refitted in its stead before it gets the name."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+from tests.blind.shown import ordered
+
+from dualdrive import _core
+from dualdrive.diagnose import neighbours, probability, whitening
+from dualdrive.diagnose.candidates import akin, station
+from dualdrive.diagnose.clocks import evened
+from dualdrive.diagnose.evidence import evidence
+from dualdrive.diagnose.hypotheses import Hypothesis
+from dualdrive.diagnose.loop import ClosedLoop
+from dualdrive.diagnose.neighbours import with_neighbours
+from dualdrive.diagnose.refit import Fitter, Start
+from dualdrive.diagnose.settle import settle
+from dualdrive.diagnose.survey import Survey, key_of
+from dualdrive.diagnose.work import Clock, Work
+from dualdrive.replay import core_of, records
+
+AT_LEISURE = Work(Clock(math.inf))
+
+
+def taken_for(order: ordered.Order, wrong: Hypothesis) -> Survey:
+    """A survey in which the wrong law alone was refitted."""
+    traces = {name: evened(trace)[0] for name, trace in order.traces().items()}
+    machine = order.machine()
+    c = ClosedLoop(core_of(machine), records(machine, traces, settings=order.settings()))
+    base = Fitter(evidence(c, whitening.plain(c.series))).nominal(c.levelled(c.core, c.start))
+    assert base is not None
+    fitter = Fitter(evidence(c, whitening.sized(c.series, base.left)))
+    phases = [{f"{wrong.label}.phase": x} for x in np.arange(0.0, 6.0, 1.5)]
+    trial = fitter.tried(wrong, [Start(base.u, one) for one in phases], slopes=base.slopes)
+    assert trial is not None
+    refit = fitter(trial, base.slopes)
+    plain = Survey(fitter.evidence, base, base, [refit], {key_of(base): 0.0}, 1.0, [])
+    return settle(plain, AT_LEISURE)
+
+
+def test_another_order_of_the_same_law_is_tried_where_the_first_leaves_something() -> None:
+    order = ordered.hiding("angle_dependent_friction", "bench", 1, 1.0, count=1)
+    [hidden] = order.hidden["fast"]
+    real = hidden.parameters["order"]
+    label = "angle_dependent_friction@table"
+    wrong = Hypothesis(((label.split("@")[0], "table"),), {f"{label}.order": real % 3 + 1.0})
+    found = taken_for(order, wrong)
+    assert found.best.hypothesis == wrong, "it does gain something"
+    better = with_neighbours(found, AT_LEISURE).best
+    assert better.hypothesis.effects == wrong.effects
+    assert better.hypothesis.fixed[f"{label}.order"] == real
+    assert better.values()[f"{label}.torque"] == pytest.approx(
+        hidden.parameters["torque"], rel=0.05
+    )
+
+
+def test_dry_friction_is_tried_where_friction_along_the_turn_leads() -> None:
+    order = ordered.hiding("coulomb", "bench", 3, 0.5, count=1)
+    [hidden] = order.hidden["fast"]
+    effect, place = "angle_dependent_friction", hidden.place
+    found = taken_for(order, Hypothesis(((effect, place),)))
+    assert found.best.hypothesis.effects == ((effect, place),), "it does gain something"
+    better = with_neighbours(found, AT_LEISURE).best
+    assert better.hypothesis.effects[0][0] in ("coulomb", "stribeck")
+    torque = next(x for path, x in better.values().items() if path.endswith(".torque"))
+    assert torque == pytest.approx(hidden.parameters["torque"], rel=0.1)
+
+
+def test_nothing_is_tried_beside_a_machine_that_lacks_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(neighbours, "score_all", lambda *_: pytest.fail("it tried something"))
+    base: Any = SimpleNamespace(hypothesis=Hypothesis())
+    found: Any = SimpleNamespace(best=base, base=base)
+    assert with_neighbours(found, AT_LEISURE) is found
+
+
+def test_a_user_who_is_in_a_hurry_is_told_what_was_left_out() -> None:
+    clock = Clock(1e9, lambda: True)
+    best: Any = SimpleNamespace(hypothesis=Hypothesis((("cogging", "motors"),)))
+    found: Any = SimpleNamespace(best=best, base=None)
+    assert with_neighbours(found, Work(clock)) is found
+    assert clock.cut == ["left out: what else cogging@motors may be"]
+
+
+def test_kinship_goes_both_ways_and_names_only_effects_that_there_are() -> None:
+    every = {kind.name for kind in _core.effect_types()}
+    assert akin("shaft_compliance", "gearbox_backlash")
+    assert akin("coulomb", "lugre")
+    assert akin("lugre", "coulomb")
+    assert not akin("cogging", "sensor_delay")
+    for kind in _core.effect_types():
+        assert set(filter(None, kind.confused_with.split(","))) <= every
+
+
+@pytest.mark.parametrize(
+    ("place", "train"),
+    [
+        ("motors", "drives"),
+        ("meshes", "drives"),
+        ("pinion_2", "2"),
+        ("gearbox_1", "1"),
+        ("table", "table"),
+        ("theta_1", "theta_1"),
+    ],
+)
+def test_parts_of_one_drive_train_are_one_station(place: str, train: str) -> None:
+    assert station(place) == train
+
+
+def paired(first: str, second: str, *, brings: float, leaves: float) -> tuple[Any, Any]:
+    """A survey in which a pair gains 10000, its second effect that share; what the first leaves."""
+    parts = [tuple(x.split("@")) for x in (first, second)]
+    none, alone, both = (
+        SimpleNamespace(
+            hypothesis=Hypothesis(tuple(parts[:k])),  # type: ignore[arg-type]
+            free=[],
+            left=leaves,
+        )
+        for k in range(3)
+    )
+    costs = {
+        "nothing": 1e4,
+        alone.hypothesis.label: 1e4 * brings,
+        both.hypothesis.label: 0.0,
+    }
+    evidence_ = SimpleNamespace(confrontation=SimpleNamespace(sizes=dict))
+    survey = SimpleNamespace(base=none, refits=[alone, both], criterion=costs, evidence=evidence_)
+    return survey, both
+
+
+@pytest.mark.parametrize(
+    ("second", "brings", "leaves", "mended"),
+    [
+        ("time_varying_mesh_stiffness@pinions", 0.01, 1.05, True),
+        ("time_varying_mesh_stiffness@pinions", 0.05, 1.05, False),  # brings something
+        ("time_varying_mesh_stiffness@pinions", 0.01, 1.6, False),  # the first leaves something
+        ("cogging@motors", 0.01, 1.05, False),  # of another kind
+    ],
+)
+def test_a_second_law_of_its_kind_that_brings_next_to_nothing_only_mends_the_first(
+    monkeypatch: pytest.MonkeyPatch, second: str, brings: float, leaves: float, mended: bool
+) -> None:
+    monkeypatch.setattr(probability, "excess", lambda _, left: np.array([left]))
+    survey, both = paired("transmission_error@pinions", second, brings=brings, leaves=leaves)
+    assert probability._mended(survey, both) is mended
