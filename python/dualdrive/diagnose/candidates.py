@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from dualdrive import _core
@@ -19,6 +20,8 @@ _OF_THE_LOAD = ("unbalance", "position_dependent_inertia")
 SCALES = ("thermal_drift", "torque_constant_saturation")
 #: friction that grows with speed or bends bristles, beside all that acts as dry friction
 _FRICTION = ("viscous", "hydrostatic_drag", "lugre")
+#: the set-point comes late to all drives, or to the slaves alone
+_CAUSES = ("transport_delay",)
 #: a group of parts -> what its single parts are called
 _ONE = {
     "motors": "motor",
@@ -47,8 +50,21 @@ def candidates(
             places = ["table"]
         if {"sensor reading", "sensor delay"} & set(kind.acts_on.split(", ")):
             places += channels
-        found += [h for p in places if (h := possible(core, kind.name, p)) is not None]
+        here = [h for p in places if (h := possible(core, kind.name, p)) is not None]
+        found += [one for h in here for one in _apart(core, h)]
     return found
+
+
+def _apart(core: Any, h: Hypothesis) -> list[Hypothesis]:
+    """One hypothesis for each number of a law whose numbers are causes of their own."""
+    if h.effects[-1][0] not in _CAUSES:
+        return [h]
+    grown, free = h.put_in(core)
+    held = {path: float(grown.get(path)) for path in free}
+    return [
+        replace(h, fixed={p: x for p, x in held.items() if p != own}, searched=len(free))
+        for own in free
+    ]
 
 
 def members(core: Any, group: Hypothesis) -> list[Hypothesis]:
@@ -57,7 +73,8 @@ def members(core: Any, group: Hypothesis) -> list[Hypothesis]:
     one = _ONE.get(place, "")
     if not one:
         return []
-    parts = [p for p in (*core.motors, *core.bodies, *core.connections) if p.startswith(f"{one}_")]
+    every = dict.fromkeys((*core.motors, *core.bodies, *core.connections))
+    parts = [p for p in every if p.startswith(f"{one}_")]
     return [h for p in parts if (h := possible(core, effect, p)) is not None]
 
 

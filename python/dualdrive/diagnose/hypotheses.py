@@ -35,7 +35,7 @@ Setting = dict[str, float]
 class Hypothesis:
     """Effects that may be missing, with their counted numbers; empty: nothing is missing.
 
-    fixed: parameter path -> value of what is counted, where a scan found one
+    fixed: parameter path -> value of what is counted, where a scan found one, or held
     searched: among how many values those were found
     begins: parameter path -> value from which a fit begins, where a scan found one
     """
@@ -80,7 +80,7 @@ class Hypothesis:
             label = grown.add_effect(effect, place)
             [own] = [e for e in grown.effects if e["label"] == label]
             paths = [f"{label}.{name}" for name in own["parameters"]]
-            free += [path for path in paths if _is_free(grown, path)]
+            free += [p for p in paths if p not in self.fixed and _is_free(grown, p)]
             usual.update({**_loosened(grown, own), **(parts or {}).get(label, {})})
         for path in free:
             if sizes and not is_strength(grown, path) and path not in usual:
@@ -114,8 +114,6 @@ def _is_free(grown: Any, path: str) -> bool:
     """Whether a number of an effect is fitted here."""
     declared = grown.parameter(grown.members(path)[0])
     name = path.rpartition(".")[2]
-    if name == "delta_t":  # the slave's lag is set, not suffered
-        return False
     if name == "spacing":  # of a wheel that meets two pinions
         return bool(path.partition("@")[2].startswith(("table", "ring")))
     return not declared.counted

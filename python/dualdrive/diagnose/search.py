@@ -125,8 +125,8 @@ def _refined(
         if excess(found, found.best.left).max() < ENOUGH:
             return found
         short, begun = listed(found), []
-    known = {r.hypothesis.label for r in (*found.refits, *begun)}
-    rest = [short.again(t) for t in trials if t.hypothesis.label not in known]
+    known = {key_of(r) for r in (*found.refits, *begun)}
+    rest = [short.again(t) for t in trials if key_of(t) not in known]
     cut: list[str] = []
     if clear and not any(_explains(plain, r) for r in begun):
         more, cut = short.others(worth, trials, lambda: clock.late(_FOR_TRIALS))

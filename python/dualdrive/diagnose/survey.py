@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dualdrive.diagnose.evidence import Evidence
 from dualdrive.diagnose.floors import ratios
-from dualdrive.diagnose.refit import Refit
+from dualdrive.diagnose.refit import Refit, Trial
 from dualdrive.diagnose.signatures import Score
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ class Survey:
         return min(every, key=lambda r: self.criterion[key_of(r)])
 
 
-def key_of(refit: Refit) -> str:
+def key_of(refit: Refit | Trial) -> str:
     """Label with its counted numbers."""
     fixed = ", ".join(f"{p.rpartition('.')[2]} {x:g}" for p, x in refit.hypothesis.fixed.items())
     return f"{refit.hypothesis.label} ({fixed})" if fixed else refit.hypothesis.label
