@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from dualdrive.diagnose.candidates import akin, candidates, members, station
 from dualdrive.diagnose.floors import heard_above
 from dualdrive.diagnose.hypotheses import Hypothesis, Setting
+from dualdrive.diagnose.orders import LOW
 from dualdrive.diagnose.profiled import profile, sharpened
 from dualdrive.diagnose.refit import Fitter, Refit, Start, Trial
 from dualdrive.diagnose.score import Scorer
@@ -36,7 +37,6 @@ from dualdrive.diagnose.work import Work
 
 _REFITTED = 3  # of those that were tried, the lowest
 _ROUNDS = 2  # a neighbour that is better has neighbours of its own
-_ORDERS = (1.0, 2.0, 3.0, 4.0)  # of a turn: too few turns show them in no spectrum
 
 
 def with_neighbours(found: Survey, work: Work) -> Survey:
@@ -143,7 +143,7 @@ def _other_orders(stead: _Stead) -> list[Hypothesis]:
     if "order" not in stead.own:
         return []
     path = f"{stead.effect}@{stead.place}.order"
-    several = [n for n in _ORDERS if n != stead.own["order"]]
+    several = [n for n in LOW if n != stead.own["order"]]
     effects = ((stead.effect, stead.place),)
     return [Hypothesis(effects, {path: n}, len(several)) for n in several]
 

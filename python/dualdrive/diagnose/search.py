@@ -88,7 +88,7 @@ def search(
         every += [load for load in [sought(seen, base)] if load is not None]
     plain = replace(plain, evidence=seen, base=base, criterion={key_of(base): 0.0})
     scorer = Scorer(seen.rows(base.u, base.left, base.slopes))
-    scores, untried = _scored(c, seen, base, scorer, every, work)
+    scores, untried = _scored(c, seen, base, scorer, every, not clear, work)
     single, twins = without_twins(seen, scorer, scores)
     most = max((s.gain.gain for s in single), default=0.0)
     least = -math.inf if clear else max(WORTH_A_REFIT, _RIVAL * most)
@@ -158,11 +158,14 @@ def _scored(
     base: Refit,
     scorer: Scorer,
     every: Sequence[Hypothesis],
+    faint: bool,
     work: Work,
 ) -> tuple[list[Score], list[str]]:
     """Scores under what is left as white noise and as coloured noise, the larger counting.
 
     Groups come first, and the single parts of those that gain something.
+
+    faint: whether what may be missing is hardly seen: no spectrum shows its order, then
     """
     noise, clock = list(map(heard_above, c.series, base.left)), work.clock
     prober = Prober(c, base.u, base.left, noise)
@@ -173,7 +176,7 @@ def _scored(
 
     def tried(hypotheses: Sequence[Hypothesis]) -> list[Score]:
         work.tell(f"trying {len(hypotheses)} effects at their places")
-        listed = with_spots(coloured, rest[1], with_orders(coloured, rest[1], hypotheses))
+        listed = with_spots(coloured, rest[1], with_orders(coloured, rest[1], hypotheses, faint))
         return score_all(prober, judges, over, distinct(listed), work)
 
     simple = [h for h in every if h.effects[-1][0] not in CONTAINS]

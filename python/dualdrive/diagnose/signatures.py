@@ -17,6 +17,7 @@ from dualdrive.diagnose.hypotheses import Hypothesis, Setting, is_strength, prob
 from dualdrive.diagnose.orders import (
     CARRIERS,
     HIGHEST,
+    LOW,
     members_of,
     strongest_orders,
     travel_of,
@@ -173,9 +174,12 @@ def _longest(setting: Setting) -> float:
 
 
 def with_orders(
-    evidence: Evidence, rest: Array, hypotheses: Sequence[Hypothesis]
+    evidence: Evidence, rest: Array, hypotheses: Sequence[Hypothesis], low: bool = False
 ) -> list[Hypothesis]:
-    """The same, those with an order at the strongest that the rest shows, and at the usual one."""
+    """The same, those with an order at the strongest that the rest shows, and at the usual one.
+
+    low: whether the lowest orders of a turn are tried anyway, where something faint is sought
+    """
     known: dict[tuple[str, str], list[tuple[int, float]]] = {}
     core, found = evidence.confrontation.core, []
     mine = {p.path for p in core.parameters()}
@@ -190,11 +194,17 @@ def with_orders(
             found.append(h)
             continue
         effect, group = h.effects[0]
-        place, carrier = members_of(core, group)[0], CARRIERS.get(effect, "")
-        if (place, carrier) not in known:
-            known[place, carrier] = strongest_orders(evidence, rest, place, carrier)
+        carrier = CARRIERS.get(effect, "")
+        parts = members_of(core, group)
+        if not carrier:  # all turn alike
+            parts = parts[:1]
+        for place in parts:
+            if (place, carrier) not in known:
+                known[place, carrier] = strongest_orders(evidence, rest, place, carrier)
         usual = float(grown.get(paths[0]))
-        orders = {float(n): HIGHEST for n, _ in known[place, carrier]} | {usual: 1}
+        seen = {float(n): HIGHEST for place in parts for n, _ in known[place, carrier]}
+        lowest = LOW if low and paths[0].endswith(".order") else ()
+        orders = seen | {n: len(LOW) for n in lowest} | {usual: 1}
         found += [replace(h, fixed={**h.fixed, paths[0]: n}, searched=k) for n, k in orders.items()]
     return found
 
