@@ -153,3 +153,26 @@ def test_a_second_law_of_its_kind_that_brings_next_to_nothing_only_mends_the_fir
     monkeypatch.setattr(probability, "excess", lambda _, left: np.array([left]))
     survey, both = paired("transmission_error@pinions", second, brings=brings, leaves=leaves)
     assert probability._mended(survey, both) is mended
+
+
+def test_what_stays_of_a_pair_is_not_put_in_again_in_stead_of_the_other() -> None:
+    """Saturation is confused with warm magnets, which are there: two of them can't sit together."""
+    core = core_of(ordered.drifted("bench", 0, 1.0).machine())
+    grown = core.copy()
+    grown.add_effect("thermal_drift", "motors")
+    c: Any = SimpleNamespace(channels=[], mode="closed_loop", core=core)
+    rows = SimpleNamespace(left=np.zeros(1))
+    scorer: Any = SimpleNamespace(rows=rows, rest=lambda columns: columns)
+    seen = SimpleNamespace(confrontation=c)
+    best = SimpleNamespace(left=[])
+    found: Any = SimpleNamespace(evidence=seen, refits=[], best=best)
+    stays = Hypothesis((("thermal_drift", "motors"),))
+    stead: Any = SimpleNamespace(
+        best=best, effect="torque_constant_saturation", place="motors", rest=stays
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(neighbours, "excess", lambda *_: np.ones(1))
+        several = neighbours._neighbours(found, stead, grown, scorer)
+    labels = {h.label for h in several}
+    assert "current_limit@motors" in labels
+    assert "thermal_drift@motors" not in labels

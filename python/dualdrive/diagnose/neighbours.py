@@ -12,11 +12,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass, replace
+from typing import Any
 
 from dualdrive.diagnose.candidates import akin, candidates, members, station
 from dualdrive.diagnose.floors import heard_above
 from dualdrive.diagnose.hypotheses import Hypothesis, Setting
-from dualdrive.diagnose.orders import LOW
 from dualdrive.diagnose.profiled import profile, sharpened
 from dualdrive.diagnose.refit import Fitter, Refit, Start, Trial
 from dualdrive.diagnose.score import Scorer
@@ -107,7 +107,7 @@ def _tried(found: Survey, stead: _Stead, work: Work) -> Iterator[Trial]:
     own = seen.white([x[:, [j for j, _ in kept]] for x in best.columns])
     scorer = Scorer(rows.beside(own))
     prober = Prober(c, best.u, left, list(map(heard_above, c.series, left)))
-    several = _neighbours(found, stead, scorer)
+    several = _neighbours(found, stead, c.core, scorer)
     for score in score_all(prober, [(seen, scorer)], [1.0], several, work):
         starts = _starts(score, stead)
         both = stead.rest + score.signature.hypothesis
@@ -116,36 +116,28 @@ def _tried(found: Survey, stead: _Stead, work: Work) -> Iterator[Trial]:
             yield trial
 
 
-def _neighbours(found: Survey, stead: _Stead, scorer: Scorer) -> list[Hypothesis]:
-    """Of the same station, and not refitted in this company yet."""
-    seen, core = found.evidence, found.evidence.confrontation.core
-    balance = seen.confrontation.mode == "balance"
-    every = candidates(core, seen.confrontation.channels, balance=balance)
+def _neighbours(found: Survey, stead: _Stead, core: Any, scorer: Scorer) -> list[Hypothesis]:
+    """Of the same station, and not refitted in this company yet.
+
+    core: the machine with all that stays
+    """
+    seen = found.evidence
+    c = seen.confrontation
+    every = candidates(core, c.channels, balance=c.mode == "balance")
     every += [m for h in every for m in members(core, h)]
-    leaves = excess(found, stead.best.left).max() >= ENOUGH
     alike = [
         h
         for h in every
-        if akin(h.effects[0][0], stead.effect)
-        and (leaves or h.effects[0][0] != stead.effect)
-        and station(h.effects[0][1]) == station(stead.place)
+        if akin(h.effects[0][0], stead.effect) and station(h.effects[0][1]) == station(stead.place)
     ]
+    own = [h for h in alike if h.effects[0][0] == stead.effect]
+    leaves = excess(found, stead.best.left).max() >= ENOUGH
     rest = scorer.rest(scorer.rows.left[:, None])[:, 0]
-    listed = with_spots(seen, rest, with_orders(seen, rest, alike))
-    if leaves:
-        listed += _other_orders(stead)
+    listed = with_orders(seen, rest, [h for h in alike if h not in own])
+    listed += with_orders(seen, rest, own, low=True) if leaves else []
     known = {_content(r.hypothesis) for r in found.refits}
-    return [h for h in distinct(listed) if _content(stead.rest + h) not in known]
-
-
-def _other_orders(stead: _Stead) -> list[Hypothesis]:
-    """The law that was taken out, at low orders of its part's turn."""
-    if "order" not in stead.own:
-        return []
-    path = f"{stead.effect}@{stead.place}.order"
-    several = [n for n in LOW if n != stead.own["order"]]
-    effects = ((stead.effect, stead.place),)
-    return [Hypothesis(effects, {path: n}, len(several)) for n in several]
+    fresh = [h for h in distinct(listed) if _content(stead.rest + h) not in known]
+    return with_spots(seen, rest, fresh)
 
 
 def _content(h: Hypothesis) -> frozenset[object]:
