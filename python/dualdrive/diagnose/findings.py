@@ -32,6 +32,7 @@ def candidate_of(c: Confrontation, found: Survey, r: Refit, p: float) -> Candida
     """A refit as a user reads it."""
     known = intervals(found.evidence, r, found.inflation)
     own = {path: known[path] for path in r.values()}
+    own |= {path: Interval(x, x, x, _unit(r, path)) for path, x in r.hypothesis.fixed.items()}
     notes = []
     if stuck := r.at_bound():
         notes.append(f"{', '.join(stuck)} stands at its bound")
@@ -42,7 +43,7 @@ def candidate_of(c: Confrontation, found: Survey, r: Refit, p: float) -> Candida
     return Candidate(
         r.hypothesis.effects,
         p,
-        own | {path: Interval(x, x, x, "") for path, x in r.hypothesis.fixed.items()},
+        own,
         c.headline(r.left),
         c.headline(held_out(found.evidence, r)),
         (found.base.chi - r.chi) / found.inflation,
@@ -50,6 +51,11 @@ def candidate_of(c: Confrontation, found: Survey, r: Refit, p: float) -> Candida
         r.resolved,
         "; ".join(notes),
     )
+
+
+def _unit(r: Refit, path: str) -> str:
+    """SI unit of an effect's number."""
+    return str(r.grown.parameter(r.grown.members(path)[0]).unit)
 
 
 def scored_only(found: Survey, known: Sequence[Candidate]) -> list[Candidate]:

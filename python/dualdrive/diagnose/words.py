@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 
 from dualdrive.compare.equation import EquationAtFault
 from dualdrive.diagnose.judge import EXPLAINED
-from dualdrive.diagnose.result import Candidate, Experiment, Shape, Verdict
+from dualdrive.diagnose.result import Candidate, Experiment, Interval, Shape, Verdict
 
 _FEW = 3  # warnings that a paragraph can hold
+_OF_NONE = 0.05  # share of the missing torque below which a coordinate tells nothing of it
 
 
 def paragraph(
@@ -44,7 +45,7 @@ def paragraph(
     if len(warnings) > _FEW:
         said.append(f"Mind the {len(warnings)} warnings about the records.")
     elif warnings:
-        said.append("Mind: " + " ".join(warnings))
+        said.append(f"Mind: {'; '.join(w.rstrip('.') for w in warnings)}.")
     return " ".join(said)
 
 
@@ -85,12 +86,18 @@ def _opening(
     )
 
 
+def _number(p: Interval) -> str:
+    """Value and interval; what was counted or held has none."""
+    value = f"{p.value:.4g} {p.unit}".rstrip()
+    return f"{value} [{p.low:.4g} .. {p.high:.4g}]" if p.low < p.high else value
+
+
 def _evidence(candidates: Sequence[Candidate], shapes: Sequence[Shape]) -> list[str]:
     best, *others = candidates
     numbers = [
-        f"{path.rpartition('.')[2]} {p.value:.4g} {p.unit}".rstrip()
-        + f" [{p.low:.4g} .. {p.high:.4g}]"
+        f"{path.rpartition('.')[2]} {_number(p)}"
         for path, p in best.parameters.items()
+        if p.value != 0.0 or p.low < p.high  # what is held at nothing says nothing
     ]
     said = [f"Its numbers: {', '.join(numbers)}."] if numbers else []
     said.append(
@@ -128,14 +135,18 @@ def _unexplained(
         why = "which is too little for a name"
         if best.explained > EXPLAINED and len(best.effects) > 1:
             why = "but its second law only bends the curve of the first: it is another shape"
-        elif best.explained > EXPLAINED:
+        elif best.explained > EXPLAINED and "bound" in best.note:
             why = "but not at a size that it can have"
+        elif best.explained > EXPLAINED:
+            why = "but not beyond doubt"
         said.append(
             f"The best of them, {best.label}, takes {100 * best.explained:.0f} % of it, {why}."
         )
     if equation is not None:
         said.append(f"The equation that does not close is that of the {equation.name}.")
-    if shapes:
+    if shapes and shapes[0].explained < _OF_NONE:
+        said.append("The missing torque is a function of no coordinate that was tried.")
+    elif shapes:
         s = shapes[0]
         said.append(
             f"The missing torque of the {s.equation} is best drawn against {s.coordinate} "
