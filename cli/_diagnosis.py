@@ -169,7 +169,8 @@ def _candidates(shown: Sequence[Candidate]) -> Table:
     ):
         table.add_column(head, justify=side)  # type: ignore[arg-type]
     for c in shown:
-        size = next((_interval(p) for p in c.parameters.values()), "")
+        sizes = (f"{path.rpartition('.')[2]} {_interval(p)}" for path, p in c.parameters.items())
+        size = next(sizes, "")
         shares = (f"{c.probability:.2f}", _share(c.held_out), _share(c.explained))
         table.add_row(escape(c.label), *shares, escape("; ".join(filter(None, (size, c.note)))))
     return table

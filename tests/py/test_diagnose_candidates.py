@@ -2,25 +2,46 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from dualdrive import Machine
 from dualdrive.diagnose.candidates import candidates, members, possible
+from dualdrive.diagnose.confront import nominal_unknowns
 from dualdrive.diagnose.hypotheses import Hypothesis
+from dualdrive.identify.unknowns import default_free
+
+LATE = "transport_delay@controller"
+
+
+def late(core: Any) -> list[Hypothesis]:
+    return [h for h in candidates(core) if h.effects[0][0] == "transport_delay"]
 
 
 def test_a_late_command_is_tried_for_all_drives_and_for_the_slaves_apart() -> None:
-    """Numbers that are causes of their own: the other one stays what the machine file says."""
+    """Numbers that are causes of their own: the other one is held where it is."""
+    several = late(Machine.load("bench").core)
+    held = [{f"{LATE}.delta_t": 0.0}, {f"{LATE}.delta_c": 0.0}]
+    assert [dict(h.fixed) for h in several] == held
+    for h, free in zip(several, ("delta_c", "delta_t"), strict=True):
+        _, paths = h.put_in(Machine.load("bench").core)
+        assert paths == [f"{LATE}.{free}"]
+        assert h.looked_at == 2
+
+
+def test_a_lag_that_the_machine_file_sets_is_a_setting_and_no_cause() -> None:
     core = Machine.load("bench").core.copy()
     core.set("controller.delta_t", 2e-3)
-    several = [h for h in candidates(core) if h.effects[0][0] == "transport_delay"]
-    label = "transport_delay@controller"
-    assert [dict(h.fixed) for h in several] == [
-        {f"{label}.delta_t": 2e-3},
-        {f"{label}.delta_c": 0.0},
-    ]
-    for h, free in zip(several, ("delta_c", "delta_t"), strict=True):
-        grown, paths = h.put_in(core)
-        assert paths == [f"{label}.{free}"]
-        assert grown.get("controller.delta_t") == 2e-3
+    assert [dict(h.fixed) for h in late(core)] == [{f"{LATE}.delta_t": 2e-3}]
+
+
+def test_a_delay_that_there_is_none_of_is_no_number_of_the_machine() -> None:
+    """The next step would begin with 5 ms of it, and find no way back to none."""
+    machine = Machine.load("bench")
+    machine.add("transport_delay", "controller", delta_c="2 ms")
+    paths = default_free(machine.core)
+    assert {f"{LATE}.delta_c", f"{LATE}.delta_t"} <= set(paths)
+    own = [p.path for p in nominal_unknowns(machine.core, paths, None) if LATE in p.path]
+    assert own == [f"{LATE}.delta_c"]
 
 
 def test_what_a_machine_has_already_is_not_tried_there_again() -> None:

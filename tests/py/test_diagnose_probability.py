@@ -5,9 +5,10 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
-from dualdrive.diagnose import judge
+from dualdrive.diagnose import judge, probability
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.probability import SURE, how_often_right, leaders
 
@@ -43,11 +44,14 @@ def test_names_count_until_together_they_are_sure(
     assert leaders(named(*several)) == group  # type: ignore[arg-type]
 
 
-def pair_of(first: str, second: str, *, brings: float) -> tuple[Any, Any]:
-    """A survey in which a pair gains 1000, its second effect that share of it; and the pair."""
+def pair_of(first: str, second: str, *, brings: float, leaves: float = 1.0) -> tuple[Any, Any]:
+    """A survey in which a pair gains 1000, its second effect that share of it; and the pair.
+
+    leaves: residual over floor that the first leaves alone
+    """
     parts = [tuple(x.split("@")) for x in (first, second)]
     none, alone, both = (
-        SimpleNamespace(hypothesis=Hypothesis(tuple(parts[:k])))  # type: ignore[arg-type]
+        SimpleNamespace(hypothesis=Hypothesis(tuple(parts[:k])), left=leaves)  # type: ignore[arg-type]
         for k in range(3)
     )
     costs = {
@@ -72,3 +76,26 @@ def test_a_friction_that_only_bends_another_makes_no_name(
     found, pair = pair_of(first, second, brings=brings)
     assert judge._bent(found, pair) is bent
     assert not judge._bent(found, found.refits[0]), "a single law is never that"
+
+
+@pytest.mark.parametrize(
+    ("second", "brings", "leaves", "mended"),
+    [
+        ("time_varying_mesh_stiffness@pinions", 0.01, 1.05, True),
+        ("time_varying_mesh_stiffness@pinions", 0.05, 1.05, False),  # brings something
+        ("time_varying_mesh_stiffness@pinions", 0.01, 1.6, False),  # the first leaves something
+        ("transmission_error@table", 0.01, 1.05, True),  # the same law once more
+        ("cogging@motors", 0.01, 1.05, False),  # of another kind
+    ],
+)
+def test_a_second_law_of_its_kind_that_brings_next_to_nothing_only_mends_the_first(
+    monkeypatch: pytest.MonkeyPatch, second: str, brings: float, leaves: float, mended: bool
+) -> None:
+    monkeypatch.setattr(probability, "excess", lambda _, left: np.array([left]))
+    found, pair = pair_of("transmission_error@pinions", second, brings=brings, leaves=leaves)
+    assert probability._mended(found, pair) is mended
+
+
+def test_two_laws_of_friction_are_for_the_judge() -> None:
+    found, pair = pair_of("coulomb@table", "stribeck@table", brings=0.001)
+    assert not probability._mended(found, pair)

@@ -11,6 +11,7 @@ import pytest
 
 from dualdrive import Machine
 from dualdrive.diagnose.hypotheses import Hypothesis
+from dualdrive.diagnose.pairs import together
 from dualdrive.diagnose.refit import Fitter, Start
 from dualdrive.diagnose.work import Clock
 
@@ -65,6 +66,15 @@ def test_a_start_that_is_good_enough_ends_the_looking() -> None:
     valley: Any = Valley()
     Fitter(valley).tried(DRY, starts(0.29, 0.3, further=False), enough=0.02)
     assert valley.seen == pytest.approx([0.29])
+
+
+def test_two_effects_that_can_not_sit_together_are_not_tried() -> None:
+    """Both would move the same stiffness."""
+    valley: Any = Valley()
+    both = Hypothesis((("shaft_compliance", "gearboxes"), ("gearbox_backlash", "gearboxes")))
+    with pytest.raises(ValueError, match="keep one"):
+        Fitter(valley).tried(both, [Start(np.zeros(1), {})])
+    assert together(Fitter(valley), both, [Start(np.zeros(1), {})]) is None
 
 
 def test_a_clock_that_ran_out_says_what_it_left_out(monkeypatch: pytest.MonkeyPatch) -> None:

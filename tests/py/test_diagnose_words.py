@@ -26,9 +26,10 @@ def shape(explained: float) -> Shape:
 
 
 def said(verdict: Verdict, *candidates: Candidate, **more: Any) -> str:
-    told = {"shapes": (), "warnings": (), "equation": None, **more}
+    told = {"shapes": (), "warnings": (), "equation": None, "why": "", **more}
     return paragraph(
         verdict,
+        told["why"],
         candidates,
         (),
         ERROR,
@@ -59,15 +60,17 @@ def test_numbers_have_units_what_was_counted_no_interval_and_what_is_held_at_not
 
 
 @pytest.mark.parametrize(
-    ("explained", "note", "why"),
+    ("why", "words"),
     [
-        (0.3, "", "too little for a name"),
-        (0.9, "cogging@motors.amplitude stands at its bound", "not at a size that it can have"),
-        (0.9, "", "but not beyond doubt"),
+        ("explains", "too little for a name"),
+        ("bound", "not at a size that it can have"),
+        ("bent", "only bends the curve of the first"),
+        ("clipped", "a channel stands at its limit"),
+        ("gains", "not beyond doubt"),
     ],
 )
-def test_why_the_best_of_them_gets_no_name(explained: float, note: str, why: str) -> None:
-    assert why in said("unknown", candidate(explained=explained, note=note))
+def test_why_the_best_of_them_gets_no_name(why: str, words: str) -> None:
+    assert words in said("unknown", candidate(), why=why)
 
 
 def test_a_coordinate_that_tells_nothing_is_not_recommended() -> None:

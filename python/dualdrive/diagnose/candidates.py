@@ -56,26 +56,33 @@ def candidates(
 
 
 def _apart(core: Any, h: Hypothesis) -> list[Hypothesis]:
-    """One hypothesis for each number of a law whose numbers are causes of their own."""
+    """One hypothesis for each number of a law whose numbers are causes of their own.
+
+    A number that the machine has already is one of its settings, and no cause.
+    """
     if h.effects[-1][0] not in _CAUSES:
         return [h]
     grown, free = h.put_in(core)
     held = {path: float(grown.get(path)) for path in free}
     return [
-        replace(h, fixed={p: x for p, x in held.items() if p != own}, searched=len(free))
+        replace(h, fixed={p: x for p, x in held.items() if p != own}, searched={h.label: len(free)})
         for own in free
+        if held[own] == 0.0
     ]
 
 
 def members(core: Any, group: Hypothesis) -> list[Hypothesis]:
     """The same effect at each single part of a group; none where the place is a part itself."""
     [(effect, place)] = group.effects
+    several = (possible(core, effect, part) for part in parts_of(core, place))
+    return [h for h in several if h is not None]
+
+
+def parts_of(core: Any, place: str) -> list[str]:
+    """The single parts of a group: motors -> motor_1, motor_2; none where it is a part itself."""
     one = _ONE.get(place, "")
-    if not one:
-        return []
     every = dict.fromkeys((*core.motors, *core.bodies, *core.connections))
-    parts = [p for p in every if p.startswith(f"{one}_")]
-    return [h for p in parts if (h := possible(core, effect, p)) is not None]
+    return [part for part in every if one and part.startswith(f"{one}_")]
 
 
 def rubs(effect: str) -> bool:
@@ -92,7 +99,7 @@ def akin(first: str, second: str) -> bool:
 
 
 def station(place: str) -> str:
-    """Which drive train a place is in, whatever part of it: all, or a number; else the place."""
+    """Which drive train a place is in, whatever part of it: ``drives``, a number, or itself."""
     if place in _ONE:
         return "drives"
     part, _, number = place.rpartition("_")

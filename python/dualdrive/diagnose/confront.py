@@ -35,6 +35,7 @@ def nominal_unknowns(core: Any, paths: Sequence[str], tolerance: Tolerance) -> l
         ValueError: a tolerance for a number that is not among them.
 
     """
+    paths = [path for path in paths if not _no_delay(core, path)]
     if not isinstance(tolerance, Mapping):
         return _believed(unknowns(core, list(paths), tolerance, {}) if paths else [])
     if stray := set(tolerance) - set(default_free(core)):
@@ -45,6 +46,12 @@ def nominal_unknowns(core: Any, paths: Sequence[str], tolerance: Tolerance) -> l
     own = {path: tolerance[path] for path in paths if path in tolerance}
     usual = {**default_tolerances(core, paths), **own}
     return _believed(unknowns(core, list(paths), usual, {}) if paths else [])
+
+
+def _no_delay(core: Any, path: str) -> bool:
+    """Whether it is a delay of the command that there is none of: the other one was found."""
+    part = core.parameter(core.members(path)[0])
+    return "@controller" in path and part.unit == "s" and float(core.get(path)) == 0.0
 
 
 def believable(low: Array, high: Array, centre: Array, sigma: Array) -> tuple[Array, Array]:

@@ -148,7 +148,7 @@ def diagnose(
         if clipped and verdict.ranked and verdict.verdict in ("effect", "ambiguous"):
             [(effect, _), *_] = verdict.ranked[0][0].hypothesis.effects
             if effect not in LIMITS:
-                verdict = replace(verdict, verdict="unknown", group=())
+                verdict = replace(verdict, verdict="unknown", group=(), why="clipped")
         return _told(machine, c, result, verdict, recorded, own, warnings, whole, experiment, tell)
 
 
@@ -193,6 +193,7 @@ def _told(
     command = command_for(candidates[0]) if named_ and candidates else ""
     said = paragraph(
         verdict.verdict,
+        verdict.why,
         candidates,
         groups,
         error,

@@ -8,7 +8,7 @@ else, and contact changes that a small effect causes are in it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -36,13 +36,13 @@ class Hypothesis:
     """Effects that may be missing, with their counted numbers; empty: nothing is missing.
 
     fixed: parameter path -> value of what is counted, where a scan found one, or held
-    searched: among how many values those were found
+    searched: label -> among how many values its own were found
     begins: parameter path -> value from which a fit begins, where a scan found one
     """
 
     effects: tuple[tuple[str, str], ...] = ()
     fixed: Mapping[str, float] = field(default_factory=dict)
-    searched: int = 1
+    searched: Mapping[str, int] = field(default_factory=dict)
     begins: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -54,9 +54,31 @@ class Hypothesis:
         return Hypothesis(
             self.effects + other.effects,
             {**self.fixed, **other.fixed},
-            self.searched * other.searched,
+            {**self.searched, **other.searched},
             {**self.begins, **other.begins},
         )
+
+    @property
+    def looked_at(self) -> int:
+        """Among how many values all of them were found."""
+        return math.prod(self.searched.values())
+
+    def only(self, numbers: Collection[int]) -> Hypothesis:
+        """Some of its effects, by their places in the list, with all that is theirs."""
+        effects = tuple(e for k, e in enumerate(self.effects) if k in numbers)
+        labels = {f"{effect}@{place}" for effect, place in effects}
+
+        def own(known: Mapping[str, float]) -> dict[str, float]:
+            return {p: x for p, x in known.items() if p.rpartition(".")[0] in labels}
+
+        searched = {label: n for label, n in self.searched.items() if label in labels}
+        return Hypothesis(effects, own(self.fixed), searched, own(self.begins))
+
+    def instead(self, number: int, other: Hypothesis) -> Hypothesis:
+        """Another in the place of one of its effects."""
+        count = len(self.effects)
+        before, after = self.only(range(number)), self.only(range(number + 1, count))
+        return before + other + after
 
     def put_in(
         self,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from dualdrive.diagnose.candidates import rubs
 from dualdrive.diagnose.heldout import held_out
 from dualdrive.diagnose.probability import (
     SURE,
+    brought,
     how_often_right,
     leaders,
     probabilities,
@@ -25,6 +27,8 @@ from dualdrive.diagnose.settle import ENOUGH
 from dualdrive.diagnose.survey import Survey, excess, key_of
 
 Array = NDArray[np.float64]
+#: why the best of what was tried gets no name
+Reason = Literal["", "gains", "explains", "bound", "bent", "clipped"]
 
 #: fall of the criterion below which nothing is named: odds of 1 to e^10 before the library's size
 NAMED = 20.0
@@ -55,6 +59,7 @@ class Judgement:
     group:     labels that can't be told from the leader, the leader first
     explained: share of what could be explained that the leader explains
     excess:    largest residual over floor of any series, refitted and with the leader
+    gain:      fall of the criterion; why: the leader gets no name, where it gets none
     """
 
     verdict: Verdict
@@ -64,6 +69,7 @@ class Judgement:
     explained: float
     excess: tuple[float, float]
     gain: float
+    why: Reason = ""
 
 
 def judge(found: Survey) -> Judgement:
@@ -89,11 +95,13 @@ def _among_the_tried(found: Survey) -> Judgement:
     faint = balance and explained < FAINT
     if best is base or gain < needed or faint or not _foretells(found, best, gain):
         verdict: Verdict = "unknown" if _too_much(before, doubt) else _sound(found)
-        return Judgement(verdict, ranked, nothing, (), *figures)
+        return Judgement(verdict, ranked, nothing, (), *figures, "gains")
     several = len(best.hypothesis.effects) > 1  # picked from thousands: nothing may be left
     left = _too_much(after, doubt) or (several and (after.max() - 1.0) > doubt * (ENOUGH - 1.0))
-    if (explained < EXPLAINED and left) or best.beyond() or _bent(found, best):
-        return Judgement("unknown", ranked, nothing, (), *figures)
+    why: Reason = "explains" if explained < EXPLAINED and left else ""
+    why = why or ("bound" if best.beyond() else "bent" if _bent(found, best) else "")
+    if why:
+        return Judgement("unknown", ranked, nothing, (), *figures, why)
     leader = ranked[0][0]
     others = (*_twins(found, leader), *_plainer(found, leader, ranked))
     group = tuple(dict.fromkeys((*leaders(ranked), *others)))
@@ -109,14 +117,7 @@ def _bent(found: Survey, best: Refit) -> bool:
     """
     if len(best.hypothesis.effects) < 2 or not all(rubs(e) for e, _ in best.hypothesis.effects):
         return False
-    singles = [r for r in found.refits if len(r.hypothesis.effects) == 1]
-    costs = [
-        found.criterion[key_of(r)]
-        for r in singles
-        if r.hypothesis.effects[0] in best.hypothesis.effects
-    ]
-    none, both = found.criterion[key_of(found.base)], found.criterion[key_of(best)]
-    return min(costs, default=none) - both < BENT * (none - both)
+    return brought(found, best)[1] < BENT
 
 
 def _twins(found: Survey, best: Refit) -> list[str]:

@@ -116,7 +116,7 @@ def begun(load: Refit) -> Hypothesis:
 
 def _hypothesis(start: float, end: float, fixed: dict[str, float], searched: int) -> Hypothesis:
     begins = {f"{_PATH}.start": start, f"{_PATH}.duration": end - start}
-    return Hypothesis((LOAD,), fixed, searched, begins)
+    return Hypothesis((LOAD,), fixed, {_PATH: searched}, begins)
 
 
 def _sum(seen: Evidence, base: Refit) -> _Sum | None:

@@ -1,4 +1,4 @@
-"""Laws nearly like the best one, at its own part, refitted before that one gets the name.
+"""Laws nearly like the best one, on its own drive train, refitted before that one gets the name.
 
 Scores are taken about the machine that lacks every law. Near relatives (play of a reducer and its
 compliance, dry friction and friction that varies along the turn, one order and the next) gain
@@ -14,9 +14,13 @@ from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
+from dualdrive import _core
 from dualdrive.diagnose.candidates import akin, candidates, members, station
+from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.floors import heard_above
 from dualdrive.diagnose.hypotheses import Hypothesis, Setting
+from dualdrive.diagnose.orders import HIGHEST
+from dualdrive.diagnose.pairs import together
 from dualdrive.diagnose.profiled import profile, sharpened
 from dualdrive.diagnose.refit import Fitter, Refit, Start, Trial
 from dualdrive.diagnose.score import Scorer
@@ -33,31 +37,29 @@ from dualdrive.diagnose.signatures import (
 )
 from dualdrive.diagnose.starts import beside, grown_from
 from dualdrive.diagnose.survey import Survey, excess
-from dualdrive.diagnose.work import Work
+from dualdrive.diagnose.work import Work, first_of_each
+from dualdrive.replay import ratio_to_table
 
-_REFITTED = 3  # of those that were tried, the lowest
+_REFITTED = 3  # laws in the stead of each effect, the lowest of those that were tried
 _ROUNDS = 2  # a neighbour that is better has neighbours of its own
 
 
 def with_neighbours(found: Survey, work: Work) -> Survey:
-    """Refit what the best hypothesis may be taken for, until none of it is better."""
+    """Refit what the best hypothesis may be taken for; once more where that is better."""
     for _ in range(_ROUNDS):
         best = found.best
-        if best is found.base or not work.clock.allows(f"what else {best.hypothesis.label} may be"):
+        label = best.hypothesis.label
+        if best is found.base or not work.clock.allows(f"what else {label} may be"):
             return found
-        work.tell(f"what else {best.hypothesis.label} may be")
+        work.tell(f"what else {label} may be")
         trials = [
             trial
             for number in range(len(best.hypothesis.effects))
-            for trial in _tried(found, _Stead.of(best, number), work)
+            for trial in _lowest(found, _tried(found, _Stead(best, number), work))
         ]
-        trials.sort(key=lambda t: profile(found.evidence, t))
-        fitter = Fitter(found.evidence, work.stop)
-
-        def refitted(trial: Trial, fitter: Fitter = fitter, best: Refit = best) -> Refit:
-            return sharpened(fitter, fitter(trial, best.slopes))
-
-        more = work.side_by_side(refitted, trials[:_REFITTED])
+        more = _refitted(Fitter(found.evidence, work.stop), best, trials, work)
+        if work.stop():
+            work.clock.leave_out(f"not all was refitted that {label} may be")
         if not more:
             return found
         found = settle(replace(found, refits=[*found.refits, *more]), work)
@@ -68,52 +70,74 @@ def with_neighbours(found: Survey, work: Work) -> Survey:
 
 @dataclass(frozen=True, eq=False)
 class _Stead:
-    """The best hypothesis with one effect taken out, all numbers as they were beside it.
+    """Where one effect of the best hypothesis is taken out and others are put in.
 
-    effect, place: what was taken out; own: its numbers by their names
-    rest: what stays, with its numbers by path
+    number: of the effect in its list
     """
 
     best: Refit
-    effect: str
-    place: str
-    own: Setting
-    rest: Hypothesis
-    values: Setting
+    number: int
 
-    @staticmethod
-    def of(best: Refit, number: int) -> _Stead:
-        effects, h = best.hypothesis.effects, best.hypothesis
-        label = "@".join(effects[number])
-        values = {**best.values(), **h.fixed}
-        own = {p.rpartition(".")[2]: x for p, x in values.items() if p.startswith(f"{label}.")}
-        stays = {p: x for p, x in best.values().items() if not p.startswith(f"{label}.")}
-        fixed = {p: x for p, x in h.fixed.items() if not p.startswith(f"{label}.")}
-        rest = Hypothesis(effects[:number] + effects[number + 1 :], fixed)
-        return _Stead(best, *effects[number], own, rest, stays)
+    @property
+    def effect(self) -> str:
+        return self.best.hypothesis.effects[self.number][0]
+
+    @property
+    def place(self) -> str:
+        return self.best.hypothesis.effects[self.number][1]
+
+    @property
+    def label(self) -> str:
+        return f"{self.effect}@{self.place}"
+
+    @property
+    def own(self) -> Setting:
+        """Numbers of what is taken out, by their names."""
+        values = {**self.best.values(), **self.best.hypothesis.fixed}
+        return {p.rpartition(".")[2]: x for p, x in values.items() if self._is_own(p)}
+
+    @property
+    def stays(self) -> Setting:
+        """Numbers of what stays, by path."""
+        return {p: x for p, x in self.best.values().items() if not self._is_own(p)}
+
+    @property
+    def rest(self) -> Hypothesis:
+        """What stays."""
+        h = self.best.hypothesis
+        return h.only([k for k in range(len(h.effects)) if k != self.number])
+
+    def confronted(self, c: Confrontation) -> tuple[Confrontation, list[int]]:
+        """The records beside the machine with what stays, and which of the best's numbers are."""
+        kept = [j for j, p in enumerate(self.best.free) if not self._is_own(p.path)]
+        grown, _ = self.rest.put_in(c.core, c.sizes(), c.part_sizes(self.rest.effects))
+        without = copy(c)
+        without.core = with_values(grown, [self.best.free[j] for j in kept], self.best.v[kept])
+        return without, kept
+
+    def _is_own(self, path: str) -> bool:
+        return path.rpartition(".")[0] == self.label
 
 
-def _tried(found: Survey, stead: _Stead, work: Work) -> Iterator[Trial]:
+def _tried(found: Survey, stead: _Stead, work: Work) -> list[Trial]:
     """Neighbours of what was taken out, each at the best of its starts."""
-    c, best, seen = copy(found.evidence.confrontation), stead.best, found.evidence
-    label = f"{stead.effect}@{stead.place}"
-    kept = [(j, p) for j, p in enumerate(best.free) if not p.path.startswith(f"{label}.")]
-    grown, _ = stead.rest.put_in(c.core, c.sizes(), c.part_sizes(stead.rest.effects))
-    c.core = with_values(grown, [p for _, p in kept], best.v[[j for j, _ in kept]])
+    best, seen = stead.best, found.evidence
+    c, kept = stead.confronted(seen.confrontation)
     left = c.left(c.core, best.u)
     if left is None:
-        return
+        return []
     rows = seen.rows(best.u, left, best.slopes)
-    own = seen.white([x[:, [j for j, _ in kept]] for x in best.columns])
-    scorer = Scorer(rows.beside(own))
+    scorer = Scorer(rows.beside(seen.white([x[:, kept] for x in best.columns])))
     prober = Prober(c, best.u, left, list(map(heard_above, c.series, left)))
     several = _neighbours(found, stead, c.core, scorer)
-    for score in score_all(prober, [(seen, scorer)], [1.0], several, work):
-        starts = _starts(score, stead)
-        both = stead.rest + score.signature.hypothesis
-        trial = Fitter(seen, work.stop).tried(both, starts, slopes=best.slopes)
-        if trial is not None:
-            yield trial
+    scores = score_all(prober, [(seen, scorer)], [1.0], several, work)
+    fitter = Fitter(seen, work.stop)
+
+    def tried(score: Score) -> Trial | None:
+        h = best.hypothesis.instead(stead.number, score.signature.hypothesis)
+        return together(fitter, h, _starts(score, stead), best.slopes)
+
+    return [trial for trial in work.side_by_side(tried, scores) if trial is not None]
 
 
 def _neighbours(found: Survey, stead: _Stead, core: Any, scorer: Scorer) -> list[Hypothesis]:
@@ -125,19 +149,35 @@ def _neighbours(found: Survey, stead: _Stead, core: Any, scorer: Scorer) -> list
     c = seen.confrontation
     every = candidates(core, c.channels, balance=c.mode == "balance")
     every += [m for h in every for m in members(core, h)]
-    alike = [
-        h
-        for h in every
-        if akin(h.effects[0][0], stead.effect) and station(h.effects[0][1]) == station(stead.place)
-    ]
+    twins = {label for several in found.twins.values() for label in several}
+    alike = [h for h in every if _is_near(h, stead) and h.label not in twins]
     own = [h for h in alike if h.effects[0][0] == stead.effect]
     leaves = excess(found, stead.best.left).max() >= ENOUGH
     rest = scorer.rest(scorer.rows.left[:, None])[:, 0]
     listed = with_orders(seen, rest, [h for h in alike if h not in own])
-    listed += with_orders(seen, rest, own, low=True) if leaves else []
+    if leaves:  # no order is cheaper than the one that was found
+        listed += [
+            replace(h, searched=dict.fromkeys(h.searched, HIGHEST))
+            for h in with_orders(seen, rest, own, low=True)
+        ]
     known = {_content(r.hypothesis) for r in found.refits}
-    fresh = [h for h in distinct(listed) if _content(stead.rest + h) not in known]
+    whole = stead.best.hypothesis
+    fresh = [h for h in distinct(listed) if _content(whole.instead(stead.number, h)) not in known]
     return with_spots(seen, rest, fresh)
+
+
+def _is_near(h: Hypothesis, stead: _Stead) -> bool:
+    """Whether the library confuses them, at one station; late signals only with late ones."""
+    [(effect, place)] = h.effects
+    return (
+        akin(effect, stead.effect)
+        and station(place) == station(stead.place)
+        and (_is_late(stead.effect) or not _is_late(effect))
+    )
+
+
+def _is_late(effect: str) -> bool:
+    return "delay" in _core.effect_type(effect).acts_on
 
 
 def _content(h: Hypothesis) -> frozenset[object]:
@@ -145,15 +185,52 @@ def _content(h: Hypothesis) -> frozenset[object]:
     return frozenset([*h.effects, *h.fixed.items()])
 
 
+def _lowest(found: Survey, trials: list[Trial]) -> list[Trial]:
+    """The best of each law, and the best laws."""
+    ordered = sorted(trials, key=lambda t: profile(found.evidence, t))
+    return first_of_each(ordered, lambda t: t.hypothesis.label)[:_REFITTED]
+
+
+def _refitted(fitter: Fitter, best: Refit, trials: list[Trial], work: Work) -> list[Refit]:
+    """Refits of the trials; those that time was left for."""
+
+    def one(trial: Trial) -> Refit | None:
+        if work.stop():
+            return None
+        work.tell(f"refitting with {trial.hypothesis.label}")
+        return sharpened(fitter, fitter(trial, best.slopes))
+
+    return [r for r in work.side_by_side(one, trials) if r is not None]
+
+
 def _starts(score: Score, stead: _Stead) -> Iterator[Start]:
     """With the numbers of like name that the best one has, and where the score points."""
-    u, (effect, _) = stead.best.u, score.signature.hypothesis.effects[0]
-    if stead.effect in CONTAINS.get(effect, ()) and "torque" in stead.own and not stead.values:
+    u, h, stays = stead.best.u, score.signature.hypothesis, stead.stays
+    [(effect, place)] = h.effects
+    whole = stead.effect in CONTAINS.get(effect, ()) and "torque" in stead.own
+    if whole and not stays and place == stead.place:
         yield from grown_from(score, stead.best)
         return
-    shared = {f"{score.label}.{name}": x for name, x in stead.own.items()}
-    for setting in score.signature.settings:
-        both = {p: shared.get(p, x) for p, x in setting.items()}
-        if both != setting:
-            yield Start(u, {**stead.values, **both})
-    yield from beside(score, u, stead.values)
+    shared = _carried(score, stead)
+    settings = [{p: shared.get(p, x) for p, x in one.items()} for one in score.signature.settings]
+    for setting in {tuple(one.items()): one for one in settings}.values() if shared else ():
+        yield Start(u, {**stays, **setting})
+    yield from beside(score, u, stays)
+
+
+def _carried(score: Score, stead: _Stead) -> Setting:
+    """Numbers of like name by the other law's paths; at another part of the train, its torque."""
+    grown, h = score.signature.grown, score.signature.hypothesis
+    if h.effects[0][1] == stead.place:
+        return {f"{h.label}.{name}": x for name, x in stead.own.items()}
+    parts = (_part(stead.best.grown, stead.label), _part(grown, h.label))
+    if "torque" not in stead.own or not all(parts):
+        return {}
+    there, here = (ratio_to_table(grown, part) for part in parts)
+    return {f"{h.label}.torque": stead.own["torque"] * there / here}
+
+
+def _part(core: Any, label: str) -> str:
+    """One part that an effect sits at, if any."""
+    [effect] = [e for e in core.effects if e["label"] == label]
+    return next(iter(effect["members"]), "")

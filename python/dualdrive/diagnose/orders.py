@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.diagnose.candidates import parts_of
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.evidence import Evidence
 from dualdrive.replay import core_of, ratio_to_table
@@ -123,6 +124,4 @@ def members_of(machine: object, place: str) -> list[str]:
     core = core_of(machine)
     if place in core.motors or place in core.bodies or place in core.connections:
         return [place]
-    stem = {"motors": "motor", "pinions": "pinion", "meshes": "mesh"}.get(place, "")
-    known = [*core.motors, *core.bodies, *core.connections]
-    return [part for part in known if stem and part.startswith(f"{stem}_")] or [place]
+    return parts_of(core, place) or [place]

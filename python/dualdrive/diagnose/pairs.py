@@ -6,15 +6,18 @@ strong effect moves the machine so far that signatures taken without it tell lit
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from copy import copy
 from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from dualdrive.diagnose.candidates import candidates, members
 from dualdrive.diagnose.floors import heard_above
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.profiled import sharpened
-from dualdrive.diagnose.refit import Fitter, Refit
+from dualdrive.diagnose.refit import Fitter, Refit, Start, Trial
 from dualdrive.diagnose.score import Scorer
 from dualdrive.diagnose.settle import ENOUGH, settle
 from dualdrive.diagnose.shortlist import distinct
@@ -28,7 +31,9 @@ from dualdrive.diagnose.signatures import (
 )
 from dualdrive.diagnose.starts import beside
 from dualdrive.diagnose.survey import Survey, excess, key_of
-from dualdrive.diagnose.work import Work
+from dualdrive.diagnose.work import Work, first_of_each
+
+Array = NDArray[np.float64]
 
 _FIRSTS, _SECONDS = 2, 3  # effects to begin with, and partners of each
 _TAKEN_APART = 3  # best groups of which the single parts are tried, too
@@ -140,7 +145,7 @@ def _partners(found: Survey, first: Refit, scores: Sequence[Score]) -> list[Scor
     ]
     worth = [s for s in others if s.gain.gain / found.inflation > _WORTH]
     worth.sort(key=lambda s: -s.gain.gain)
-    return list({s.label: s for s in reversed(worth)}.values())[::-1][:_SECONDS]
+    return first_of_each(worth, lambda s: s.label)[:_SECONDS]
 
 
 def _again(first: Refit, score: Score) -> bool:
@@ -159,9 +164,16 @@ def _contains(score: Score, effect: str) -> bool:
 
 
 def _refitted(fitter: Fitter, first: Refit, score: Score) -> Refit | None:
-    try:
-        starts = beside(score, first.u, first.values())
-        trial = fitter.tried(first.hypothesis + score.signature.hypothesis, starts)
-    except ValueError:
-        return None  # two effects that can't sit there together
+    starts = beside(score, first.u, first.values())
+    trial = together(fitter, first.hypothesis + score.signature.hypothesis, starts)
     return sharpened(fitter, fitter(trial, first.slopes)) if trial is not None else None
+
+
+def together(
+    fitter: Fitter, both: Hypothesis, starts: Iterable[Start], slopes: Sequence[Array] = ()
+) -> Trial | None:
+    """The best of the starts; None where two effects can't sit there together, or time is up."""
+    try:
+        return fitter.tried(both, starts, slopes=slopes)
+    except ValueError:
+        return None

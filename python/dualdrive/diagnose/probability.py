@@ -132,14 +132,22 @@ def _mended(found: Survey, pair: Refit) -> bool:
     (first, _), (second, _) = pair.hypothesis.effects
     if not akin(first, second) or (rubs(first) and rubs(second)):
         return False
+    alone, share = brought(found, pair)
+    if alone is None or share >= MENDED:
+        return False
+    return bool(excess(found, alone.left).max() < ENOUGH)
+
+
+def brought(found: Survey, pair: Refit) -> tuple[Refit | None, float]:
+    """The better of a pair's laws alone, and the share of the pair's gain that the other brings."""
+    effects = pair.hypothesis.effects
     singles = [r for r in found.refits if len(r.hypothesis.effects) == 1]
-    for r in singles:
-        if r.hypothesis.effects[0] in pair.hypothesis.effects:
-            gain = value_of(found, found.base) - value_of(found, pair)
-            brings = value_of(found, r) - value_of(found, pair)
-            if brings < MENDED * gain and excess(found, r.left).max() < ENOUGH:
-                return True
-    return False
+    parts = [r for r in singles if r.hypothesis.effects[0] in effects]
+    alone = min(parts, key=lambda r: found.criterion[key_of(r)], default=None)
+    if alone is None:
+        return None, 1.0
+    none, one, both = (found.criterion[key_of(r)] for r in (found.base, alone, pair))
+    return alone, (one - both) / (none - both) if none > both else 0.0
 
 
 def _foretells_worse(found: Survey, pair: Refit) -> bool:

@@ -124,27 +124,35 @@ def _refined(
         found = _together(settle(replace(found, refits=begun), work), work)
         if excess(found, found.best.left).max() < ENOUGH:
             return found
-        short, begun = listed(found), []
-    known = {key_of(r) for r in (*found.refits, *begun)}
+        short = listed(found)
+        begun = [r for r in found.refits if len(r.hypothesis.effects) == 1]
+    known = {key_of(r) for r in begun}
     rest = [short.again(t) for t in trials if key_of(t) not in known]
     cut: list[str] = []
     if clear and not any(_explains(plain, r) for r in begun):
         more, cut = short.others(worth, trials, lambda: clock.late(_FOR_TRIALS))
-        rest = sorted([*rest, *more], key=lambda t: t.chi)
+        rest = sorted([*rest, *(t for t in more if key_of(t) not in known)], key=lambda t: t.chi)
     if cut:
         clock.leave_out(f"not simulated: {', '.join(cut)}")
     refits, missing = short(rest, worth, begun)
     if missing:
         clock.leave_out(f"not refitted: {', '.join(missing)}")
-    found = settle(replace(found, refits=[*found.refits, *refits]), work)
-    return found if early else _together(found, work)
+    pairs = [r for r in found.refits if len(r.hypothesis.effects) > 1]
+    now = settle(replace(found, refits=[*pairs, *refits]), work)
+    return _looked_about(found, now, work) if early else _together(now, work)
 
 
 def _together(found: Survey, work: Work) -> Survey:
     """The best single effect and its neighbours, then two at once and the neighbours of those."""
     single = with_neighbours(found, work)
-    both = with_pairs(single, work)
-    return both if both is single else with_neighbours(both, work)
+    return _looked_about(single, with_pairs(single, work), work)
+
+
+def _looked_about(before: Survey, now: Survey, work: Work) -> Survey:
+    """What another best hypothesis may be taken for, too."""
+    if now.best.hypothesis == before.best.hypothesis:
+        return now
+    return with_neighbours(now, work)
 
 
 def _explains(plain: Survey, refit: Refit) -> bool:

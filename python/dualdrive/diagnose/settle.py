@@ -33,7 +33,7 @@ ENOUGH = 1.15  # residual over floor in every series, below which nothing is lef
 
 def settle(found: Survey, work: Work) -> Survey:
     """Judge all again under the noise that the best of them leaves, until that is settled."""
-    seen, every = found.evidence, [found.base, *found.refits]
+    seen, every = found.evidence, [found.base, *_once(found.refits)]
     criterion, inflation = _criterion(seen, every, [profile(seen, r) for r in every])
     for number in range(_ROUNDS):
         ordered = sorted(every, key=lambda r: criterion[key_of(r)])
@@ -76,6 +76,16 @@ def settle(found: Survey, work: Work) -> Survey:
         criterion=criterion,
         inflation=inflation,
     )
+
+
+def _once(refits: Sequence[Refit]) -> list[Refit]:
+    """The best of those that were refitted twice: nothing is known of them but by their key."""
+    best: dict[str, Refit] = {}
+    for r in refits:
+        known = best.get(key_of(r))
+        if known is None or r.chi < known.chi:
+            best[key_of(r)] = r
+    return list(best.values())
 
 
 def _now(
@@ -123,7 +133,7 @@ def _criterion(
     found = {}
     for r, cost in zip(every, costs or [r.chi / inflation for r in every], strict=True):
         spare = sum(max(each - z, 0.0) for z in _spare(seen, r, inflation))
-        looked = 2.0 * float(np.log(r.hypothesis.searched))
+        looked = 2.0 * float(np.log(r.hypothesis.looked_at))
         found[key_of(r)] = cost + len(r.v) * each - spare + looked
     return found, inflation
 

@@ -22,7 +22,8 @@ from dualdrive.diagnose.refit import Fitter, Refit, Start, Trial
 from dualdrive.diagnose.score import Scorer, alike
 from dualdrive.diagnose.signatures import CONTAINS, Score
 from dualdrive.diagnose.starts import from_nominal, grown_from, near
-from dualdrive.diagnose.work import Work
+from dualdrive.diagnose.survey import key_of
+from dualdrive.diagnose.work import Work, first_of_each
 
 Array = NDArray[np.float64]
 
@@ -82,7 +83,7 @@ class Shortlist:
 
         Late signals, slow to simulate, come last unless they lead.
 
-        begun: what was refitted already
+        begun: single effects that were refitted already
 
         Returns:
             all refits, and labels of what the time limit left out.
@@ -92,11 +93,12 @@ class Shortlist:
         found = [*begun, *self._refitted([t for t in trials if t not in slow], scores)]
         found.sort(key=lambda r: r.chi)
         rubbing = [h.effects[-1][1] for h in (r.hypothesis for r in found) if _is_dry(h)]
-        whole = _whole(scores, rubbing)
-        wanted = [t.hypothesis.label for t in trials] + [s.label for s in whole]
+        known = {r.hypothesis.label for r in begun}
+        whole = [s for s in _whole(scores, rubbing) if s.label not in known]
+        wanted = [key_of(t) for t in trials] + [s.label for s in whole]
         found += self._whole_laws(whole, found)
         found += self._refitted(slow, scores)
-        return found, sorted(set(wanted) - {r.hypothesis.label for r in found})
+        return found, sorted(set(wanted) - {key_of(r) for r in found})
 
     def others(
         self, scores: Sequence[Score], trials: Sequence[Trial], late: Callable[[], bool]
@@ -108,15 +110,14 @@ class Shortlist:
         late: no further law is simulated once this turns true
         """
         laws = {effect for t in trials for effect, _ in t.hypothesis.effects} | set(CONTAINS)
-        first = {_law(s): s for s in reversed(scores) if _law(s) not in laws}
-        self.work.tell(f"simulating {len(first)} more")
+        several = first_of_each((s for s in scores if _law(s) not in laws), _law)
+        self.work.tell(f"simulating {len(several)} more")
 
         def tried(score: Score) -> Trial | None:
             starts = near(score, self.base.u)
             h, slopes = score.signature.hypothesis, self.base.slopes
             return None if late() else self.fitter.tried(h, starts, slopes=slopes)
 
-        several = list(first.values())[::-1]
         found = self.work.side_by_side(tried, several)
         cut = [s.label for s, t in zip(several, found, strict=True) if t is None]
         best = sorted([t for t in found if t is not None], key=lambda t: t.chi)[:_OTHERS]

@@ -202,10 +202,14 @@ def with_orders(
             if (place, carrier) not in known:
                 known[place, carrier] = strongest_orders(evidence, rest, place, carrier)
         usual = float(grown.get(paths[0]))
-        seen = {float(n): HIGHEST for place in parts for n, _ in known[place, carrier]}
+        every = HIGHEST * len(parts)
+        seen = {float(n): every for place in parts for n, _ in known[place, carrier]}
         lowest = LOW if low and paths[0].endswith(".order") else ()
         orders = seen | {n: len(LOW) for n in lowest} | {usual: 1}
-        found += [replace(h, fixed={**h.fixed, paths[0]: n}, searched=k) for n, k in orders.items()]
+        found += [
+            replace(h, fixed={**h.fixed, paths[0]: n}, searched={h.label: k})
+            for n, k in orders.items()
+        ]
     return found
 
 
@@ -225,7 +229,7 @@ def with_spots(
             known[place] = worst_spot(evidence, rest, place)
         spot = known[place]
         there = dict(zip((f"{h.label}.centre", f"{h.label}.width"), spot or (), strict=False))
-        searched = h.searched * (TRIED if there else 1)
+        searched = {**h.searched, **({h.label: TRIED} if there else {})}
         found.append(replace(h, begins={**h.begins, **there}, searched=searched))
     return found
 

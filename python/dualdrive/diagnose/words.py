@@ -6,15 +6,25 @@ import math
 from collections.abc import Mapping, Sequence
 
 from dualdrive.compare.equation import EquationAtFault
-from dualdrive.diagnose.judge import EXPLAINED
+from dualdrive.diagnose.judge import Reason
 from dualdrive.diagnose.result import Candidate, Experiment, Interval, Shape, Verdict
 
+#: why the best of what was tried gets no name
+_WHY: dict[Reason, str] = {
+    "": "which is too little for a name",
+    "gains": "but not beyond doubt",
+    "explains": "which is too little for a name",
+    "bound": "but not at a size that it can have",
+    "bent": "but its second law only bends the curve of the first: it is another shape",
+    "clipped": "but a channel stands at its limit, which may do the same",
+}
 _FEW = 3  # warnings that a paragraph can hold
 _OF_NONE = 0.05  # share of the missing torque below which a coordinate tells nothing of it
 
 
 def paragraph(
     verdict: Verdict,
+    why: Reason,
     candidates: Sequence[Candidate],
     groups: Sequence[Sequence[str]],
     error: Mapping[str, float],
@@ -32,7 +42,7 @@ def paragraph(
     if verdict in ("effect", "ambiguous") and candidates:
         said += _evidence(candidates, shapes)
     if verdict == "unknown":
-        said += _unexplained(candidates, equation, shapes)
+        said += _unexplained(why, candidates, equation, shapes)
     if groups and verdict == "ambiguous":
         said.append(f"This record can not tell apart: {'; '.join(', '.join(g) for g in groups)}.")
     if experiment is not None:
@@ -127,20 +137,17 @@ def _evidence(candidates: Sequence[Candidate], shapes: Sequence[Shape]) -> list[
 
 
 def _unexplained(
-    candidates: Sequence[Candidate], equation: EquationAtFault | None, shapes: Sequence[Shape]
+    why: Reason,
+    candidates: Sequence[Candidate],
+    equation: EquationAtFault | None,
+    shapes: Sequence[Shape],
 ) -> list[str]:
     said = []
     if candidates and math.isfinite(candidates[0].explained):
         best = candidates[0]
-        why = "which is too little for a name"
-        if best.explained > EXPLAINED and len(best.effects) > 1:
-            why = "but its second law only bends the curve of the first: it is another shape"
-        elif best.explained > EXPLAINED and "bound" in best.note:
-            why = "but not at a size that it can have"
-        elif best.explained > EXPLAINED:
-            why = "but not beyond doubt"
         said.append(
-            f"The best of them, {best.label}, takes {100 * best.explained:.0f} % of it, {why}."
+            f"The best of them, {best.label}, takes {100 * best.explained:.0f} % of it, "
+            f"{_WHY[why]}."
         )
     if equation is not None:
         said.append(f"The equation that does not close is that of the {equation.name}.")

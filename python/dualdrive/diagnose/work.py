@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TypeVar
 
 T = TypeVar("T")
 R = TypeVar("R")
+
+
+def first_of_each(several: Iterable[T], key: Callable[[T], str]) -> list[T]:
+    """The first with every key, in order."""
+    first: dict[str, T] = {}
+    for one in several:
+        first.setdefault(key(one), one)
+    return list(first.values())
 
 
 class Clock:
