@@ -122,7 +122,7 @@ def test_what_stays_of_a_pair_is_not_put_in_again_in_stead_of_the_other() -> Non
     scorer: Any = SimpleNamespace(rows=rows, rest=lambda columns: columns)
     seen = SimpleNamespace(confrontation=c)
     pair = (("thermal_drift", "motors"), ("torque_constant_saturation", "motors"))
-    best: Any = SimpleNamespace(left=[], hypothesis=Hypothesis(pair))
+    best: Any = SimpleNamespace(left=[], hypothesis=Hypothesis(pair), values=dict)
     found: Any = SimpleNamespace(evidence=seen, refits=[], best=best, twins={})
     stead = neighbours._Stead(best, 1)
     with pytest.MonkeyPatch.context() as patch:
@@ -131,3 +131,33 @@ def test_what_stays_of_a_pair_is_not_put_in_again_in_stead_of_the_other() -> Non
     labels = {h.label for h in several}
     assert "current_limit@motors" in labels
     assert "thermal_drift@motors" not in labels
+
+
+def test_a_mesh_does_at_both_of_its_wheels_what_it_does_once_per_tooth() -> None:
+    """A pinion that turns four times as often as the table has a quarter of its teeth."""
+    core = core_of(ordered.drifted("bench", 0, 1.0).machine())
+    label = "transmission_error@table"
+    wrong = Hypothesis((("transmission_error", "table"),), {f"{label}.teeth": 88.0}, {label: 100})
+    grown, _ = wrong.put_in(core)
+    best: Any = SimpleNamespace(hypothesis=wrong, grown=grown, values=dict)
+    stead = neighbours._Stead(best, 0)
+    other = Hypothesis((("transmission_error", "pinions"),))
+    assert neighbours._is_near(other, stead)
+    assert not neighbours._is_near(Hypothesis((("wear", "pinion_1"),)), stead)
+    found = neighbours._as_often(other, stead, core)
+    assert found is not None
+    teeth = 88.0 / core.get("mesh_1.ratio")
+    assert found.fixed == {"transmission_error@pinions.teeth": teeth}
+    assert found.looked_at == 100, "no cheaper than the one that was found"
+
+
+def test_a_relative_that_ended_in_a_side_valley_is_tried_again() -> None:
+    base, best, stray, near = (
+        SimpleNamespace(hypothesis=Hypothesis(((effect, "table"),)))
+        for effect in ("none", "wear", "eccentricity", "unbalance")
+    )
+    costs = {"none@table": 1000.0, "wear@table": 0.0, "eccentricity@table": 2e6}
+    costs["unbalance@table"] = 30.0
+    found: Any = SimpleNamespace(base=base, best=best, criterion=costs)
+    assert not neighbours._is_found(found, stray)  # type: ignore[arg-type]
+    assert neighbours._is_found(found, near)  # type: ignore[arg-type]

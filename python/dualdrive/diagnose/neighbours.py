@@ -36,11 +36,14 @@ from dualdrive.diagnose.signatures import (
     with_spots,
 )
 from dualdrive.diagnose.starts import beside, grown_from
-from dualdrive.diagnose.survey import Survey, excess
+from dualdrive.diagnose.survey import Survey, excess, key_of
 from dualdrive.diagnose.work import Work, first_of_each
 from dualdrive.replay import ratio_to_table
 
-_REFITTED = 3  # laws in the stead of each effect, the lowest of those that were tried
+#: in the stead of each effect: the lowest of those that were tried, and of other laws than these
+_REFITTED, _OTHERS = 3, 2
+_COUNTED = ("order", "teeth")  # per turn
+_MUCH = 0.5  # of the best one's gain
 _ROUNDS = 2  # a neighbour that is better has neighbours of its own
 
 
@@ -151,29 +154,62 @@ def _neighbours(found: Survey, stead: _Stead, core: Any, scorer: Scorer) -> list
     every += [m for h in every for m in members(core, h)]
     twins = {label for several in found.twins.values() for label in several}
     alike = [h for h in every if _is_near(h, stead) and h.label not in twins]
-    own = [h for h in alike if h.effects[0][0] == stead.effect]
+    here = station(stead.place)
+    own = [h for h in alike if h.effects[0][0] == stead.effect and station(h.effects[0][1]) == here]
     leaves = excess(found, stead.best.left).max() >= ENOUGH
     rest = scorer.rest(scorer.rows.left[:, None])[:, 0]
-    listed = with_orders(seen, rest, [h for h in alike if h not in own])
+    others = [h for h in alike if h not in own]
+    listed = with_orders(seen, rest, others)
+    as_often = [_as_often(h, stead, core) for h in others]
+    listed += [h for h in as_often if h is not None]
     if leaves:  # no order is cheaper than the one that was found
         listed += [
             replace(h, searched=dict.fromkeys(h.searched, HIGHEST))
             for h in with_orders(seen, rest, own, low=True)
         ]
-    known = {_content(r.hypothesis) for r in found.refits}
+    known = {_content(r.hypothesis) for r in found.refits if _is_found(found, r)}
     whole = stead.best.hypothesis
     fresh = [h for h in distinct(listed) if _content(whole.instead(stead.number, h)) not in known]
     return with_spots(seen, rest, fresh)
 
 
+def _is_found(found: Survey, r: Refit) -> bool:
+    """Whether a refit gains about what its relative does: else it ended in a side valley."""
+    none, best, own = (found.criterion[key_of(x)] for x in (found.base, found.best, r))
+    return none - own > _MUCH * (none - best)
+
+
 def _is_near(h: Hypothesis, stead: _Stead) -> bool:
-    """Whether the library confuses them, at one station; late signals only with late ones."""
+    """Whether the library confuses them, at one station; late signals only with late ones.
+
+    What a mesh does once per tooth it does at both of its wheels.
+    """
     [(effect, place)] = h.effects
-    return (
-        akin(effect, stead.effect)
-        and station(place) == station(stead.place)
-        and (_is_late(stead.effect) or not _is_late(effect))
-    )
+    if not akin(effect, stead.effect) or (_is_late(effect) and not _is_late(stead.effect)):
+        return False
+    stations = {station(place), station(stead.place)}
+    wheels = stations <= {"table", "drives"} and _is_meshing(effect) and _is_meshing(stead.effect)
+    return len(stations) == 1 or wheels
+
+
+def _as_often(h: Hypothesis, stead: _Stead, core: Any) -> Hypothesis | None:
+    """The same as often per turn of the table as what is taken out; None where none is counted."""
+    grown, _ = h.put_in(core)
+    mine = {p.path for p in grown.parameters()}
+    paths = [path for name in _COUNTED if (path := f"{h.label}.{name}") in mine]
+    known = [stead.own[name] for name in _COUNTED if name in stead.own]
+    if not paths or not known:
+        return None
+    there, here = _part(stead.best.grown, stead.label), _part(grown, h.label)
+    if not there or not here:
+        return None
+    n = max(round(known[0] * ratio_to_table(core, there) / ratio_to_table(core, here)), 1)
+    searched = stead.best.hypothesis.searched.get(stead.label, 1)
+    return replace(h, fixed={**h.fixed, paths[0]: float(n)}, searched={h.label: searched})
+
+
+def _is_meshing(effect: str) -> bool:
+    return "mesh" in _core.effect_type(effect).acts_on.split(", ")
 
 
 def _is_late(effect: str) -> bool:
@@ -186,9 +222,12 @@ def _content(h: Hypothesis) -> frozenset[object]:
 
 
 def _lowest(found: Survey, trials: list[Trial]) -> list[Trial]:
-    """The best of each law, and the best laws."""
+    """The lowest, and the lowest of other laws than theirs."""
     ordered = sorted(trials, key=lambda t: profile(found.evidence, t))
-    return first_of_each(ordered, lambda t: t.hypothesis.label)[:_REFITTED]
+    lowest = ordered[:_REFITTED]
+    known = {t.hypothesis.label for t in lowest}
+    others = [t for t in ordered if t.hypothesis.label not in known]
+    return [*lowest, *first_of_each(others, lambda t: t.hypothesis.label)[:_OTHERS]]
 
 
 def _refitted(fitter: Fitter, best: Refit, trials: list[Trial], work: Work) -> list[Refit]:
