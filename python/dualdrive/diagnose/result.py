@@ -30,7 +30,7 @@ VERDICTS: dict[Verdict, str] = {
 
 @dataclass(frozen=True)
 class Interval:
-    """A number with its 95 % interval, in `unit`."""
+    """A number with its 95 % interval, in `unit`; one that was counted or held has low = high."""
 
     value: float
     low: float

@@ -24,7 +24,7 @@ class Survey:
     base:     its nominal numbers refitted, under the final noise
     refitted: the same under the noise that it leaves itself: what a user would call the refit
     refits:   hypotheses refitted under the final noise, least criterion first
-    criterion: label -> chi^2 plus k log n, over `inflation`: differences are twice log evidence
+    criterion: `key_of` -> chi^2 plus k log n, over `inflation`: differences are twice log evidence
     scores:   of every hypothesis at the refitted machine, best first
     twins:    label -> labels with the very same signature on these records
     """
