@@ -72,6 +72,20 @@ def test_a_stiffness_put_in_is_fitted_as_the_compliance_that_it_adds(effect: str
     assert p.value(0.0) == p.high, "rigid"
 
 
+def test_a_number_open_at_zero_stays_above_it_however_far_a_step_goes() -> None:
+    """A stiffness of bristles that nothing holds: a step of a thousand e-folds is no stiffness."""
+    core = core_of(ordered.drifted("bench", 0, 1.0).machine())
+    h = Hypothesis((("lugre", "table"),))
+    grown, free = h.put_in(core, {"torque": 1.0, "speed": 1.0, "travel": 1.0})
+    [p] = [p for p in h.unknowns(grown, free, {}) if p.path.endswith(".stiffness")]
+    assert p.logarithmic, "else this shows nothing"
+    for u in (-1000.0, 1000.0):
+        assert 0.0 < p.value(u) < math.inf
+        assert math.isfinite(p.slope(u))
+        grown.set(p.path, p.value(u))
+    assert p.value(0.5) == pytest.approx(p.scale * math.exp(0.5))
+
+
 def test_a_strong_dead_time_is_fitted_though_the_machine_without_it_hunts() -> None:
     """The usual zone of current is read off the records: 0.5 A would be ten times too wide."""
     order = ordered.hiding("dead_time", "bench", 3, 1.0, count=1)

@@ -26,6 +26,7 @@ _OTHERWISE = 0.1
 _EFFECT = 1.0
 #: numbers whose zero is another machine: one without a delay line, without flanks
 _STRUCTURE = ("time", "delta_c", "delta_t", "gap")
+_FURTHEST = 200.0  # e-fold of a logarithmic number
 
 
 @dataclass(frozen=True)
@@ -53,14 +54,14 @@ class Unknown:
         if self.reciprocal:
             plain = self.scale / u if u > 0.0 else math.inf
         else:
-            plain = self.scale * (math.exp(u) if self.logarithmic else u)
+            plain = self.scale * (_power(u) if self.logarithmic else u)
         return min(max(plain, self.low), self.high)
 
     def slope(self, u: float) -> float:
         """Derivative of the value by u."""
         if self.reciprocal:
             return -self.scale / u**2
-        return self.scale * math.exp(u) if self.logarithmic else self.scale
+        return self.scale * _power(u) if self.logarithmic else self.scale
 
     def coordinate(self, value: float) -> float:
         """The u of a value, infinite at the open end of a logarithm or a reciprocal."""
@@ -81,6 +82,11 @@ class Unknown:
         """Lowest and highest u."""
         low, high = sorted((self.coordinate(self.low), self.coordinate(self.high)))
         return low, high
+
+
+def _power(u: float) -> float:
+    """exp(u), as far as a number that is open at zero stays above it and finite."""
+    return math.exp(min(max(u, -_FURTHEST), _FURTHEST))
 
 
 @dataclass(frozen=True)
