@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from functools import cache
 from typing import Any
 
@@ -54,6 +55,18 @@ def noisy(machine: Machine, motion: Motion, settings: dict[str, float], seed: in
     return Trace(
         clean.t, {n: clean[n] + rough * rms * rng.normal(size=len(clean)) for n, rms in RMS.items()}
     )
+
+
+def test_what_there_was_no_time_for_is_said_and_the_search_ends() -> None:
+    told: list[str] = []
+    rivals = list(zip(("table", "motors"), friction(), strict=True))
+    given = {"noise": RMS, "channels": list(RMS), "budget": 1e-3, "cut": told.append}
+    begin = time.monotonic()
+    assert next_experiment(rivals, **given) is None  # type: ignore[arg-type]
+    assert time.monotonic() - begin < 30.0
+    assert told
+    assert told[0].startswith("too slow to simulate in time: ")
+    assert "ramps" in told[0]
 
 
 def test_eleven_tells_two_apart_in_95_per_cent() -> None:

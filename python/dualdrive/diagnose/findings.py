@@ -191,7 +191,12 @@ def plan_next(
     left = max(clock.budget - clock.used, 1.0)
     try:
         return next_experiment(
-            rivals, noise=noise, channels=list(noise), budget=left, progress=tell
+            rivals,
+            noise=noise,
+            channels=list(noise),
+            budget=left,
+            progress=tell,
+            cut=clock.leave_out,
         )
     except (ValueError, FitError) as failure:
         clock.leave_out(f"no next experiment: {failure}")

@@ -34,6 +34,7 @@ def next_experiment(
     budget: float = 30.0,
     files: tuple[str, str, str] = ("machine.toml", "old.csv", "next.csv"),
     progress: Callable[[str], None] | None = None,
+    cut: Callable[[str], None] | None = None,
 ) -> Experiment | None:
     """Plan what to measure next, so that the leading rivals part.
 
@@ -56,6 +57,7 @@ def next_experiment(
         budget: s of computing; what is not done then is left out.
         files: names for the commands: machine, record so far, record to come.
         progress: told in words what is being tried.
+        cut: told in words what there was no time for.
 
     Returns:
         The experiment, or None with fewer than two rivals, or where no motion separates any two.
@@ -83,6 +85,8 @@ def next_experiment(
         share = (_FIRST if pair is not pairs[-1] else 1.0) * (end - time.monotonic())
         plan = Plan(Noise(rms, spacing), own, linear, share, progress or (lambda _: None))
         trials = plan.trials(pair, planned)
+        if plan.slow and cut is not None:
+            cut(f"too slow to simulate in time: {', '.join(plan.slow)}")
         if trials and trials[0].distance >= _HOPELESS:
             return _told(pair, trials, files)
     return None

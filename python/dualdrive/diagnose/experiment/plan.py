@@ -36,6 +36,8 @@ CERTAIN = 100.0
 _SIZES = (1.0, 0.7, 0.5, 0.3, 0.15, 0.07)
 #: share of the time for trying; the rest is for refitting what leads
 _SEARCH = 0.7
+#: simulations that the slopes of one take
+_SLOPES = 12.0
 #: weight of what the right explanation leaves
 _WILD = 10.0
 #: Gauss-Newton steps of a full refit
@@ -94,6 +96,7 @@ class Plan:
         self.noise, self.limits, self.progress = noise, limits, progress
         self.axis = "linear" if linear else "rotary"
         self.begin, self.budget = time.monotonic(), budget
+        self.slow: list[str] = []
 
     def late(self, share: float = 1.0) -> bool:
         """Whether this share of the time is over."""
@@ -105,10 +108,14 @@ class Plan:
         found: list[Trial] = []
         for changed in (False, True):
             for item in planned:
-                if bool(item.settings) == changed and not (found and self.late(_SEARCH)):
-                    self.progress(f"telling {labels} apart by {item.name}")
-                    trial = self.sized(pair, item)
-                    found += [] if trial is None else [trial]
+                if bool(item.settings) != changed or (found and self.late(_SEARCH)):
+                    continue
+                if self.late():
+                    self.slow.append(item.name)
+                    continue
+                self.progress(f"telling {labels} apart by {item.name}")
+                trial = self.sized(pair, item)
+                found += [] if trial is None else [trial]
             found.sort(key=_rank)
             if changed or (found and found[0].distance >= CERTAIN):
                 self._settle(pair, found)
@@ -129,7 +136,7 @@ class Plan:
             found.insert(0, found.pop(found.index(sure[0])))
 
     def sized(self, pair: Sequence[Rival], item: Item) -> Trial | None:
-        """The item as large as torque allows; None where the machines can't do it."""
+        """The item as large as torque allows; None where the machines or time do not allow it."""
         try:
             own = [rival.set(item) for rival in pair]
         except ValueError:
@@ -139,7 +146,12 @@ class Plan:
                 motion = parse_motion(item.motion(size), axis=self.axis)
             except (MotionError, ZeroDivisionError):
                 return None
+            begin = time.monotonic()
             seen = [self._foreseen(rival.core, motion) for rival in own]
+            slopes = _SLOPES * (time.monotonic() - begin) / len(own)
+            if self.begin + self.budget < time.monotonic() + slopes:
+                self.slow.append(item.name)  # nothing could be foretold of it in time
+                return None
             if max(one.load for one in seen) <= self.limits.torque:
                 truth, rival = _ways(own)[0]
                 return Trial(item, motion, self._foretold(seen[truth], own[rival], motion))
