@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+import math
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -14,6 +16,7 @@ from dualdrive.compare import EquationAtFault, equation_at_fault
 from dualdrive.compare.controller import asked_torques, commanded_record
 from dualdrive.compare.excuses import first_point, noise_alone, refitted
 from dualdrive.compare.held import hold
+from dualdrive.compare.likelihood import _likeliest
 from dualdrive.identify import Processing, with_torques
 from dualdrive.identify.filtering import pieces
 from recorded import demo, sheet
@@ -114,3 +117,13 @@ def test_the_law_answers_recorded_motion_with_the_recorded_torque() -> None:
     assert off(nominal()) < 0.02
     assert off(rougher) < 0.02
     assert off(quicker) > 0.06
+
+
+def test_a_torque_that_no_equation_shows_has_a_size_without_overflow() -> None:
+    """Its variance along no direction at all is as good as infinite: no number is NaN for it."""
+    seen = (np.ones(50), np.zeros((50, 1)), np.zeros((50, 1)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        kappa, size = _likeliest([seen], 1e300, 1)
+    assert kappa == pytest.approx(1.0, rel=0.2), "noise of variance one"
+    assert math.isfinite(size)

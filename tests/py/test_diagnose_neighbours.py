@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -62,6 +63,7 @@ def test_another_order_of_the_same_law_is_tried_where_the_first_leaves_something
     )
 
 
+@pytest.mark.skipif("SHOWN" not in os.environ, reason="a second such search: SHOWN=1")
 def test_dry_friction_is_tried_where_friction_along_the_turn_leads() -> None:
     order = ordered.hiding("coulomb", "bench", 3, 0.5, count=1)
     [hidden] = order.hidden["fast"]

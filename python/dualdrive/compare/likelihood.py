@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 _SCALES = np.linspace(0.0, 16.0, 9)  # log κ
 _SIZES = np.linspace(-8.0, 20.0, 15)  # log of σ² over the variance that noise leaves along D
 _FINE = 0.2  # width of the last grid
+_LARGEST = 700.0  # log of a size: no equation shows such a torque at all
 _ROUNDS, _STEPS = 2, 2
 _FEWEST = 20  # blocks
 
@@ -122,11 +123,12 @@ def _likeliest(
     at = (0.0, float(np.log(unit)))
     while True:
         grid = [(k, s) for k in kappas.tolist() for s in sizes.tolist()]
-        values = [float(_log(together, np.exp(k), np.exp(s), m).sum()) for k, s in grid]
-        at = grid[int(np.argmax(values))]
+        with np.errstate(over="ignore", invalid="ignore"):  # far off the grid's best point
+            values = [float(_log(together, np.exp(k), np.exp(s), m).sum()) for k, s in grid]
+        at = grid[int(np.argmax(np.nan_to_num(values, nan=-np.inf)))]
         width = float(kappas[1] - kappas[0])
         if width < _FINE:
-            return float(np.exp(at[0])), float(np.exp(at[1]))
+            return float(np.exp(at[0])), float(np.exp(min(at[1], _LARGEST)))
         step = float(sizes[1] - sizes[0]) / 2
         kappas = np.maximum(at[0] + width / 2 * np.arange(-2, 3), 0.0)
         sizes = at[1] + step * np.arange(-2, 3)
