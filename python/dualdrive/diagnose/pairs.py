@@ -54,8 +54,8 @@ def with_pairs(found: Survey, work: Work) -> Survey:
         partners = _partners(found, first, found.scores)
         if number == 0:
             work.tell(f"trying what {first.hypothesis.label} leaves")
-            beside = _partners(found, first, _beside(found, first, work))
-            partners = [*beside, *partners[:_KNOWN]]
+            anew = _partners(found, first, _beside(found, first, work))
+            partners = [*anew, *partners[:_KNOWN]]
         for score in partners:
             both = frozenset((first.hypothesis.label, score.label))
             if both in known:
