@@ -18,13 +18,11 @@ from dualdrive.diagnose import whitening
 from dualdrive.diagnose.clocks import evened
 from dualdrive.diagnose.confront import Series
 from dualdrive.diagnose.evidence import Evidence, evidence
-from dualdrive.diagnose.floors import heard_above
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.loop import ClosedLoop
 from dualdrive.diagnose.profiled import profile, sharpened
 from dualdrive.diagnose.refit import Fitter, Refit
-from dualdrive.diagnose.score import Scorer
-from dualdrive.diagnose.signatures import Prober, score_all
+from dualdrive.diagnose.stage import Stage, scale_of
 from dualdrive.diagnose.starts import near
 from dualdrive.diagnose.work import Clock, Work
 from dualdrive.replay import core_of, records
@@ -98,11 +96,9 @@ def test_a_strong_dead_time_is_fitted_though_the_machine_without_it_hunts() -> N
         seen = evidence(c, whitening.sized(c.series, base.left))
     assert base is not None
     assert over_floor(c, base).max() > 10.0, "else this shows nothing"
-    noise = list(map(heard_above, c.series, base.left))
-    scorer = Scorer(seen.rows(base.u, base.left, base.slopes))
     wanted = Hypothesis((("dead_time", "motors"),))
-    prober = Prober(c, base.u, base.left, noise)
-    [score] = score_all(prober, [(seen, scorer)], [1.0], [wanted], Work(Clock(math.inf)))
+    stage = Stage(c, base.u, base.left, [scale_of(seen, base)], Work(Clock(math.inf)))
+    [score] = stage.scores([wanted])
     fitter = Fitter(seen)
     trial = fitter.tried(wanted, near(score, base.u), slopes=base.slopes)
     assert trial is not None

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from dualdrive import Machine
-from dualdrive.diagnose import signatures
+from dualdrive.diagnose import stage
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.settle import _once
-from dualdrive.diagnose.signatures import with_orders
+from dualdrive.diagnose.stage import with_orders
 from dualdrive.diagnose.work import first_of_each
 
 
@@ -68,7 +68,7 @@ def test_orders_that_were_looked_for_are_paid_for(
     )
     orders = {"motor_1": 7, "motor_2": 9}
     monkeypatch.setattr(
-        signatures, "strongest_orders", lambda _e, _r, place, _c: [(orders[place], 99.0)]
+        stage, "strongest_orders", lambda _e, _r, place, _c: [(orders[place], 99.0)]
     )
     several = [Hypothesis(((effect, "motors"),)) for effect in ("cogging", "torque_ripple")]
     found = with_orders(seen, np.zeros(1), several, low)

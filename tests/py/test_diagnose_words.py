@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dualdrive.diagnose.judge import Judgement
 from dualdrive.diagnose.result import Candidate, Interval, Shape, Verdict
 from dualdrive.diagnose.words import paragraph
 
@@ -26,10 +27,9 @@ def shape(explained: float) -> Shape:
 
 
 def said(verdict: Verdict, *candidates: Candidate, **more: Any) -> str:
-    told = {"shapes": (), "warnings": (), "equation": None, "why": "", **more}
+    told = {"shapes": (), "warnings": (), "equation": None, "why": "", "course": None, **more}
     return paragraph(
-        verdict,
-        told["why"],
+        Judgement(verdict, (), 0.0, (), 0.0, (1.0, 1.0), 0.0, told["why"], told["course"]),
         candidates,
         (),
         ERROR,

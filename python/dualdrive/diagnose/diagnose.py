@@ -27,9 +27,11 @@ from dualdrive.diagnose.findings import (
     plan_next,
     scored_only,
 )
+from dualdrive.diagnose.free_torque import Course, strongest_course
 from dualdrive.diagnose.heldout import intervals
 from dualdrive.diagnose.judge import Judgement, judge
 from dualdrive.diagnose.loop import ClosedLoop
+from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.result import Diagnosis
 from dualdrive.diagnose.search import search
 from dualdrive.diagnose.shape import shapes
@@ -144,7 +146,14 @@ def diagnose(
         result = search(c, Work(clock, threads or os.cpu_count() or 1, tell))
         whole = Clock(budget, stop.is_set)
         whole.begin, whole.cut = clock.begin, clock.cut
-        verdict = judge(result)
+
+        def still(refit: Refit) -> Course | None:
+            if not whole.allows("what a torque of any course could still explain"):
+                return None
+            tell(f"what a torque of any course could still explain beside {refit.hypothesis.label}")
+            return strongest_course(result.evidence, refit)
+
+        verdict = judge(result, still)
         if clipped and verdict.ranked and verdict.verdict in ("effect", "ambiguous"):
             [(effect, _), *_] = verdict.ranked[0][0].hypothesis.effects
             if effect not in LIMITS:
@@ -192,8 +201,7 @@ def _told(
         after = compare(improved, traces) if improved is not None else None
     command = command_for(candidates[0]) if named_ and candidates else ""
     said = paragraph(
-        verdict.verdict,
-        verdict.why,
+        verdict,
         candidates,
         groups,
         error,
@@ -228,6 +236,7 @@ def _told(
         moved=moved,
         numbers=known,
         over_floor=verdict.excess[1],
+        course=verdict.course,
     )
 
 

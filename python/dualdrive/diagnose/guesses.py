@@ -25,8 +25,7 @@ from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.loads import LOAD, begun, sought
 from dualdrive.diagnose.loop import ClosedLoop
 from dualdrive.diagnose.refit import Fitter, Refit, Start
-from dualdrive.diagnose.score import Scorer
-from dualdrive.diagnose.signatures import Prober, Score, score_all, with_orders
+from dualdrive.diagnose.stage import Score, Stage, scale_of
 from dualdrive.diagnose.starts import near
 from dualdrive.diagnose.work import Work
 
@@ -106,12 +105,10 @@ def _best(
     hypotheses: Sequence[Hypothesis],
     work: Work,
 ) -> list[Score]:
-    scorer = Scorer(seen.rows(base.u, base.left, base.slopes))
-    prober = Prober(balance, base.u, base.left, list(map(heard_above, balance.series)))
-    rest = scorer.rest(scorer.rows.left[:, None])[:, 0]
-    over = effective(seen.white(base.left), seen)
-    listed = with_orders(seen, rest, hypotheses)
-    scores = score_all(prober, [(seen, scorer)], [over], listed, work)
+    own = scale_of(seen, base, effective(seen.white(base.left), seen))
+    floors = list(map(heard_above, balance.series))
+    stage = Stage(balance, base.u, base.left, [own], work, floors)
+    scores = stage.scores(stage.listed(hypotheses))
     worth = [s for s in scores if s.gain.gain > _GAINS and not _load(s)]
     loads = [s for s in scores if _load(s)]  # one that was looked for stands out already
     return [*sorted(worth, key=lambda s: -s.gain.gain)[:_FITTED], *loads]

@@ -132,6 +132,11 @@ class Hypothesis:
         ]
 
 
+def distinct(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """No hypothesis twice, by its effects and counted numbers."""
+    return list({(h.effects, tuple(h.fixed.items())): h for h in hypotheses}.values())
+
+
 def _is_free(grown: Any, path: str) -> bool:
     """Whether a number of an effect is fitted here."""
     declared = grown.parameter(grown.members(path)[0])

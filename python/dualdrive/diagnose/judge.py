@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
-from dualdrive.diagnose.candidates import rubs
+from dualdrive.diagnose.candidates import rubs, station
+from dualdrive.diagnose.free_torque import SURELY, Course
 from dualdrive.diagnose.heldout import held_out
 from dualdrive.diagnose.probability import (
     SURE,
@@ -28,7 +29,7 @@ from dualdrive.diagnose.survey import Survey, excess, key_of
 
 Array = NDArray[np.float64]
 #: why the best of what was tried gets no name
-Reason = Literal["", "gains", "explains", "bound", "bent", "clipped"]
+Reason = Literal["", "gains", "explains", "bound", "bent", "shape", "clipped"]
 
 #: fall of the criterion below which nothing is named: odds of 1 to e^10 before the library's size
 NAMED = 20.0
@@ -60,6 +61,7 @@ class Judgement:
     explained: share of what could be explained that the leader explains
     excess:    largest residual over floor of any series, refitted and with the leader
     gain:      fall of the criterion; why: the leader gets no name, where it gets none
+    course:    what a free torque surely explains of what is left, None where there is none
     """
 
     verdict: Verdict
@@ -70,11 +72,15 @@ class Judgement:
     excess: tuple[float, float]
     gain: float
     why: Reason = ""
+    course: Course | None = None
 
 
-def judge(found: Survey) -> Judgement:
-    """Judge a survey; probabilities count that the true cause may be none of those tried."""
-    judged = _among_the_tried(found)
+def judge(found: Survey, still: Callable[[Refit], Course | None]) -> Judgement:
+    """Judge a survey; probabilities count that the true cause may be none of those tried.
+
+    still: the strongest course of a torque in what a refit leaves
+    """
+    judged = _with_course(found, _among_the_tried(found), still)
     doubt = BALANCE if found.evidence.confrontation.mode == "balance" else 1.0
     right = how_often_right(1.0 + (judged.excess[1] - 1.0) / doubt, judged.explained)
     return replace(judged, ranked=[(r, right * p) for r, p in judged.ranked])
@@ -107,6 +113,35 @@ def _among_the_tried(found: Survey) -> Judgement:
     group = tuple(dict.fromkeys((*leaders(ranked), *others)))
     verdict = "effect" if ranked[0][1] >= SURE and len(group) == 1 else "ambiguous"
     return Judgement(verdict, ranked, nothing, group if len(group) > 1 else (), *figures)
+
+
+def _with_course(
+    found: Survey, judged: Judgement, still: Callable[[Refit], Course | None]
+) -> Judgement:
+    """The same, a torque of another course counted that no law of the library has.
+
+    Where nothing had a name something is missing, then. Where the leader has one it is not all;
+    and where that torque follows what the leader itself does, the leader has not its shape.
+    """
+    if judged.verdict == "unknown":
+        return judged
+    named = judged.verdict in ("effect", "ambiguous")
+    course = still(judged.ranked[0][0] if named else found.base)
+    if course is None or course.chance > SURELY:
+        return judged
+    if not named:
+        return replace(judged, verdict="unknown", course=course)
+    if _is_own(course, judged.ranked[0][0]):
+        return replace(judged, verdict="unknown", group=(), why="shape", course=course)
+    return replace(judged, course=course)
+
+
+def _is_own(course: Course, leader: Refit) -> bool:
+    """Whether it follows what the only law of the leader does, where that sits."""
+    if len(leader.hypothesis.effects) > 1:
+        return False
+    [(effect, place)] = leader.hypothesis.effects
+    return rubs(effect) and course.kind == "speed" and station(place) == station(course.place)
 
 
 def _bent(found: Survey, best: Refit) -> bool:

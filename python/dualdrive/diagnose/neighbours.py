@@ -14,31 +14,27 @@ from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dualdrive import _core
 from dualdrive.diagnose.candidates import akin, candidates, members, station
 from dualdrive.diagnose.confront import Confrontation
-from dualdrive.diagnose.floors import heard_above
-from dualdrive.diagnose.hypotheses import Hypothesis, Setting
+from dualdrive.diagnose.hypotheses import Hypothesis, Setting, distinct
 from dualdrive.diagnose.orders import HIGHEST
 from dualdrive.diagnose.pairs import together
 from dualdrive.diagnose.profiled import profile, sharpened
 from dualdrive.diagnose.refit import Fitter, Refit, Start, Trial
-from dualdrive.diagnose.score import Scorer
 from dualdrive.diagnose.secants import with_values
 from dualdrive.diagnose.settle import ENOUGH, settle
-from dualdrive.diagnose.shortlist import distinct
-from dualdrive.diagnose.signatures import (
-    CONTAINS,
-    Prober,
-    Score,
-    score_all,
-    with_orders,
-    with_spots,
-)
+from dualdrive.diagnose.signatures import CONTAINS
+from dualdrive.diagnose.stage import Scale, Score, Stage, scorer_of, with_orders, with_spots
 from dualdrive.diagnose.starts import beside, grown_from
 from dualdrive.diagnose.survey import Survey, excess, key_of
 from dualdrive.diagnose.work import Work, first_of_each
 from dualdrive.replay import ratio_to_table
+
+Array = NDArray[np.float64]
 
 #: in the stead of each effect: the lowest of those that were tried, and of other laws than these
 _REFITTED, _OTHERS = 3, 2
@@ -61,7 +57,7 @@ def with_neighbours(found: Survey, work: Work) -> Survey:
             for trial in _lowest(found, _tried(found, _Stead(best, number), work))
         ]
         more = _refitted(Fitter(found.evidence, work.stop), best, trials, work)
-        if work.stop():
+        if len(more) < len(trials):
             work.clock.leave_out(f"not all was refitted that {label} may be")
         if not more:
             return found
@@ -129,11 +125,10 @@ def _tried(found: Survey, stead: _Stead, work: Work) -> list[Trial]:
     left = c.left(c.core, best.u)
     if left is None:
         return []
-    rows = seen.rows(best.u, left, best.slopes)
-    scorer = Scorer(rows.beside(seen.white([x[:, kept] for x in best.columns])))
-    prober = Prober(c, best.u, left, list(map(heard_above, c.series, left)))
-    several = _neighbours(found, stead, c.core, scorer)
-    scores = score_all(prober, [(seen, scorer)], [1.0], several, work)
+    columns = [x[:, kept] for x in best.columns]
+    own = Scale(seen, scorer_of(seen, best.u, left, best.slopes, columns))
+    stage = Stage(c, best.u, left, [own], work)
+    scores = stage.scores(_neighbours(found, stead, c.core, own.rest))
     fitter = Fitter(seen, work.stop)
 
     def tried(score: Score) -> Trial | None:
@@ -143,10 +138,10 @@ def _tried(found: Survey, stead: _Stead, work: Work) -> list[Trial]:
     return [trial for trial in work.side_by_side(tried, scores) if trial is not None]
 
 
-def _neighbours(found: Survey, stead: _Stead, core: Any, scorer: Scorer) -> list[Hypothesis]:
+def _neighbours(found: Survey, stead: _Stead, core: Any, rest: Array) -> list[Hypothesis]:
     """Of the same station, and not refitted in this company yet.
 
-    core: the machine with all that stays
+    core: the machine with all that stays; rest: white rows of what it leaves, (n,)
     """
     seen = found.evidence
     c = seen.confrontation
@@ -157,7 +152,6 @@ def _neighbours(found: Survey, stead: _Stead, core: Any, scorer: Scorer) -> list
     here = station(stead.place)
     own = [h for h in alike if h.effects[0][0] == stead.effect and station(h.effects[0][1]) == here]
     leaves = excess(found, stead.best.left).max() >= ENOUGH
-    rest = scorer.rest(scorer.rows.left[:, None])[:, 0]
     others = [h for h in alike if h not in own]
     listed = with_orders(seen, rest, others)
     as_often = [_as_often(h, stead, core) for h in others]

@@ -14,21 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.candidates import candidates, members
-from dualdrive.diagnose.floors import heard_above
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.profiled import sharpened
 from dualdrive.diagnose.refit import Fitter, Refit, Start, Trial
-from dualdrive.diagnose.score import Scorer
 from dualdrive.diagnose.settle import ENOUGH, settle
-from dualdrive.diagnose.shortlist import distinct
-from dualdrive.diagnose.signatures import (
-    CONTAINS,
-    Prober,
-    Score,
-    score_all,
-    with_orders,
-    with_spots,
-)
+from dualdrive.diagnose.signatures import CONTAINS
+from dualdrive.diagnose.stage import Score, Stage, scale_of
 from dualdrive.diagnose.starts import beside
 from dualdrive.diagnose.survey import Survey, excess, key_of
 from dualdrive.diagnose.work import Work, first_of_each
@@ -86,19 +77,13 @@ def _beside(found: Survey, first: Refit, work: Work) -> list[Score]:
     """All effects tried on the machine that has the first; none where time is up."""
     c, seen = copy(found.evidence.confrontation), found.evidence
     c.core = first.machine
-    balance = c.mode == "balance"
-    scorer = _scorer(found, first)
-    rest = scorer.rest(scorer.rows.left[:, None])[:, 0]
-    prober = Prober(c, first.u, first.left, list(map(heard_above, c.series, first.left)))
-
-    def tried(several: Sequence[Hypothesis]) -> list[Score]:
-        listed = distinct(with_spots(seen, rest, with_orders(seen, rest, several)))
-        return score_all(prober, [(seen, scorer)], [1.0], listed, work)
-
-    scores = tried([h for h in candidates(c.core, c.channels, balance=balance) if _plain(h)])
+    stage = Stage(c, first.u, first.left, [scale_of(seen, first)], work)
+    every = candidates(c.core, c.channels, balance=c.mode == "balance")
+    scores = stage.scores(stage.listed([h for h in every if _plain(h)]))
     best = sorted(scores, key=lambda s: -s.gain.gain)[:_TAKEN_APART]
     groups = dict.fromkeys(s.signature.hypothesis.effects for s in best)
-    scores += tried([m for effects in groups for m in members(c.core, Hypothesis(effects))])
+    parts = [m for effects in groups for m in members(c.core, Hypothesis(effects))]
+    scores += stage.scores(stage.listed(parts))
     if work.stop():
         work.clock.leave_out(f"not all was tried beside {first.hypothesis.label}")
     return scores
@@ -124,16 +109,10 @@ def _firsts(found: Survey, singles: Sequence[Refit]) -> list[Refit]:
     return [r for r, g in zip(chosen, gains, strict=True) if g >= _NEAR * gains[0]][:_FIRSTS]
 
 
-def _scorer(found: Survey, first: Refit) -> Scorer:
-    """Scores beside the first effect, its own numbers moving with the nuisances."""
-    seen = found.evidence
-    rows = seen.rows(first.u, first.left, first.slopes)
-    return Scorer(rows.beside(seen.white(first.columns)))
-
-
 def _partners(found: Survey, first: Refit, scores: Sequence[Score]) -> list[Score]:
     """The best beside the first effect."""
-    seen, scorer = found.evidence, _scorer(found, first)
+    seen = found.evidence
+    scorer = scale_of(seen, first).scorer
     effect, place = first.hypothesis.effects[0]
     same = {label for twins in found.twins.values() for label in twins}
     others = [

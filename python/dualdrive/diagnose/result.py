@@ -14,6 +14,7 @@ from dualdrive.compare.equation import EquationAtFault
 
 if TYPE_CHECKING:
     from dualdrive.compare import Comparison, Condition
+    from dualdrive.diagnose.free_torque import Course
 
 Array = NDArray[np.float64]
 Verdict = Literal["adequate", "parameters", "effect", "ambiguous", "unknown"]
@@ -125,6 +126,7 @@ class Diagnosis:
     numbers:   nominal numbers, path -> interval, refitted beside the best candidate where one is
                named; `moved` those that the records put elsewhere than the data sheet, beyond doubt
     over_floor: residual over noise floor, RMS, of the series that the leader explains worst
+    course:    what a torque of any course surely explains of what the leader leaves, if any
     """
 
     machine: str
@@ -150,6 +152,7 @@ class Diagnosis:
     moved: Mapping[str, Interval] = field(default_factory=dict)
     numbers: Mapping[str, Interval] = field(default_factory=dict)
     over_floor: float = math.nan
+    course: Course | None = None
 
     @property
     def best(self) -> Candidate | None:
@@ -176,6 +179,7 @@ class Diagnosis:
                     ],
                     "error": dict(self.error),
                     "over_floor": self.over_floor,
+                    "course": None if self.course is None else vars(self.course),
                     "parameters": {path: vars(value) for path, value in self.numbers.items()},
                     "moved": list(self.moved),
                     "shapes": [

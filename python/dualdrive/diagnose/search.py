@@ -14,7 +14,6 @@ from dualdrive.diagnose import whitening
 from dualdrive.diagnose.candidates import candidates, members
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.evidence import Evidence, effective, evidence
-from dualdrive.diagnose.floors import heard_above
 from dualdrive.diagnose.guesses import Guesses, guessed
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.loads import sought
@@ -23,15 +22,9 @@ from dualdrive.diagnose.pairs import with_pairs
 from dualdrive.diagnose.refit import Fitter, Refit, Trial
 from dualdrive.diagnose.score import Scorer
 from dualdrive.diagnose.settle import ENOUGH, settle
-from dualdrive.diagnose.shortlist import Shortlist, distinct, without_twins
-from dualdrive.diagnose.signatures import (
-    CONTAINS,
-    Prober,
-    Score,
-    score_all,
-    with_orders,
-    with_spots,
-)
+from dualdrive.diagnose.shortlist import Shortlist, without_twins
+from dualdrive.diagnose.signatures import CONTAINS
+from dualdrive.diagnose.stage import Scale, Score, Stage, scale_of
 from dualdrive.diagnose.survey import Survey, excess, key_of
 from dualdrive.diagnose.valleys import better_valley
 from dualdrive.diagnose.work import Clock, Work
@@ -175,17 +168,16 @@ def _scored(
 
     faint: whether what may be missing is hardly seen: no spectrum shows its order, then
     """
-    noise, clock = list(map(heard_above, c.series, base.left)), work.clock
-    prober = Prober(c, base.u, base.left, noise)
-    coloured = evidence(c, whitening.fitted(c.series, base.left))
-    judges = [(seen, scorer), (coloured, Scorer(coloured.rows(base.u, base.left, base.slopes)))]
-    over = [effective(e.white(base.left), e) for e, _ in judges]
-    rest = [j.rest(j.rows.left[:, None])[:, 0] for _, j in judges]
+    clock, coloured = work.clock, evidence(c, whitening.fitted(c.series, base.left))
+    scales = [
+        Scale(seen, scorer, effective(seen.white(base.left), seen)),
+        scale_of(coloured, base, effective(coloured.white(base.left), coloured)),
+    ]
+    stage = Stage(c, base.u, base.left, scales, work)
 
     def tried(hypotheses: Sequence[Hypothesis]) -> list[Score]:
         work.tell(f"trying {len(hypotheses)} effects at their places")
-        listed = with_spots(coloured, rest[1], with_orders(coloured, rest[1], hypotheses, faint))
-        return score_all(prober, judges, over, distinct(listed), work)
+        return stage.scores(stage.listed(hypotheses, faint))
 
     simple = [h for h in every if h.effects[-1][0] not in CONTAINS]
     scores = tried(simple)

@@ -20,7 +20,8 @@ from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.profiled import profile, sharpened
 from dualdrive.diagnose.refit import Fitter, Refit, Start, Trial
 from dualdrive.diagnose.score import Scorer, alike
-from dualdrive.diagnose.signatures import CONTAINS, Score
+from dualdrive.diagnose.signatures import CONTAINS
+from dualdrive.diagnose.stage import Score
 from dualdrive.diagnose.starts import from_nominal, grown_from, near
 from dualdrive.diagnose.survey import key_of
 from dualdrive.diagnose.work import Work, first_of_each
@@ -254,8 +255,3 @@ def without_twins(
             kept.append(s)
             spans.append(columns)
     return kept, twins
-
-
-def distinct(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """No hypothesis twice, by its effects and counted numbers."""
-    return list({(h.effects, tuple(h.fixed.items())): h for h in hypotheses}.values())

@@ -1,10 +1,10 @@
-"""Signatures of hypotheses, and their scores."""
+"""Signatures of hypotheses: how each would show about a machine."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,19 +12,8 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.diagnose.confront import Confrontation
-from dualdrive.diagnose.evidence import Evidence
 from dualdrive.diagnose.hypotheses import Hypothesis, Setting, is_strength, probes
-from dualdrive.diagnose.orders import (
-    CARRIERS,
-    HIGHEST,
-    LOW,
-    members_of,
-    strongest_orders,
-    travel_of,
-)
-from dualdrive.diagnose.score import Gain, Scorer
-from dualdrive.diagnose.spots import TRIED, worst_spot
-from dualdrive.diagnose.work import Work
+from dualdrive.diagnose.orders import travel_of
 
 Array = NDArray[np.float64]
 
@@ -54,24 +43,6 @@ class Signature:
     usual: Setting
     strength: str
     columns: Sequence[Array]
-
-
-@dataclass(frozen=True, eq=False)
-class Score:
-    """A signature and what it gains.
-
-    gain: over the inflation of the judge that it convinces most
-    fall: of chi^2 as the first judge foretells it
-    """
-
-    signature: Signature
-    gain: Gain
-    fall: float
-
-    @property
-    def label(self) -> str:
-        """Of the hypothesis."""
-        return self.signature.hypothesis.label
 
 
 class Prober:
@@ -171,92 +142,3 @@ def _scaled(
 
 def _longest(setting: Setting) -> float:
     return max(setting.values(), default=1.0) or 1.0
-
-
-def with_orders(
-    evidence: Evidence, rest: Array, hypotheses: Sequence[Hypothesis], low: bool = False
-) -> list[Hypothesis]:
-    """The same, those with an order at the strongest that the rest shows, and at the usual one.
-
-    low: whether the lowest orders of a turn are tried anyway, where something faint is sought
-    """
-    known: dict[tuple[str, str], list[tuple[int, float]]] = {}
-    core, found = evidence.confrontation.core, []
-    mine = {p.path for p in core.parameters()}
-    for h in hypotheses:
-        grown, _ = h.put_in(core)
-        paths = [
-            p.path
-            for p in grown.parameters()
-            if p.path.endswith((".order", ".teeth")) and p.path not in mine
-        ]
-        if not paths:
-            found.append(h)
-            continue
-        effect, group = h.effects[0]
-        carrier = CARRIERS.get(effect, "")
-        parts = members_of(core, group)
-        if not carrier:  # all turn alike
-            parts = parts[:1]
-        for place in parts:
-            if (place, carrier) not in known:
-                known[place, carrier] = strongest_orders(evidence, rest, place, carrier)
-        usual = float(grown.get(paths[0]))
-        every = HIGHEST * len(parts)
-        seen = {float(n): every for place in parts for n, _ in known[place, carrier]}
-        lowest = LOW if low and paths[0].endswith(".order") else ()
-        orders = seen | {n: len(LOW) for n in lowest} | {usual: 1}
-        found += [
-            replace(h, fixed={**h.fixed, paths[0]: n}, searched={h.label: k})
-            for n, k in orders.items()
-        ]
-    return found
-
-
-def with_spots(
-    evidence: Evidence, rest: Array, hypotheses: Sequence[Hypothesis]
-) -> list[Hypothesis]:
-    """The same, those with a centre beginning where the rest shows a bump."""
-    core, found = evidence.confrontation.core, list[Hypothesis]()
-    known: dict[str, tuple[float, float] | None] = {}
-    for h in hypotheses:
-        effect, group = h.effects[0]
-        if not any(p.path == "centre" for p in _core.effect_type(effect).parameters):
-            found.append(h)
-            continue
-        place = members_of(core, group)[0]
-        if place not in known:
-            known[place] = worst_spot(evidence, rest, place)
-        spot = known[place]
-        there = dict(zip((f"{h.label}.centre", f"{h.label}.width"), spot or (), strict=False))
-        searched = {**h.searched, **({h.label: TRIED} if there else {})}
-        found.append(replace(h, begins={**h.begins, **there}, searched=searched))
-    return found
-
-
-def score_all(
-    prober: Prober,
-    judges: Sequence[tuple[Evidence, Scorer]],
-    over: Sequence[float],
-    hypotheses: Sequence[Hypothesis],
-    work: Work,
-) -> list[Score]:
-    """Signatures and gains over the inflation of each judge, the best judge counting."""
-
-    def one(h: Hypothesis) -> Score | None:
-        if work.stop():
-            return None
-        signature = prober(h)
-        if signature is None:
-            return None
-        gains = [
-            (judge if signature.strength else judge.whole)(e.white(signature.columns))
-            for e, judge in judges
-        ]
-        scaled = [
-            replace(g, gain=g.gain / o, held_out=g.held_out / o)
-            for g, o in zip(gains, over, strict=True)
-        ]
-        return Score(signature, max(scaled, key=lambda g: g.gain), gains[0].gain)
-
-    return [s for s in work.side_by_side(one, hypotheses) if s is not None]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dualdrive.diagnose.hypotheses import Setting, is_strength
 from dualdrive.diagnose.refit import Refit, Start
-from dualdrive.diagnose.signatures import Score
+from dualdrive.diagnose.stage import Score
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dualdrive.diagnose.evidence import Evidence
 from dualdrive.diagnose.floors import ratios
 from dualdrive.diagnose.refit import Refit, Trial
-from dualdrive.diagnose.signatures import Score
+from dualdrive.diagnose.stage import Score
 
 Array = NDArray[np.float64]
 

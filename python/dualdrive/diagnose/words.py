@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 
 from dualdrive.compare.equation import EquationAtFault
-from dualdrive.diagnose.judge import Reason
+from dualdrive.diagnose.free_torque import Course
+from dualdrive.diagnose.judge import Judgement, Reason
 from dualdrive.diagnose.result import Candidate, Experiment, Interval, Shape, Verdict
 
 #: why the best of what was tried gets no name
@@ -15,16 +16,24 @@ _WHY: dict[Reason, str] = {
     "gains": "but not beyond doubt",
     "explains": "which is too little for a name",
     "bound": "but not at a size that it can have",
+    "shape": "but what it leaves follows the same speed: the law has another shape",
     "bent": "but its second law only bends the curve of the first: it is another shape",
     "clipped": "but a channel stands at its limit, which may do the same",
+}
+#: what a course follows, where that is no plain name
+_FOLLOWED = {
+    "time": "the time of each record",
+    "acceleration": "the table's past acceleration (a mass or a foundation that gives)",
+    "frequency": "a tone",
+    "turns": "the motor's turns",
+    "drive torque": "its own drive's torque",
 }
 _FEW = 3  # warnings that a paragraph can hold
 _OF_NONE = 0.05  # share of the missing torque below which a coordinate tells nothing of it
 
 
 def paragraph(
-    verdict: Verdict,
-    why: Reason,
+    judged: Judgement,
     candidates: Sequence[Candidate],
     groups: Sequence[Sequence[str]],
     error: Mapping[str, float],
@@ -38,11 +47,14 @@ def paragraph(
     """Verdict, evidence for and against, what can't be told apart, and what to do."""
     if warnings and not candidates and not error:
         return f"The records can not be judged: {' '.join(warnings)}"
+    verdict, course = judged.verdict, judged.course
     said = [_opening(verdict, candidates, error, moved)]
     if verdict in ("effect", "ambiguous") and candidates:
         said += _evidence(candidates, shapes)
     if verdict == "unknown":
-        said += _unexplained(why, candidates, equation, shapes)
+        said += _unexplained(judged.why, candidates, equation, shapes)
+    if course is not None:
+        said.append(_still(course))
     if groups and verdict == "ambiguous":
         said.append(f"This record can not tell apart: {'; '.join(', '.join(g) for g in groups)}.")
     if experiment is not None:
@@ -161,6 +173,19 @@ def _unexplained(
             "would carry it."
         )
     return said
+
+
+def _still(course: Course) -> str:
+    """What a torque without a law would take of what is left."""
+    what = "an error of the reading of" if course.kind == "readings" else "a torque at the"
+    follows = {"readings": "grows in time or takes from the other channels"}.get(
+        course.kind, f"follows {_FOLLOWED.get(course.kind, f'the {course.kind}')}"
+    )
+    return (
+        f"What is left is no noise: {what} {course.place.replace('_', ' ')} that {follows} takes "
+        f"some of it ({course.numbers} numbers gain {course.gain:.0f}; noise would in one of "
+        f"10^{-course.chance:.0f} such records)."
+    )
 
 
 def _per(share: float | None) -> str:

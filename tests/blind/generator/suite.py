@@ -21,6 +21,7 @@ PHRASES = {
     "dev": "tune on these",
     "sealed": "judged on these, seen by nobody before",
     "sealed-2": "the next ones, once the others had all been read",
+    "sealed-3": "and the ones after those, whole",
 }
 #: shares of the groups where only a count is given
 USUAL = {"single": 0.32, "none": 0.16, "drifted": 0.16, "outside": 0.18, "two": 0.18}

@@ -1,0 +1,118 @@
+"""What a torque of any course could still explain, on machines of the independent generator."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+from tests.blind.generator import outside, records
+from tests.blind.shown import ordered
+from tests.blind.shown.ordered import Order
+
+from dualdrive.diagnose import free_torque, whitening
+from dualdrive.diagnose.clocks import evened
+from dualdrive.diagnose.evidence import evidence
+from dualdrive.diagnose.free_torque import SURELY, Course, strongest_course
+from dualdrive.diagnose.loop import ClosedLoop
+from dualdrive.diagnose.refit import Fitter, Refit
+from dualdrive.replay import core_of
+from dualdrive.replay import records as played
+
+
+def confronted(order: Order) -> ClosedLoop:
+    traces = {name: evened(trace)[0] for name, trace in order.traces().items()}
+    machine = order.machine()
+    return ClosedLoop(core_of(machine), played(machine, traces, settings=order.settings()))
+
+
+def refitted(c: ClosedLoop) -> tuple[Any, Refit]:
+    """The nominal numbers refitted, under the noise that this leaves."""
+    seen, u = evidence(c, whitening.plain(c.series)), c.start
+    for _ in range(3):
+        base = Fitter(seen).nominal(u)
+        assert base is not None
+        seen, u = evidence(c, whitening.fitted(c.series, base.left)), base.u
+    base = Fitter(seen).nominal(u)
+    assert base is not None
+    return seen, base
+
+
+def with_outside(name: str, seed: int, share: float) -> Order:
+    """A heavy table with a cause that no library has; share: of a strong one."""
+    order = ordered.drifted("heavy", seed, 1.0)
+    plans = order.plans[:1]
+    hidden = outside.draw(name, records.setting(order.real, plans), seed, share)
+    return Order(
+        name, order.sheet, order.real, plans, order.recorder, {p.name: (hidden,) for p in plans}
+    )
+
+
+def course_of(order: Order) -> Course:
+    seen, base = refitted(confronted(order))
+    found = strongest_course(seen, base)
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_nothing_is_seen_where_nothing_is_missing(seed: int) -> None:
+    order = ordered.drifted("heavy", seed, 1.05)
+    found = course_of(Order(**{**vars(order), "plans": order.plans[:1]}))
+    assert found.chance > SURELY
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "place"),
+    [
+        ("second_mass", "acceleration", "table"),
+        ("gain_drift", "readings", "I_1"),
+        ("cubic_damper", "speed", "table"),
+    ],
+)
+def test_a_cause_that_no_library_has_is_seen_where_it_is(name: str, kind: str, place: str) -> None:
+    found = course_of(with_outside(name, 4, 0.3))
+    assert found.chance < SURELY
+    assert (found.kind, found.place) == (kind, place)
+
+
+def test_a_pulse_tells_what_any_course_does() -> None:
+    """The column of a sine at the table beside the same sine simulated: flanks stay closed."""
+    order = ordered.drifted("bench", 0, 1.0)
+    c = confronted(Order(**{**vars(order), "plans": order.plans[:1]}))
+    _, base = refitted(c)
+    height, turned = 0.02 * c.sizes()["torque"], 2.0 * np.pi * 6.0
+    core = base.machine
+    formula = f"{height!r} * sin({turned!r} * t)"
+    core.add_expression("table", formula)
+    there = c.left(core, base.u)
+    assert there is not None
+    columns = dict(_first_of(c, base, "table", turned / (2.0 * np.pi)))
+    for k, s in enumerate(c.series):
+        moving, simulated = ~s.still, there[k] - base.left[k]
+        foretold = height * columns[k][:, 0]
+        off = np.linalg.norm((simulated - foretold)[moving]) / np.linalg.norm(simulated[moving])
+        assert off < (0.15 if s.kind != "following error" else 0.3), s.name
+
+
+def _first_of(c: ClosedLoop, base: Refit, place: str, frequency: float) -> list[tuple[int, Any]]:
+    """Series -> columns of a tone: as `strongest_course` makes them."""
+    motions = {s.record: free_torque._motion(c, base, s.record) for s in c.series}
+    answers = free_torque._answers(c, base, place, motions)
+    assert answers is not None
+    torques = {
+        name: np.stack(free_torque._tone(frequency, m), axis=1) for name, m in motions.items()
+    }
+    return list(enumerate(answers.to(torques, motions)))
+
+
+def test_chances_are_those_of_noise() -> None:
+    """Log10 of the tail of chi-squared, and the single number that is as rare."""
+    assert free_torque._log_chance(30.0, 4) == pytest.approx(np.log10(chi2.sf(30.0, 4)))
+    assert free_torque._as_one_number(np.log10(chi2.sf(7.0, 1))) == pytest.approx(7.0)
+    assert np.isfinite(free_torque._as_one_number(-1e4))
