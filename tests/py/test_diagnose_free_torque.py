@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,8 +20,11 @@ from dualdrive.diagnose import free_torque, whitening
 from dualdrive.diagnose.clocks import evened
 from dualdrive.diagnose.evidence import evidence
 from dualdrive.diagnose.free_torque import SURELY, Course, strongest_course
+from dualdrive.diagnose.hypotheses import Hypothesis
+from dualdrive.diagnose.judge import Judgement, _with_course
 from dualdrive.diagnose.loop import ClosedLoop
 from dualdrive.diagnose.refit import Fitter, Refit
+from dualdrive.diagnose.result import Verdict
 from dualdrive.replay import core_of
 from dualdrive.replay import records as played
 
@@ -109,6 +113,44 @@ def _first_of(c: ClosedLoop, base: Refit, place: str, frequency: float) -> list[
         name: np.stack(free_torque._tone(frequency, m), axis=1) for name, m in motions.items()
     }
     return list(enumerate(answers.to(torques, motions)))
+
+
+def judgement(verdict: Verdict, *effects: tuple[str, str]) -> Judgement:
+    leader = SimpleNamespace(hypothesis=Hypothesis(effects))
+    ranked: Any = [(leader, 0.95)] if effects else []
+    return Judgement(verdict, ranked, 0.0, (), 0.9, (2.0, 1.0), 500.0)
+
+
+def with_course(judged: Judgement, kind: str, place: str, chance: float) -> Judgement:
+    found: Any = SimpleNamespace(base=None)
+    return _with_course(found, judged, lambda _: Course(kind, place, 90.0, 8, chance))
+
+
+@pytest.mark.parametrize("verdict", ["adequate", "parameters"])
+def test_what_no_law_explains_is_unknown_where_nothing_has_a_name(verdict: Verdict) -> None:
+    found = with_course(judgement(verdict), "readings", "I_1", SURELY - 0.1)
+    assert found.verdict == "unknown"
+    assert found.course is not None
+    assert with_course(judgement(verdict), "readings", "I_1", SURELY + 0.1).verdict == verdict
+
+
+def test_a_name_that_is_not_all_stays_one() -> None:
+    named = judgement("effect", ("coulomb", "table"))
+    found = with_course(named, "time", "motor_1", -9.0)
+    assert (found.verdict, found.why) == ("effect", "")
+    assert found.course is not None
+    assert with_course(named, "time", "motor_1", -1.0).course is None
+
+
+def test_a_friction_that_leaves_a_torque_over_the_same_speed_is_not_the_law() -> None:
+    found = with_course(judgement("effect", ("hydrostatic_drag", "table")), "speed", "table", -9.0)
+    assert (found.verdict, found.why) == ("unknown", "shape")
+    elsewhere = judgement("effect", ("hydrostatic_drag", "motor_2"))
+    assert with_course(elsewhere, "speed", "table", -9.0).verdict == "effect"
+    no_friction = judgement("effect", ("unbalance", "table"))
+    assert with_course(no_friction, "speed", "table", -9.0).verdict == "effect"
+    two = judgement("effect", ("hydrostatic_drag", "table"), ("cogging", "motors"))
+    assert with_course(two, "speed", "table", -9.0).verdict == "effect"
 
 
 def test_chances_are_those_of_noise() -> None:

@@ -34,7 +34,7 @@ from dualdrive.replay import ratio_to_table
 Array = NDArray[np.float64]
 
 #: chance (log10, the looking paid for) below which a course is surely there
-SURELY = -6.0
+SURELY = -4.0
 _PULSE, _LEAST = 0.004, 2.0  # s, and sampling intervals: half the width of a pulse
 _OF_TORQUE = 0.2  # of the drives': its height
 _BETWEEN, _PULSES, _KNOTS = 0.5, 8, 12  # s between two; in a record, at least; of a period

@@ -43,6 +43,8 @@ FAINT = 0.5
 AS_MUCH = 0.03
 #: share of a pair's gain that its second law of friction must bring to be one of its own
 BENT = 0.02
+#: how often a leader is all there is though a torque of another course is surely left; by hand
+BESIDE_A_COURSE = 0.3
 #: share of its gain that a name must keep where each stretch is foretold from the others
 KEPT = 0.25
 #: residual over floor, RMS, from which something is surely left
@@ -83,6 +85,7 @@ def judge(found: Survey, still: Callable[[Refit], Course | None]) -> Judgement:
     judged = _with_course(found, _among_the_tried(found), still)
     doubt = BALANCE if found.evidence.confrontation.mode == "balance" else 1.0
     right = how_often_right(1.0 + (judged.excess[1] - 1.0) / doubt, judged.explained)
+    right *= 1.0 if judged.course is None else BESIDE_A_COURSE
     return replace(judged, ranked=[(r, right * p) for r, p in judged.ranked])
 
 

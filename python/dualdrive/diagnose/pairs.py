@@ -32,20 +32,27 @@ _NEAR = 0.5  # of the leader's gain: what has less is no first effect of a pair
 _KNOWN = 2  # partners beside the leader by the scores without it
 _WORTH = 15.0  # expected fall of chi^2 over its inflation for which a second effect is tried
 _SURELY = 45.0  # the same, for which it is tried though no more than noise seems left
+_FOR_A_FAINT_ONE = 0.7  # of the time
 
 
 def with_pairs(found: Survey, work: Work) -> Survey:
-    """Refit pairs where the best single effect leaves more than noise."""
+    """Refit pairs where the best single effect leaves what another would take.
+
+    Where it leaves no more than noise a second effect must be sure by its score: it hides there
+    beside a strong first one, and shows about the machine that has that one alone.
+    """
     singles = [r for r in found.refits if len(r.hypothesis.effects) == 1]
     singles.sort(key=lambda r: found.criterion[key_of(r)])
-    if not singles or found.best is found.base or not _leaves_something(found, singles[0]):
+    if not singles or found.best is found.base:
         return found
+    faint = bool(excess(found, found.best.left).max() < ENOUGH)
     fitter, refits, known = Fitter(found.evidence, work.stop), list[Refit](), set[frozenset[str]]()
     for number, first in enumerate(_firsts(found, singles)):
         partners = _partners(found, first, found.scores)
         if number == 0:
-            work.tell(f"trying what {first.hypothesis.label} leaves")
-            anew = _partners(found, first, _beside(found, first, work))
+            anew = _anew(found, first, faint, work)
+            if faint and not any(_is_sure(found, s) for s in (*anew[:1], *partners[:1])):
+                return found
             partners = [*anew, *partners[:_KNOWN]]
         for score in partners:
             both = frozenset((first.hypothesis.label, score.label))
@@ -65,25 +72,35 @@ def with_pairs(found: Survey, work: Work) -> Survey:
     return settle(replace(found, refits=[*found.refits, *refits]), work)
 
 
-def _leaves_something(found: Survey, first: Refit) -> bool:
-    """Whether the leader leaves more than noise, or what another effect would clearly take."""
-    if excess(found, found.best.left).max() >= ENOUGH:
-        return True
-    best = _partners(found, first, found.scores)[:1]
-    return any(s.gain.gain / found.inflation > _SURELY for s in best)
+def _is_sure(found: Survey, score: Score) -> bool:
+    """Whether another effect would take so much, though no more than noise seems left."""
+    return score.gain.gain / found.inflation > _SURELY
 
 
-def _beside(found: Survey, first: Refit, work: Work) -> list[Score]:
+def _anew(found: Survey, first: Refit, faint: bool, work: Work) -> list[Score]:
+    """The best beside the first effect, all tried on the machine that has it.
+
+    faint: whether hardly more than noise is left: no spectrum shows an order then, and it is not
+        worth the last of the time
+    """
+    if faint and work.clock.late(_FOR_A_FAINT_ONE):
+        work.clock.leave_out(f"not tried: what hides beside {first.hypothesis.label}")
+        return []
+    work.tell(f"trying what {first.hypothesis.label} leaves")
+    return _partners(found, first, _beside(found, first, faint, work))
+
+
+def _beside(found: Survey, first: Refit, low: bool, work: Work) -> list[Score]:
     """All effects tried on the machine that has the first; none where time is up."""
     c, seen = copy(found.evidence.confrontation), found.evidence
     c.core = first.machine
     stage = Stage(c, first.u, first.left, [scale_of(seen, first)], work)
     every = candidates(c.core, c.channels, balance=c.mode == "balance")
-    scores = stage.scores(stage.listed([h for h in every if _plain(h)]))
+    scores = stage.scores(stage.listed([h for h in every if _plain(h)], low))
     best = sorted(scores, key=lambda s: -s.gain.gain)[:_TAKEN_APART]
     groups = dict.fromkeys(s.signature.hypothesis.effects for s in best)
     parts = [m for effects in groups for m in members(c.core, Hypothesis(effects))]
-    scores += stage.scores(stage.listed(parts))
+    scores += stage.scores(stage.listed(parts, low))
     if work.stop():
         work.clock.leave_out(f"not all was tried beside {first.hypothesis.label}")
     return scores
