@@ -19,9 +19,9 @@ from tests.blind.shown.ordered import Order
 from dualdrive.diagnose import free_torque, whitening
 from dualdrive.diagnose.clocks import evened
 from dualdrive.diagnose.evidence import evidence
-from dualdrive.diagnose.free_torque import SURELY, Course, strongest_course
+from dualdrive.diagnose.free_torque import RARER_THAN, Course, Kind, courses_left
 from dualdrive.diagnose.hypotheses import Hypothesis
-from dualdrive.diagnose.judge import Judgement, _with_course
+from dualdrive.diagnose.judge import AS_STRONG, Judgement, _with_course
 from dualdrive.diagnose.loop import ClosedLoop
 from dualdrive.diagnose.refit import Fitter, Refit
 from dualdrive.diagnose.result import Verdict
@@ -57,18 +57,14 @@ def with_outside(name: str, seed: int, share: float) -> Order:
     )
 
 
-def course_of(order: Order) -> Course:
-    seen, base = refitted(confronted(order))
-    found = strongest_course(seen, base)
-    assert found is not None
-    return found
+def courses_of(order: Order) -> list[Course]:
+    return courses_left(*refitted(confronted(order)))
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_nothing_is_seen_where_nothing_is_missing(seed: int) -> None:
     order = ordered.drifted("heavy", seed, 1.05)
-    found = course_of(Order(**{**vars(order), "plans": order.plans[:1]}))
-    assert found.chance > SURELY
+    assert not courses_of(Order(**{**vars(order), "plans": order.plans[:1]}))
 
 
 @pytest.mark.parametrize(
@@ -80,9 +76,9 @@ def test_nothing_is_seen_where_nothing_is_missing(seed: int) -> None:
     ],
 )
 def test_a_cause_that_no_library_has_is_seen_where_it_is(name: str, kind: str, place: str) -> None:
-    found = course_of(with_outside(name, 4, 0.3))
-    assert found.chance < SURELY
-    assert (found.kind, found.place) == (kind, place)
+    found = courses_of(with_outside(name, 4, 0.3))
+    strong = [(x.kind, x.place) for x in found if x.gain > AS_STRONG * found[0].gain]
+    assert (kind, place) in strong
 
 
 def test_a_pulse_tells_what_any_course_does() -> None:
@@ -96,7 +92,7 @@ def test_a_pulse_tells_what_any_course_does() -> None:
     core.add_expression("table", formula)
     there = c.left(core, base.u)
     assert there is not None
-    columns = dict(_first_of(c, base, "table", turned / (2.0 * np.pi)))
+    columns = _columns(c, base, "table", turned / (2.0 * np.pi))
     for k, s in enumerate(c.series):
         moving, simulated = ~s.still, there[k] - base.left[k]
         foretold = height * columns[k][:, 0]
@@ -104,15 +100,15 @@ def test_a_pulse_tells_what_any_course_does() -> None:
         assert off < (0.15 if s.kind != "following error" else 0.3), s.name
 
 
-def _first_of(c: ClosedLoop, base: Refit, place: str, frequency: float) -> list[tuple[int, Any]]:
-    """Series -> columns of a tone: as `strongest_course` makes them."""
+def _columns(c: ClosedLoop, base: Refit, place: str, frequency: float) -> list[Any]:
+    """Of a tone, per series: as `courses_left` makes them."""
     motions = {s.record: free_torque._motion(c, base, s.record) for s in c.series}
     answers = free_torque._answers(c, base, place, motions)
     assert answers is not None
     torques = {
         name: np.stack(free_torque._tone(frequency, m), axis=1) for name, m in motions.items()
     }
-    return list(enumerate(answers.to(torques, motions)))
+    return answers.to(torques, motions)
 
 
 def judgement(verdict: Verdict, *effects: tuple[str, str]) -> Judgement:
@@ -121,17 +117,19 @@ def judgement(verdict: Verdict, *effects: tuple[str, str]) -> Judgement:
     return Judgement(verdict, ranked, 0.0, (), 0.9, (2.0, 1.0), 500.0)
 
 
-def with_course(judged: Judgement, kind: str, place: str, chance: float) -> Judgement:
+def with_course(judged: Judgement, kind: Kind, place: str, chance: float) -> Judgement:
     found: Any = SimpleNamespace(base=None)
-    return _with_course(found, judged, lambda _: Course(kind, place, 90.0, 8, chance))
+    rare = chance < RARER_THAN
+    courses = [Course(kind, place, 90.0, 8, chance)] if rare else []
+    return _with_course(found, judged, lambda _: courses)
 
 
 @pytest.mark.parametrize("verdict", ["adequate", "parameters"])
 def test_what_no_law_explains_is_unknown_where_nothing_has_a_name(verdict: Verdict) -> None:
-    found = with_course(judgement(verdict), "readings", "I_1", SURELY - 0.1)
+    found = with_course(judgement(verdict), "readings", "I_1", RARER_THAN - 0.1)
     assert found.verdict == "unknown"
     assert found.course is not None
-    assert with_course(judgement(verdict), "readings", "I_1", SURELY + 0.1).verdict == verdict
+    assert with_course(judgement(verdict), "readings", "I_1", RARER_THAN + 0.1).verdict == verdict
 
 
 def test_a_name_that_is_not_all_stays_one() -> None:
@@ -156,5 +154,6 @@ def test_a_friction_that_leaves_a_torque_over_the_same_speed_is_not_the_law() ->
 def test_chances_are_those_of_noise() -> None:
     """Log10 of the tail of chi-squared, and the single number that is as rare."""
     assert free_torque._log_chance(30.0, 4) == pytest.approx(np.log10(chi2.sf(30.0, 4)))
-    assert free_torque._as_one_number(np.log10(chi2.sf(7.0, 1))) == pytest.approx(7.0)
-    assert np.isfinite(free_torque._as_one_number(-1e4))
+    sums = [free_torque._log_chance(x, 4) for x in (1.3e3, 1.45e3, 1.5e3, 1.7e3, 1e5)]
+    assert sums == sorted(sums, reverse=True), "beyond the smallest number, too"
+    assert np.all(np.isfinite(sums))

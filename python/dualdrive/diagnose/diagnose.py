@@ -27,7 +27,7 @@ from dualdrive.diagnose.findings import (
     plan_next,
     scored_only,
 )
-from dualdrive.diagnose.free_torque import Course, strongest_course
+from dualdrive.diagnose.free_torque import Course, courses_left
 from dualdrive.diagnose.heldout import intervals
 from dualdrive.diagnose.judge import Judgement, judge
 from dualdrive.diagnose.loop import ClosedLoop
@@ -147,13 +147,16 @@ def diagnose(
         whole = Clock(budget, stop.is_set)
         whole.begin, whole.cut = clock.begin, clock.cut
 
-        def still(refit: Refit) -> Course | None:
-            if not whole.allows("what a torque of any course could still explain"):
-                return None
-            tell(f"what a torque of any course could still explain beside {refit.hypothesis.label}")
-            return strongest_course(result.evidence, refit)
+        def beside(refit: Refit) -> list[Course]:
+            what = f"what a torque of any course could still explain, {refit.hypothesis.label}"
+            if not whole.allows(what):
+                return []
+            tell(what)
+            found = courses_left(result.evidence, refit, whole.stop)
+            whole.allows(what)
+            return found
 
-        verdict = judge(result, still)
+        verdict = judge(result, beside)
         if clipped and verdict.ranked and verdict.verdict in ("effect", "ambiguous"):
             [(effect, _), *_] = verdict.ranked[0][0].hypothesis.effects
             if effect not in LIMITS:

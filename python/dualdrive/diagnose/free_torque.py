@@ -5,12 +5,13 @@ fastest, tells how its series answer; a torque of any course is a sum of such pu
 law could take are tried: in time, along the angle, over the speed, over the drive's own current or
 torque, with the past acceleration (a mass or a foundation that gives), as a tone, a few times per
 turn of a motor; and readings that grow in time or take from one another. Where the machine sticks
-or a flank opens the answer is not the true one: a course may go unseen there, but none is seen
-where there is none.
+or a flank opens the answer is not the true one: a course may go unseen there, but noise is no
+likelier to follow it.
 
-What noise a filter has coloured beyond what the whiteners know of makes every course gain: all are
-divided by what the middle one gains more than noise would let it (Devlin and Roeder, Biometrics 55,
-1999, 997-1004, do so with genes).
+Noise that the series of a record share, and noise that a filter has coloured beyond what the
+whiteners know of, makes courses gain. The first is reckoned for each course; for the second all
+are divided by what the middle one gains more than noise would let it (Devlin and Roeder, Biometrics
+55, 1999, 997-1004, do so with genes).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,71 +35,128 @@ from dualdrive.replay import ratio_to_table
 
 Array = NDArray[np.float64]
 
-#: chance (log10, the looking paid for) below which a course is surely there
-SURELY = -4.0
-_PULSE, _LEAST = 0.004, 2.0  # s, and sampling intervals: half the width of a pulse
-_OF_TORQUE = 0.2  # of the drives': its height
-_BETWEEN, _PULSES, _KNOTS = 0.5, 8, 12  # s between two; in a record, at least; of a period
+#: what a course follows
+Kind = Literal[
+    "time", "angle", "speed", "acceleration", "frequency", "drive torque", "turns", "readings"
+]
+#: chance, log10, the looking paid for, below which a course is surely there
+RARER_THAN = -4.0
+_WIDTH = 0.004  # s between two knots of a pulse, at least
+_SAMPLES = 2.0  # sampling intervals, the same
+_BETWEEN = 0.5  # s between two pulses
+_PULSES = 8  # in the longest record, at least
+_KNOTS = 12  # from one pulse to the next, at least
+_OF_TORQUE = 0.2  # of the drives': height of a pulse
 _MOVING = 0.2  # of the largest speed under a pulse: less tells of sticking
 _SMOOTH = 0.012  # s: over which the table's speed and acceleration are read
-_HOURS, _ALONG = 10, 12  # knots: of time in each record, of the angle's travel
-_SPEEDS = (-1.0, -0.66, -0.33, -0.08, 0.08, 0.33, 0.66, 1.0)  # of the largest
+_IN_TIME = 10  # knots of a curve in time, of each record
+_ALONG = 12  # knots of a curve along the travel
+_SPEEDS = (-1.0, -0.66, -0.33, -0.08, 0.08, 0.33, 0.66, 1.0)  # knots, of the largest speed
 _FASTEST = 0.995  # of the samples: a smaller speed
-_SHARES = (0.01, 0.2, 0.4, 0.6, 0.8, 0.99)  # of the samples with a smaller current
-_LATE, _DELAYS = 0.006, 8  # s between two past accelerations, and how many
+_SHARES = (0.01, 0.2, 0.4, 0.6, 0.8, 0.99)  # knots: of the samples with a smaller current
+_LATE = 0.006  # s between two past accelerations
+_DELAYS = 8  # of these
 _TONES = np.geomspace(0.7, 40.0, 40)  # Hz
 _ORDERS = (1, 2, 3, 4, 5, 6, 8, 10, 12)  # per turn of a motor
-_RAREST = -300.0  # log10: nothing smaller is a number
+_ALIKE = 1e-8  # of the largest curvature: columns are one
 
 
 @dataclass(frozen=True)
 class Course:
     """A torque, or an error of a reading, that a free curve explains.
 
-    kind:    what it follows: ``time``, ``angle``, ``speed``, ``drive torque``, ``acceleration``,
-        ``frequency``, ``turns``; of a reading ``readings``
-    place:   body it acts on, or the channel
+    kind:    what it follows; ``readings``: a channel that drifts or takes from others
+    place:   body it acts on; of readings the channel
     gain:    fall of chi^2 over its inflation; numbers: of the curve
     chance:  log10 of how often noise alone would gain as much in any of the courses tried
     """
 
-    kind: str
+    kind: Kind
     place: str
     gain: float
     numbers: int
     chance: float
 
 
-def strongest_course(seen: Evidence, refit: Refit) -> Course | None:
-    """The least likely to be noise, of what a refit leaves; None where no pulse can be simulated.
+def courses_left(
+    seen: Evidence, refit: Refit, stop: Callable[[], bool] = lambda: False
+) -> list[Course]:
+    """Courses of what a refit leaves, each kind at each place, the rarest first.
 
-    Only a closed loop has one: the floors of a torque balance are reckoned, not seen.
+    None where not even the first is surely there: the others only tell how well it is placed. A
+    closed loop alone shows any: the floors of a torque balance are reckoned, not seen. Nothing is
+    told where no pulse has an answer, or once `stop` asks for an end.
     """
     c = seen.confrontation
     if c.mode != "closed_loop":
-        return None
+        return []
     scorer, over = scale_of(seen, refit).scorer, effective(seen.white(refit.left), seen)
-    tried = []
+    shared, tried = _Shared(seen, refit.left), list[Course]()
     for kind, place, columns in _courses(c, refit):
-        gain, numbers = scorer(seen.white(columns)).gain / over, columns[0].shape[1]
-        tried.append(Course(kind, place, gain, numbers, _log_chance(gain, numbers)))
-    if not tried:
-        return None
-    middle = float(np.median([_as_one_number(x.chance) for x in tried]))
-    colour = max(middle / float(chi2.median(1)), 1.0)
-    best = min(tried, key=lambda x: x.chance)
-    chance = best.chance / colour + math.log10(len(tried))
-    return replace(best, chance=min(chance, 0.0))
+        if stop():
+            return []
+        white = seen.white(columns)
+        share, numbers = shared(scorer.rest(white))
+        if numbers:
+            tried.append(Course(kind, place, scorer(white).gain / over / share, numbers, 0.0))
+    if all(x.kind == "readings" for x in tried):
+        return []
+    colour = max(float(np.median([x.gain / chi2.median(x.numbers) for x in tried])), 1.0)
+    best: dict[tuple[str, str], Course] = {}
+    for x in tried:
+        gain = x.gain / colour
+        chance = min(_log_chance(gain, x.numbers) + math.log10(len(tried)), 0.0)
+        known = best.get((x.kind, x.place))
+        if known is None or chance < known.chance:
+            best[x.kind, x.place] = replace(x, gain=gain, chance=chance)
+    found = sorted(best.values(), key=lambda x: x.chance)
+    return found if found[0].chance < RARER_THAN else []
 
 
 def _log_chance(gain: float, numbers: int) -> float:
     """Log10 of how often noise gains as much with so many numbers."""
-    return float(chi2.logsf(max(gain, 0.0), numbers)) / math.log(10.0)
+    half, a = max(gain, 0.0) / 2.0, numbers / 2.0
+    chance = float(chi2.logsf(2.0 * half, numbers))
+    if not math.isfinite(chance):  # Abramowitz and Stegun 6.5.32: too rare for a number
+        chance = (a - 1.0) * math.log(half) - half - math.lgamma(a)
+    return chance / math.log(10.0)
 
 
-def _as_one_number(log_chance: float) -> float:
-    """The gain of a single number that is as rare."""
-    return float(chi2.isf(10.0 ** max(log_chance, _RAREST), 1))
+class _Shared:
+    """By how much noise that series of one record share makes columns gain.
+
+    The table's encoder is in the following error and in every deflection. A sum of chi-squared
+    over such series counts it more than once, and most where a column looks alike in all of them:
+    the mean eigenvalue of their design (Rao and Scott, Annals of Statistics 12, 1984, 46-60).
+    """
+
+    def __init__(self, seen: Evidence, left: Sequence[Array]) -> None:
+        self.seen = seen
+        series, rows = seen.confrontation.series, seen.apart(seen.white(left))
+        self.alike = [
+            (j, k, _correlation(rows[j], rows[k]) if j != k else 1.0)
+            for j, one in enumerate(series)
+            for k, other in enumerate(series)
+            if one.record == other.record
+        ]
+
+    def __call__(self, rest: Array) -> tuple[float, int]:
+        """Factor, 1 or more, and rank of white columns (n, k), the nuisances' share removed."""
+        size = np.linalg.norm(rest, axis=0)
+        kept = rest[:, size > _ALIKE * size.max(initial=0.0)] if size.any() else rest[:, :0]
+        if not kept.shape[1]:
+            return 1.0, 0
+        kept = kept / np.linalg.norm(kept, axis=0)
+        gram, parts = kept.T @ kept, self.seen.apart(kept)
+        meat = sum((r * parts[j].T @ parts[k] for j, k, r in self.alike), np.zeros_like(gram))
+        rank = int(np.linalg.matrix_rank(gram, tol=_ALIKE * len(gram), hermitian=True))
+        inverse = np.linalg.pinv(gram, rcond=_ALIKE, hermitian=True)
+        return max(float(np.trace(inverse @ meat)) / max(rank, 1), 1.0), rank
+
+
+def _correlation(first: Array, second: Array) -> float:
+    size = float(np.linalg.norm(first) * np.linalg.norm(second))
+    return float(first @ second) / size if size > 0.0 else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +193,7 @@ class _Answers:
         return found
 
 
-def _courses(c: Confrontation, refit: Refit) -> Iterator[tuple[str, str, list[Array]]]:
+def _courses(c: Confrontation, refit: Refit) -> Iterator[tuple[Kind, str, list[Array]]]:
     """(kind, place, columns per series) of all that is tried."""
     motions = {name: _motion(c, refit, name) for name in dict.fromkeys(s.record for s in c.series)}
     for place in ("table", *c.core.motors):
@@ -146,7 +205,7 @@ def _courses(c: Confrontation, refit: Refit) -> Iterator[tuple[str, str, list[Ar
         yield "readings", name, _readings(c, refit, name)
 
 
-def _torques(motions: Mapping[str, _Motion], place: str) -> Iterator[tuple[str, dict[str, Array]]]:
+def _torques(motions: Mapping[str, _Motion], place: str) -> Iterator[tuple[Kind, dict[str, Array]]]:
     """(kind, torques (n, k) in each record); time and tones have strengths of their own in each."""
 
     def each(course: Callable[[_Motion], Sequence[Array]]) -> dict[str, Array]:
@@ -158,7 +217,7 @@ def _torques(motions: Mapping[str, _Motion], place: str) -> Iterator[tuple[str, 
     angles, speeds = every(lambda m: m.angle), every(lambda m: np.abs(m.speed))
     along = np.linspace(angles.min(), angles.max(), _ALONG)
     fast = float(np.quantile(speeds, _FASTEST)) * np.array(_SPEEDS)
-    yield "time", _apart(each(lambda m: _hats(m.t, np.linspace(m.t[0], m.t[-1], _HOURS))))
+    yield "time", _apart(each(lambda m: _hats(m.t, np.linspace(m.t[0], m.t[-1], _IN_TIME))))
     yield "angle", each(lambda m: _hats(m.angle, along))
     yield "speed", each(lambda m: _hats(m.speed, fast))
     yield "acceleration", each(_past)
@@ -237,12 +296,10 @@ def _motion(c: Confrontation, refit: Refit, record: str) -> _Motion:
     [(s, _), *_] = own.values()
     k = next(k for k, other in enumerate(c.series) if other is s)
     recorded, every = c.columns(k), float(np.median(np.diff(s.t)))
-    angle = np.asarray(
-        recorded["theta_ref"] if "theta_ref" in recorded else recorded["theta_m"], float
-    )
-    if "e" in own and "theta_ref" in recorded:
+    angle = np.asarray(recorded["theta_ref"], float)
+    if "e" in own:
         angle = angle - own["e"][1]
-    window = 2 * round(_SMOOTH / every) + 5
+    window = min(2 * round(_SMOOTH / every) + 5, len(s.t) - 1 + len(s.t) % 2)
     driven = {
         motor: x
         for motor in c.core.motors
@@ -276,9 +333,9 @@ def _answers(
     height = _OF_TORQUE * c.sizes()["torque"] / ratio_to_table(c.core, place)
     if height <= 0.0:
         return None
-    step = max([_PULSE, *(_LEAST * m.every for m in motions.values())])
-    shortest = min(float(m.t[-1]) for m in motions.values())
-    knots = max(round(min(_BETWEEN, shortest / _PULSES) / step), _KNOTS)
+    step = max([_WIDTH, *(_SAMPLES * m.every for m in motions.values())])
+    longest = max(float(np.ptp(m.t)) for m in motions.values())
+    knots = max(round(min(_BETWEEN, longest / _PULSES) / step), _KNOTS)
     core = refit.machine
     # a pulse at the knot in the middle, which reaches two knots to either side
     values = np.where(np.arange(knots) == knots // 2, height, 0.0)
@@ -297,9 +354,11 @@ def _answers(
 def _middle(m: _Motion, change: Array, knots: int, step: float) -> tuple[Array, int]:
     """Middle answer to the pulses while a record moves, and how many samples it begins early."""
     between = knots * step
-    pulses = np.arange(knots // 2 * step, m.t[-1], between)
+    begin = knots // 2 * step
+    begin += between * math.ceil((m.t[0] - begin) / between)
+    pulses = np.arange(begin, m.t[-1], between)
     early, count = round(2 * step / m.every), round(between / m.every)
-    first = np.searchsorted(m.t, pulses) - early
+    first = np.rint((pulses - m.t[0]) / m.every).astype(np.intp) - early
     whole = (first >= 0) & (first + count <= len(m.t))
     speed = np.abs(np.interp(pulses, m.t, m.speed))
     moving = whole & (speed > _MOVING * np.max(speed, where=whole, initial=0.0))

@@ -82,8 +82,7 @@ def guessed(
     if base is None:
         return Guesses()
     noise = evidence(balance, whitening.sized(balance.series, base.left))
-    if load and (one := sought(noise, base)) is not None:
-        seen.append(one)
+    seen += sought(noise, base) if load else []
     fitter = Fitter(noise, work.stop)
     found: list[Refit] = []
     for score in _best(balance, noise, base, seen, work):

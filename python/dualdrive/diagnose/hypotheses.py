@@ -37,7 +37,8 @@ class Hypothesis:
 
     fixed: parameter path -> value of what is counted, where a scan found one, or held
     searched: label -> among how many values its own were found
-    begins: parameter path -> value from which a fit begins, where a scan found one
+    begins: parameter path -> value from which a fit begins, where a scan found one; such a number
+        is free, even one that is held otherwise
     """
 
     effects: tuple[tuple[str, str], ...] = ()
@@ -102,7 +103,8 @@ class Hypothesis:
             label = grown.add_effect(effect, place)
             [own] = [e for e in grown.effects if e["label"] == label]
             paths = [f"{label}.{name}" for name in own["parameters"]]
-            free += [p for p in paths if p not in self.fixed and _is_free(grown, p)]
+            several = [p for p in paths if p not in self.fixed]
+            free += [p for p in several if p in self.begins or _is_free(grown, p)]
             usual.update({**_loosened(grown, own), **(parts or {}).get(label, {})})
         for path in free:
             if sizes and not is_strength(grown, path) and path not in usual:
@@ -133,8 +135,9 @@ class Hypothesis:
 
 
 def distinct(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """No hypothesis twice, by its effects and counted numbers."""
-    return list({(h.effects, tuple(h.fixed.items())): h for h in hypotheses}.values())
+    """No hypothesis twice, by its effects, counted numbers and where its refit begins."""
+    own = {(h.effects, *h.fixed.items(), *h.begins.items()): h for h in hypotheses}
+    return list(own.values())
 
 
 def _is_free(grown: Any, path: str) -> bool:

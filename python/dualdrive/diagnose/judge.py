@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.diagnose.candidates import rubs, station
-from dualdrive.diagnose.free_torque import SURELY, Course
+from dualdrive.diagnose.free_torque import Course
 from dualdrive.diagnose.heldout import held_out
 from dualdrive.diagnose.probability import (
     SURE,
@@ -29,7 +29,7 @@ from dualdrive.diagnose.survey import Survey, excess, key_of
 
 Array = NDArray[np.float64]
 #: why the best of what was tried gets no name
-Reason = Literal["", "gains", "explains", "bound", "bent", "shape", "clipped"]
+Reason = Literal["", "gains", "explains", "bound", "bent", "shape", "course", "clipped"]
 
 #: fall of the criterion below which nothing is named: odds of 1 to e^10 before the library's size
 NAMED = 20.0
@@ -45,6 +45,8 @@ AS_MUCH = 0.03
 BENT = 0.02
 #: how often a leader is all there is though a torque of another course is surely left; by hand
 BESIDE_A_COURSE = 0.3
+#: of the rarest course's gain: where another acts is hardly told apart
+AS_STRONG = 0.5
 #: share of its gain that a name must keep where each stretch is foretold from the others
 KEPT = 0.25
 #: residual over floor, RMS, from which something is surely left
@@ -77,12 +79,12 @@ class Judgement:
     course: Course | None = None
 
 
-def judge(found: Survey, still: Callable[[Refit], Course | None]) -> Judgement:
+def judge(found: Survey, beside: Callable[[Refit], Sequence[Course]]) -> Judgement:
     """Judge a survey; probabilities count that the true cause may be none of those tried.
 
-    still: the strongest course of a torque in what a refit leaves
+    beside: courses of a torque in what a refit leaves, the rarest first, none unless that is sure
     """
-    judged = _with_course(found, _among_the_tried(found), still)
+    judged = _with_course(found, _among_the_tried(found), beside)
     doubt = BALANCE if found.evidence.confrontation.mode == "balance" else 1.0
     right = how_often_right(1.0 + (judged.excess[1] - 1.0) / doubt, judged.explained)
     right *= 1.0 if judged.course is None else BESIDE_A_COURSE
@@ -101,7 +103,7 @@ def _among_the_tried(found: Survey) -> Judgement:
     doubt = BALANCE if balance else 1.0
     explained = _explained(before, after)
     figures = (explained, (float(before.max()), float(after.max())), gain)
-    faint = balance and explained < FAINT
+    faint = balance and (explained < FAINT or not _is_above(before))
     if best is base or gain < needed or faint or not _foretells(found, best, gain):
         verdict: Verdict = "unknown" if _too_much(before, doubt) else _sound(found)
         return Judgement(verdict, ranked, nothing, (), *figures, "gains")
@@ -119,7 +121,7 @@ def _among_the_tried(found: Survey) -> Judgement:
 
 
 def _with_course(
-    found: Survey, judged: Judgement, still: Callable[[Refit], Course | None]
+    found: Survey, judged: Judgement, beside: Callable[[Refit], Sequence[Course]]
 ) -> Judgement:
     """The same, a torque of another course counted that no law of the library has.
 
@@ -129,22 +131,26 @@ def _with_course(
     if judged.verdict == "unknown":
         return judged
     named = judged.verdict in ("effect", "ambiguous")
-    course = still(judged.ranked[0][0] if named else found.base)
-    if course is None or course.chance > SURELY:
+    courses = beside(judged.ranked[0][0] if named else found.base)
+    if not courses:
         return judged
     if not named:
-        return replace(judged, verdict="unknown", course=course)
-    if _is_own(course, judged.ranked[0][0]):
-        return replace(judged, verdict="unknown", group=(), why="shape", course=course)
-    return replace(judged, course=course)
+        return replace(judged, verdict="unknown", why="course", course=courses[0])
+    own = [x for x in courses if x.gain > AS_STRONG * courses[0].gain]
+    bent = next((x for x in own if _is_own(x, judged.ranked[0][0])), None)
+    if bent is not None:
+        return replace(judged, verdict="unknown", group=(), why="shape", course=bent)
+    return replace(judged, course=courses[0])
 
 
 def _is_own(course: Course, leader: Refit) -> bool:
-    """Whether it follows what the only law of the leader does, where that sits."""
+    """Whether it follows what the only law of the leader does, on the same drive train."""
     if len(leader.hypothesis.effects) > 1:
         return False
     [(effect, place)] = leader.hypothesis.effects
-    return rubs(effect) and course.kind == "speed" and station(place) == station(course.place)
+    own, other = station(place), station(course.place)
+    there = own == other or (own == "drives" and other != "table")
+    return rubs(effect) and course.kind == "speed" and there
 
 
 def _bent(found: Survey, best: Refit) -> bool:
@@ -205,6 +211,11 @@ def _explained(before: Array, after: Array) -> float:
 def explained_by(found: Survey, r: Refit) -> float:
     """Share of what could be explained that a refit explains, 0 .. 1."""
     return _explained(excess(found, found.plain.left), excess(found, r.left))
+
+
+def _is_above(ratios: Array) -> bool:
+    """Whether anything stands above the floors at all."""
+    return bool(ratios.max() > 1.0)
 
 
 def _too_much(ratios: Array, doubt: float) -> bool:

@@ -29,6 +29,8 @@ _SHORTEST = 3  # steps of the grid: a box
 _A_BOX, _A_WAVE = 15.0, 25.0
 _PERIODS, _PER_PERIOD = 2.0, 5.0  # in the box, at least; steps of frequency per 1 / duration
 _HIGHEST = 0.4  # frequency, of the sampling rate
+#: harmonics that are tried; of the strongest one's gain, at least; between two, of 1 / duration
+_SEVERAL, _ABOUT, _APART = 3, 0.5, 1.5
 _MOST = 600  # frequencies tried, the lowest first: a long load would take for ever
 
 
@@ -77,35 +79,42 @@ class _Sum:
         return ((self.t >= start) & (self.t < end)).astype(float)
 
 
-def sought(seen: Evidence, base: Refit) -> Hypothesis | None:
+def sought(seen: Evidence, base: Refit) -> list[Hypothesis]:
     """A load in time, where one stands out of what a torque balance leaves.
+
+    In a noisy balance the strongest harmonic may be a wrong one that the closed loop tells apart:
+    the next ones that gain about as much are hypotheses, too.
 
     Args:
         seen: the balance under white noise.
         base: the machine refitted without a load.
 
     Returns:
-        The hypothesis with start and duration, from where a refit goes on, and with the frequency
-        of the strongest harmonic; None where no load stands out.
+        Hypotheses with start, duration and the frequency of a harmonic, from where a refit goes
+        on, the strongest first; without a frequency where there is no harmonic, and none where no
+        load stands out.
 
     """
     table = _sum(seen, base)
     if table is None or possible(seen.confrontation.core, *LOAD) is None:
-        return None
+        return []
     grid = np.linspace(table.t.min(), table.t.max() + table.every, _INSTANTS)
     step = float(grid[1] - grid[0])
     start, end, _ = _best_box(table, grid, grid, _SHORTEST * step)
     near = step * np.linspace(-1.0, 1.0, 2 * _FINER + 1)
     start, end, gain = _best_box(table, start + near, end + near, step)
     if gain < _A_BOX * table.noise(table.white(table.box(start, end)[:, None])):
-        return None
-    frequency, phase, count = _harmonic(table, start, end)
-    if not count:
-        return _hypothesis(start, end, {}, _INSTANTS)
-    if _turned(seen, base, _hypothesis(start, end, {}, 1)):
-        phase = math.remainder(phase + math.pi, 2 * math.pi)
-    first = start - phase / (2 * math.pi * frequency)  # where its sine begins
-    return _hypothesis(first, end, {f"{_PATH}.frequency": frequency}, _INSTANTS * count)
+        return []
+    harmonics, count = _harmonics(table, start, end)
+    if not harmonics:
+        return [_hypothesis(start, end, {}, _INSTANTS)]
+    turned = math.pi if _turned(seen, base, _hypothesis(start, end, {}, 1)) else 0.0
+    found = []
+    for frequency, phase in harmonics:
+        late = math.remainder(phase + turned, 2 * math.pi) / (2 * math.pi * frequency)
+        begins = {f"{_PATH}.frequency": frequency}  # its sine begins where the load does
+        found.append(_hypothesis(start - late, end, begins, _INSTANTS * count))
+    return found
 
 
 def begun(load: Refit) -> Hypothesis:
@@ -114,9 +123,9 @@ def begun(load: Refit) -> Hypothesis:
     return replace(load.hypothesis, begins={p: values[p] for p in load.hypothesis.begins})
 
 
-def _hypothesis(start: float, end: float, fixed: dict[str, float], searched: int) -> Hypothesis:
-    begins = {f"{_PATH}.start": start, f"{_PATH}.duration": end - start}
-    return Hypothesis((LOAD,), fixed, {_PATH: searched}, begins)
+def _hypothesis(start: float, end: float, more: dict[str, float], searched: int) -> Hypothesis:
+    begins = {f"{_PATH}.start": start, f"{_PATH}.duration": end - start, **more}
+    return Hypothesis((LOAD,), {}, {_PATH: searched}, begins)
 
 
 def _sum(seen: Evidence, base: Refit) -> _Sum | None:
@@ -147,19 +156,26 @@ def _best_box(table: _Sum, starts: Array, ends: Array, least: float) -> tuple[fl
     return float(starts[i]), float(ends[j]), float(gain[i, j])
 
 
-def _harmonic(table: _Sum, start: float, end: float) -> tuple[float, float, int]:
-    """Frequency and phase at the start of the strongest harmonic; among how many, 0: none."""
+def _harmonics(table: _Sum, start: float, end: float) -> tuple[list[tuple[float, float]], int]:
+    """Frequency and phase at the start of the strongest harmonics; among how many frequencies."""
     alone, _ = table.fitted(_waves(table, start, end, 0.0)[:, :1])
     low, high = _PERIODS / (end - start), _HIGHEST / table.every
     several = np.arange(low, high, 1.0 / (_PER_PERIOD * (end - start)))[:_MOST]
-    gains = [table.fitted(_waves(table, start, end, f))[0] for f in several]
-    if not gains:
-        return 0.0, 0.0, 0
-    waves = _waves(table, start, end, float(f := several[int(np.argmax(gains))]))
-    gain, strengths = table.fitted(waves)
-    if gain - alone < _A_WAVE * table.noise(waves):
-        return 0.0, 0.0, 0
-    return float(f), math.atan2(float(strengths[2]), float(strengths[1])), len(several)
+    gains = np.array([table.fitted(_waves(table, start, end, f))[0] for f in several]) - alone
+    found: list[tuple[float, float]] = []
+    least = 0.0
+    for k in np.argsort(-gains):
+        f = float(several[k])
+        if len(found) == _SEVERAL or gains[k] < least:
+            break
+        if any(abs(f - other) * (end - start) < _APART for other, _ in found):
+            continue  # the same peak
+        waves = _waves(table, start, end, f)
+        _, strengths = table.fitted(waves)
+        least = max(_ABOUT * gains[k], _A_WAVE * table.noise(waves)) if not found else least
+        if gains[k] >= least:
+            found.append((f, math.atan2(float(strengths[2]), float(strengths[1]))))
+    return found, len(several)
 
 
 def _waves(table: _Sum, start: float, end: float, frequency: float) -> Array:

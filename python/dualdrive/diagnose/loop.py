@@ -139,9 +139,10 @@ class ClosedLoop:
         return headline(errors, [c for _, c in channels if c.name in errors])
 
     def columns(self, k: int) -> Mapping[str, Array]:
-        """The record's own columns."""
-        trace = self.records[self.problem.rows[k][0]].trace
-        return {name: np.asarray(trace[name]) for name in trace}
+        """The record's own columns, and the command that was played."""
+        record = self.records[self.problem.rows[k][0]]
+        own = {name: np.asarray(record.trace[name]) for name in record.trace}
+        return {**own, "theta_ref": record.reference}
 
     def part_sizes(self, effects: Sequence[tuple[str, str]]) -> dict[str, dict[str, float]]:
         """From the largest torque, current or voltage recorded, and the play of the meshes."""

@@ -54,6 +54,8 @@ def with_pairs(found: Survey, work: Work) -> Survey:
             if faint and not any(_is_sure(found, s) for s in (*anew[:1], *partners[:1])):
                 return found
             partners = [*anew, *partners[:_KNOWN]]
+        if faint:
+            partners = [s for s in partners if _is_sure(found, s)]
         for score in partners:
             both = frozenset((first.hypothesis.label, score.label))
             if both in known:
@@ -128,12 +130,11 @@ def _firsts(found: Survey, singles: Sequence[Refit]) -> list[Refit]:
 
 def _partners(found: Survey, first: Refit, scores: Sequence[Score]) -> list[Score]:
     """The best beside the first effect."""
-    seen = found.evidence
-    scorer = scale_of(seen, first).scorer
+    scale = scale_of(found.evidence, first)
     effect, place = first.hypothesis.effects[0]
     same = {label for twins in found.twins.values() for label in twins}
     others = [
-        replace(s, gain=scorer(seen.white(s.signature.columns)))
+        replace(s, gain=scale.gain(s.signature))
         for s in scores
         if s.label not in same
         and not _again(first, s)

@@ -78,7 +78,7 @@ def search(
         base = other if other is not None and other.chi < base.chi else base
     every += guesses.loads
     if clear and c.mode == "balance" and wanted is None and not clock.stop():
-        every += [load for load in [sought(seen, base)] if load is not None]
+        every += sought(seen, base)
     plain = replace(plain, evidence=seen, base=base, criterion={key_of(base): 0.0})
     scorer = Scorer(seen.rows(base.u, base.left, base.slopes))
     scores, untried = _scored(c, seen, base, scorer, every, not clear, work)

@@ -40,6 +40,11 @@ class Scale:
         """White rows of what the machine leaves, the nuisances' share removed, (n,)."""
         return self.scorer.rest(self.scorer.rows.left[:, None])[:, 0]
 
+    def gain(self, signature: Signature) -> Gain:
+        """What a signature gains; one without a strength at its full size."""
+        score = self.scorer if signature.strength else self.scorer.whole
+        return score(self.evidence.white(signature.columns))
+
 
 def scale_of(seen: Evidence, refit: Refit, over: float = 1.0) -> Scale:
     """For what is tried beside a refit, whose own numbers move with the nuisances."""
@@ -118,12 +123,7 @@ class Stage:
         signature = None if self.work.stop() else self.prober(h)
         if signature is None:
             return None
-        gains = [
-            (x.scorer if signature.strength else x.scorer.whole)(
-                x.evidence.white(signature.columns)
-            )
-            for x in self.scales
-        ]
+        gains = [x.gain(signature) for x in self.scales]
         scaled = [
             replace(g, gain=g.gain / x.over, held_out=g.held_out / x.over)
             for g, x in zip(gains, self.scales, strict=True)

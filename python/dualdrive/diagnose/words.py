@@ -17,6 +17,7 @@ _WHY: dict[Reason, str] = {
     "explains": "which is too little for a name",
     "bound": "but not at a size that it can have",
     "shape": "but what it leaves follows the same speed: the law has another shape",
+    "course": "",
     "bent": "but its second law only bends the curve of the first: it is another shape",
     "clipped": "but a channel stands at its limit, which may do the same",
 }
@@ -54,7 +55,7 @@ def paragraph(
     if verdict == "unknown":
         said += _unexplained(judged.why, candidates, equation, shapes)
     if course is not None:
-        said.append(_still(course))
+        said.append(_beside_it(course))
     if groups and verdict == "ambiguous":
         said.append(f"This record can not tell apart: {'; '.join(', '.join(g) for g in groups)}.")
     if experiment is not None:
@@ -155,7 +156,7 @@ def _unexplained(
     shapes: Sequence[Shape],
 ) -> list[str]:
     said = []
-    if candidates and math.isfinite(candidates[0].explained):
+    if why != "course" and candidates and math.isfinite(candidates[0].explained):
         best = candidates[0]
         said.append(
             f"The best of them, {best.label}, takes {100 * best.explained:.0f} % of it, "
@@ -175,7 +176,7 @@ def _unexplained(
     return said
 
 
-def _still(course: Course) -> str:
+def _beside_it(course: Course) -> str:
     """What a torque without a law would take of what is left."""
     what = "an error of the reading of" if course.kind == "readings" else "a torque at the"
     follows = {"readings": "grows in time or takes from the other channels"}.get(
