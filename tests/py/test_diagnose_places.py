@@ -139,3 +139,30 @@ def test_an_interval_covers_though_the_noise_is_alike_longer_than_it_was_taken_f
         found = intervals(Evidence(told, [white], block), fit, 1.0)["table.J"]
         covered += found.low <= 0.0 <= found.high
     assert 0.8 <= covered / draws <= 0.99
+
+
+@pytest.mark.parametrize(("shared", "factor"), [(0.0, 1.0), (1.0, np.sqrt(3.0))])
+def test_noise_that_three_series_share_is_counted_once(shared: float, factor: float) -> None:
+    """A constant in three series: of one noise it is known no better than from one of them."""
+    generator, every = np.random.default_rng(8), np.ones(N, dtype=bool)
+    white = whitening.Whitener(np.zeros(0), np.ones(N), every)
+    one = generator.normal(size=N)
+    lefts = [
+        np.sqrt(shared) * one + np.sqrt(1.0 - shared) * generator.normal(size=N) for _ in range(3)
+    ]
+    lefts = [(x - np.mean(x)) / np.std(x) for x in lefts]
+    names = ("e", "x_1", "x_2")
+    own = [
+        Series("r", name, "", "rad", T, x, 1.0, np.zeros(N), every, ~every)
+        for name, x in zip(names, lefts, strict=True)
+    ]
+    told: Any = Told(own, {})
+    told.nominal, told.sigma, told.centre = [Number()], np.array([np.inf]), np.zeros(1)
+    fit = Refit(
+        *(Hypothesis(), None, (), np.zeros(1), np.zeros(0), lefts),
+        *([np.ones((N, 1)) for _ in names], [np.zeros((N, 0)) for _ in names], 0.0),
+    )
+    block = np.zeros(3 * N, dtype=np.intp)
+    found = intervals(Evidence(told, [white] * 3, block), fit, 1.0)["table.J"]
+    alone = 1.959964 / np.sqrt(3 * N)
+    assert found.high - found.low == pytest.approx(2.0 * factor * alone, rel=0.05)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dualdrive.diagnose.free_torque import Course
 from dualdrive.diagnose.judge import Judgement
 from dualdrive.diagnose.result import Candidate, Interval, Shape, Verdict
 from dualdrive.diagnose.words import paragraph
@@ -84,3 +85,14 @@ def test_warnings_are_told_apart() -> None:
     text = said("adequate", warnings=["fast: it jitters.", "slow: it jitters, too"])
     assert text.endswith("Mind: fast: it jitters; slow: it jitters, too.")
     assert "4 warnings" in said("adequate", warnings=["a"] * 4)
+
+
+def test_what_is_left_beside_a_name_is_told_with_its_place() -> None:
+    course = Course("readings", "I_1", 60.0, 5, -9.3)
+    text = said("effect", candidate(), course=course)
+    assert "an error of the reading I_1 that grows in time" in text
+    assert "10^9" in text
+    torque = Course("acceleration", "motor_2", 60.0, 8, -7.0)
+    text = said("unknown", candidate(), why="course", course=torque)
+    assert "a torque at motor_2 that follows the table's past acceleration" in text
+    assert "The best of them" not in text, "it explains nothing of that"

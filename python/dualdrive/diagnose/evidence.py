@@ -85,3 +85,36 @@ def effective(rows: Array, evidence: Evidence) -> float:
     over = sum(squares) / max(sum(int(w.keep.sum()) for w in evidence.whiteners), 1)
     alike = float(np.average(rows_of, weights=np.array(squares) + 1e-300))
     return max(1.0, over) * max(1.0, alike)
+
+
+def alike(seen: Evidence, left: Sequence[Array]) -> list[tuple[int, int, float]]:
+    """(j, k, correlation of the white rows) of all series j and k of one record, both ways round.
+
+    They share noise: the table's encoder is in the following error and in every deflection.
+
+    left: what a hypothesis leaves, per series (n,)
+    """
+    series, rows = seen.confrontation.series, seen.apart(seen.white(left))
+    return [
+        (j, k, _correlation(rows[j], rows[k]) if j != k else 1.0)
+        for j, one in enumerate(series)
+        for k, other in enumerate(series)
+        if one.record == other.record
+    ]
+
+
+def _correlation(first: Array, second: Array) -> float:
+    size = float(np.linalg.norm(first) * np.linalg.norm(second))
+    return float(first @ second) / size if size > 0.0 else 0.0
+
+
+def shared_curvature(
+    seen: Evidence, known: Sequence[tuple[int, int, float]], columns: Array
+) -> Array:
+    """Covariance of the gradient along white columns (n, k) where series share noise, (k, k).
+
+    known: of `alike`. Where no two series are alike it is the curvature, columns.T @ columns.
+    """
+    parts = seen.apart(columns)
+    none = np.zeros((columns.shape[1], columns.shape[1]))
+    return np.asarray(sum((r * parts[j].T @ parts[k] for j, k, r in known), none), float)

@@ -28,7 +28,7 @@ from scipy.signal import fftconvolve, savgol_filter
 from scipy.stats import chi2
 
 from dualdrive.diagnose.confront import Confrontation
-from dualdrive.diagnose.evidence import Evidence, effective
+from dualdrive.diagnose.evidence import Evidence, alike, effective, shared_curvature
 from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.stage import scale_of
 from dualdrive.replay import ratio_to_table
@@ -131,14 +131,7 @@ class _Shared:
     """
 
     def __init__(self, seen: Evidence, left: Sequence[Array]) -> None:
-        self.seen = seen
-        series, rows = seen.confrontation.series, seen.apart(seen.white(left))
-        self.alike = [
-            (j, k, _correlation(rows[j], rows[k]) if j != k else 1.0)
-            for j, one in enumerate(series)
-            for k, other in enumerate(series)
-            if one.record == other.record
-        ]
+        self.seen, self.alike = seen, alike(seen, left)
 
     def __call__(self, rest: Array) -> tuple[float, int]:
         """Factor, 1 or more, and rank of white columns (n, k), the nuisances' share removed."""
@@ -147,16 +140,10 @@ class _Shared:
         if not kept.shape[1]:
             return 1.0, 0
         kept = kept / np.linalg.norm(kept, axis=0)
-        gram, parts = kept.T @ kept, self.seen.apart(kept)
-        meat = sum((r * parts[j].T @ parts[k] for j, k, r in self.alike), np.zeros_like(gram))
+        gram, meat = kept.T @ kept, shared_curvature(self.seen, self.alike, kept)
         rank = int(np.linalg.matrix_rank(gram, tol=_ALIKE * len(gram), hermitian=True))
         inverse = np.linalg.pinv(gram, rcond=_ALIKE, hermitian=True)
         return max(float(np.trace(inverse @ meat)) / max(rank, 1), 1.0), rank
-
-
-def _correlation(first: Array, second: Array) -> float:
-    size = float(np.linalg.norm(first) * np.linalg.norm(second))
-    return float(first @ second) / size if size > 0.0 else 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.algebra import scales, solved
-from dualdrive.diagnose.evidence import Evidence
+from dualdrive.diagnose.evidence import Evidence, alike, shared_curvature
 from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.result import Interval
 
@@ -44,8 +44,9 @@ def held_out(seen: Evidence, refit: Refit) -> list[Array]:
 def intervals(seen: Evidence, refit: Refit, inflation: float) -> dict[str, Interval]:
     """95 % intervals of the effects' numbers and of the nominal ones, path -> interval.
 
-    From the curvature, as far as the noise is what it is taken for, or from how differently the
-    blocks of time pull at each number (H. White, Econometrica 48, 1980), whichever is wider.
+    From the curvature, with the noise that series share counted once, as far as the noise is what
+    it is taken for; or from how differently the blocks of time pull at each number (H. White,
+    Econometrica 48, 1980), whichever is wider.
     """
     gram, pull = _normal(seen, refit)
     whole = gram.sum(0) + np.diag(_belief(seen, refit))
@@ -55,7 +56,11 @@ def intervals(seen: Evidence, refit: Refit, inflation: float) -> dict[str, Inter
     apart = (pull - pull.mean(0)) * scales(whole)
     blocks = len(pull)
     scatter = inverse @ (apart.T @ apart) @ inverse * blocks / max(blocks - 1, 1)
-    variance = np.maximum(np.diag(inverse) * inflation, np.diag(scatter))
+    columns = np.concatenate([seen.white(refit.slopes), seen.white(refit.columns)], axis=1)
+    more = shared_curvature(seen, alike(seen, refit.left), columns) - gram.sum(0)
+    shared = inverse + inverse @ (more * np.outer(scale, scale)) @ inverse
+    own = np.maximum(np.diag(inverse), np.diag(shared)) * inflation
+    variance = np.maximum(own, np.diag(scatter))
     sigma = np.sqrt(np.maximum(variance, 0.0)) * scale
     m = len(refit.u)
     found = {}

@@ -29,6 +29,7 @@ _FOLLOWED = {
     "turns": "the motor's turns",
     "drive torque": "its own drive's torque",
 }
+_WHERE = {"table": "the table"}
 _FEW = 3  # warnings that a paragraph can hold
 _OF_NONE = 0.05  # share of the missing torque below which a coordinate tells nothing of it
 
@@ -178,14 +179,15 @@ def _unexplained(
 
 def _beside_it(course: Course) -> str:
     """What a torque without a law would take of what is left."""
-    what = "an error of the reading of" if course.kind == "readings" else "a torque at the"
-    follows = {"readings": "grows in time or takes from the other channels"}.get(
-        course.kind, f"follows {_FOLLOWED.get(course.kind, f'the {course.kind}')}"
-    )
+    place = _WHERE.get(course.place, course.place)
+    if course.kind == "readings":
+        what = f"an error of the reading {place} that grows in time or takes from other channels"
+    else:
+        follows = _FOLLOWED.get(course.kind, f"the {course.kind}")
+        what = f"a torque at {place} that follows {follows}"
     return (
-        f"What is left is no noise: {what} {course.place.replace('_', ' ')} that {follows} takes "
-        f"some of it ({course.numbers} numbers gain {course.gain:.0f}; noise would in one of "
-        f"10^{-course.chance:.0f} such records)."
+        f"What is left is no noise: {what} takes some of it ({course.numbers} numbers gain "
+        f"{course.gain:.0f}; noise would in one of 10^{-course.chance:.0f} such records)."
     )
 
 
