@@ -16,10 +16,11 @@ from tests.blind.generator import outside, records
 from tests.blind.shown import ordered
 from tests.blind.shown.ordered import Order
 
-from dualdrive.diagnose import free_torque, whitening
+from dualdrive.diagnose import courses, free_torque, whitening
 from dualdrive.diagnose.clocks import evened
+from dualdrive.diagnose.courses import Kind
 from dualdrive.diagnose.evidence import evidence
-from dualdrive.diagnose.free_torque import RARER_THAN, Course, Kind, courses_left
+from dualdrive.diagnose.free_torque import RARER_THAN, Course, courses_left
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.judge import AS_STRONG, Judgement, _with_course
 from dualdrive.diagnose.loop import ClosedLoop
@@ -102,13 +103,28 @@ def test_a_pulse_tells_what_any_course_does() -> None:
 
 def _columns(c: ClosedLoop, base: Refit, place: str, frequency: float) -> list[Any]:
     """Of a tone, per series: as `courses_left` makes them."""
-    motions = {s.record: free_torque._motion(c, base, s.record) for s in c.series}
-    answers = free_torque._answers(c, base, place, motions)
+    motions = {s.record: courses.motion_of(c, base, s.record) for s in c.series}
+    answers = courses.answers_at(c, base, place, motions)
     assert answers is not None
-    torques = {
-        name: np.stack(free_torque._tone(frequency, m), axis=1) for name, m in motions.items()
-    }
+    torques = {name: np.stack(courses._tone(frequency, m), axis=1) for name, m in motions.items()}
     return answers.to(torques, motions)
+
+
+@pytest.mark.parametrize("begin", [0.0, -1000.0, 0.3, 1e6])
+def test_the_middle_answer_does_not_care_when_a_record_begins(begin: float) -> None:
+    """Pulses every 0.4 s of time itself; the machine moves in the second half of the record."""
+    every, step, knots = 1e-3, 0.01, 40
+    t = begin + every * np.arange(6000, dtype=np.float64)
+    since = np.mod(t - knots // 2 * step, knots * step)
+    change = np.exp(-since / 0.05)
+    speed = np.where(np.arange(6000) < 3000, 0.0, 1.0)
+    change[:3000] = 7.0  # sticks: of no account
+    motion = courses.Motion(every, t, t, speed, t, {}, {})
+    answer, early = courses._middle(motion, change, knots, step)
+    assert len(answer) == pytest.approx(knots * step / every, abs=1)
+    assert early == 2 * step / every
+    assert answer[early + 51] == pytest.approx(np.exp(-1.0), abs=0.05)
+    assert np.argmax(answer[early - 3 :]) in (2, 3, 4), "the pulse is where it is said to be"
 
 
 def judgement(verdict: Verdict, *effects: tuple[str, str]) -> Judgement:
@@ -120,8 +136,8 @@ def judgement(verdict: Verdict, *effects: tuple[str, str]) -> Judgement:
 def with_course(judged: Judgement, kind: Kind, place: str, chance: float) -> Judgement:
     found: Any = SimpleNamespace(base=None)
     rare = chance < RARER_THAN
-    courses = [Course(kind, place, 90.0, 8, chance)] if rare else []
-    return _with_course(found, judged, lambda _: courses)
+    told = [Course(kind, place, 90.0, 8, chance)] if rare else []
+    return _with_course(found, judged, lambda _: told)
 
 
 @pytest.mark.parametrize("verdict", ["adequate", "parameters"])
