@@ -47,11 +47,15 @@ class Course:
 
 
 def courses_left(
-    seen: Evidence, refit: Refit, stop: Callable[[], bool] = lambda: False
+    seen: Evidence,
+    refit: Refit,
+    stop: Callable[[], bool] = lambda: False,
+    rarer_than: float = RARER_THAN,
 ) -> list[Course]:
     """Courses of what a refit leaves, each kind at each place, the rarest first.
 
-    None where not even the first is surely there: the others only tell how well it is placed. A
+    None where not even the first is as rare as it must be, surely there unless something else is
+    asked for: the others only tell how well it is placed. A
     closed loop alone shows any: the floors of a torque balance are reckoned, not seen. Nothing is
     told where no pulse has an answer, or once `stop` asks for an end.
     """
@@ -78,7 +82,7 @@ def courses_left(
         if known is None or chance < known.chance:
             best[x.kind, x.place] = replace(x, gain=gain, chance=chance)
     found = sorted(best.values(), key=lambda x: x.chance)
-    return found if found[0].chance < RARER_THAN else []
+    return found if found[0].chance < rarer_than else []
 
 
 def _log_chance(gain: float, numbers: int) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.candidates import candidates, members
+from dualdrive.diagnose.free_torque import courses_left
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.profiled import sharpened
 from dualdrive.diagnose.refit import Fitter, Refit, Start, Trial
@@ -33,13 +34,15 @@ _KNOWN = 2  # partners beside the leader by the scores without it
 _WORTH = 15.0  # expected fall of chi^2 over its inflation for which a second effect is tried
 _SURELY = 45.0  # the same, for which it is tried though no more than noise seems left
 _FOR_A_FAINT_ONE = 0.7  # of the time
+_LIKELY = -2.0  # log10 of the chance of a course from which something may hide
 
 
 def with_pairs(found: Survey, work: Work) -> Survey:
     """Refit pairs where the best single effect leaves what another would take.
 
-    Where it leaves no more than noise a second effect must be sure by its score: it hides there
-    beside a strong first one, and shows about the machine that has that one alone.
+    Where it leaves no more than noise a second effect must be sure by its score. It hides there
+    beside a strong first one, and shows about the machine that has that one alone: all are tried
+    there if a torque without a law seems to be left.
     """
     singles = [r for r in found.refits if len(r.hypothesis.effects) == 1]
     singles.sort(key=lambda r: found.criterion[key_of(r)])
@@ -50,10 +53,7 @@ def with_pairs(found: Survey, work: Work) -> Survey:
     for number, first in enumerate(_firsts(found, singles)):
         partners = _partners(found, first, found.scores)
         if number == 0:
-            anew = _anew(found, first, faint, work)
-            if faint and not any(_is_sure(found, s) for s in (*anew[:1], *partners[:1])):
-                return found
-            partners = [*anew, *partners[:_KNOWN]]
+            partners = [*_anew(found, first, partners, faint, work), *partners[:_KNOWN]]
         if faint:
             partners = [s for s in partners if _is_sure(found, s)]
         for score in partners:
@@ -79,15 +79,20 @@ def _is_sure(found: Survey, score: Score) -> bool:
     return score.gain.gain / found.inflation > _SURELY
 
 
-def _anew(found: Survey, first: Refit, faint: bool, work: Work) -> list[Score]:
+def _anew(
+    found: Survey, first: Refit, partners: Sequence[Score], faint: bool, work: Work
+) -> list[Score]:
     """The best beside the first effect, all tried on the machine that has it.
 
-    faint: whether hardly more than noise is left: no spectrum shows an order then, and it is not
-        worth the last of the time
+    partners: by the scores without it; faint: whether hardly more than noise is left, so that no
+        spectrum shows an order, and that something else hides must be likely first
     """
-    if faint and work.clock.late(_FOR_A_FAINT_ONE):
-        work.clock.leave_out(f"not tried: what hides beside {first.hypothesis.label}")
-        return []
+    if faint and not any(_is_sure(found, s) for s in partners[:1]):
+        if work.clock.late(_FOR_A_FAINT_ONE):
+            work.clock.leave_out(f"not tried: what hides beside {first.hypothesis.label}")
+            return []
+        if not courses_left(found.evidence, first, work.stop, _LIKELY):
+            return []
     work.tell(f"trying what {first.hypothesis.label} leaves")
     return _partners(found, first, _beside(found, first, faint, work))
 
