@@ -10,7 +10,7 @@ import pytest
 
 from dualdrive import Machine
 from dualdrive.diagnose import stage
-from dualdrive.diagnose.hypotheses import Hypothesis
+from dualdrive.diagnose.hypotheses import Hypothesis, distinct
 from dualdrive.diagnose.settle import _once
 from dualdrive.diagnose.stage import with_orders
 from dualdrive.diagnose.work import first_of_each
@@ -80,3 +80,18 @@ def test_orders_that_were_looked_for_are_paid_for(
     assert lowest == ({1.0, 2.0, 3.0, 4.0} if low else set())
     if low:
         assert paid["cogging", 3.0] == 4
+
+
+def test_hypotheses_that_begin_elsewhere_are_two() -> None:
+    """Two harmonics of one load differ in nothing but where their refits begin."""
+    load, path = (("cutting_torque", "table"),), "cutting_torque@table.frequency"
+    several = [Hypothesis(load, begins={path: f}) for f in (13.0, 42.0, 13.0)]
+    assert [h.begins[path] for h in distinct(several)] == [13.0, 42.0]
+
+
+def test_a_number_that_a_refit_begins_from_is_free() -> None:
+    core, label = Machine.load("heavy-table-550t").core, "cutting_torque@table"
+    held = Hypothesis((("cutting_torque", "table"),))
+    assert f"{label}.frequency" not in held.put_in(core)[1]
+    free = Hypothesis(held.effects, begins={f"{label}.frequency": 13.0})
+    assert f"{label}.frequency" in free.put_in(core)[1]

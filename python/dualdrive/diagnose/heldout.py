@@ -56,8 +56,7 @@ def intervals(seen: Evidence, refit: Refit, inflation: float) -> dict[str, Inter
     apart = (pull - pull.mean(0)) * scales(whole)
     blocks = len(pull)
     scatter = inverse @ (apart.T @ apart) @ inverse * blocks / max(blocks - 1, 1)
-    columns = np.concatenate([seen.white(refit.slopes), seen.white(refit.columns)], axis=1)
-    more = shared_curvature(seen, alike(seen, refit.left), columns) - gram.sum(0)
+    more = shared_curvature(seen, alike(seen, refit.left), _jacobian(seen, refit)) - gram.sum(0)
     shared = inverse + inverse @ (more * np.outer(scale, scale)) @ inverse
     own = np.maximum(np.diag(inverse), np.diag(shared)) * inflation
     variance = np.maximum(own, np.diag(scatter))
@@ -78,10 +77,14 @@ def intervals(seen: Evidence, refit: Refit, inflation: float) -> dict[str, Inter
     return found
 
 
+def _jacobian(seen: Evidence, refit: Refit) -> Array:
+    """White rows of all derivatives, nuisances first, (n, m + k)."""
+    return np.concatenate([seen.white(refit.slopes), seen.white(refit.columns)], axis=1)
+
+
 def _normal(seen: Evidence, refit: Refit) -> tuple[Array, Array]:
     """Normal matrices and right sides per block."""
-    jacobian = np.concatenate([seen.white(refit.slopes), seen.white(refit.columns)], axis=1)
-    left = seen.white(refit.left)
+    jacobian, left = _jacobian(seen, refit), seen.white(refit.left)
     gram, pull = [], []
     for b in range(int(seen.block.max()) + 1):
         own = seen.block == b
