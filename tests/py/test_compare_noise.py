@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from dualdrive.compare import noise_floor, where_it_fails
-from dualdrive.compare.noise import rounding_step
+from dualdrive.compare.noise import like_noise, rounding_step
 from dualdrive.compare.where import Situation, standing
 
 Array = NDArray[np.float64]
@@ -50,6 +50,26 @@ def test_coloured_noise_shows_at_standstill_only() -> None:
     found = noise_floor(T, moving + noise, still)
     assert found.rms == pytest.approx(3e-3, rel=0.25)
     assert found.how == "standstill"
+
+
+def test_noise_is_drawn_from_the_calmest_standstills() -> None:
+    """Four windows of noise, and four in which the drive still swings a hundred times as much."""
+    t = np.arange(0.0, 4.0, 2e-3)
+    noise = np.random.default_rng(5).normal(0.0, 1e-3, len(t))
+    swing = np.where(t > 2.0, 0.1 * np.sin(2 * np.pi * 3.0 * t), 0.0)
+    still = np.ones(len(t), dtype=bool)
+    drawn = like_noise(t, noise + swing, still, np.random.default_rng(6))
+    assert np.std(drawn) == pytest.approx(1e-3, rel=0.15)
+
+
+def test_two_short_standstills_tell_the_colour_of_noise() -> None:
+    """A slow noise of corner 5 Hz, a record that stands twice for 0.3 s: neighbours are alike."""
+    t = np.arange(0.0, 4.0, 2e-3)
+    pole = np.exp(-2 * np.pi * 5.0 * 2e-3)
+    noise = lfilter([1.0], [1.0, -pole], np.random.default_rng(7).normal(0.0, 1e-3, len(t)))
+    still = ((t > 0.1) & (t < 0.4)) | ((t > 2.1) & (t < 2.4))
+    drawn = like_noise(t, noise, still, np.random.default_rng(8))
+    assert np.corrcoef(drawn[1:], drawn[:-1])[0, 1] > 0.6
 
 
 def test_standing_waits_for_the_machine_to_settle() -> None:

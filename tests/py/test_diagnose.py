@@ -130,9 +130,9 @@ def test_emps_is_named_without_being_told() -> None:
     assert ladder.steps[2].machine.core.get("coulomb@table.torque") == pytest.approx(20.39, rel=0.1)
 
 
-def test_a_friction_along_a_short_way_is_no_name_for_sure() -> None:
+def test_a_friction_along_a_short_way_yields_to_the_plain_one() -> None:
     """A quarter of a metre of travel: a law of the position is a constant and a slope there."""
     machine = Machine.load(str(ROOT / "examples" / "emps.toml"))
     found = diagnose(machine, emps(), mode="balance", budget=60.0, experiment=False)
-    assert found.verdict == "ambiguous"
-    assert any("coulomb@table" in label for group in found.groups for label in group)
+    assert found.candidates[0].label == "coulomb@table"
+    assert "angle_dependent_friction@table" in found.paragraph, "it can not be excluded"

@@ -75,5 +75,13 @@ def test_single_parts_of_a_group() -> None:
 def test_a_balance_tries_nothing_that_it_can_not_show() -> None:
     core = Machine.load("bench").core
     tried = {h.effects[0][0] for h in candidates(core, balance=True)}
-    assert tried.isdisjoint({"gearbox_backlash", "current_limit", "sensor_delay", "thermal_drift"})
+    assert tried.isdisjoint({"gearbox_backlash", "current_limit", "thermal_drift"})
     assert "coulomb" in tried
+
+
+def test_a_balance_takes_back_what_each_sensor_did() -> None:
+    core = Machine.load("bench").core
+    tried = {h.effects[0] for h in candidates(core, ["T_1"], balance=True)}
+    for place in ("table", "motors", "motor_1", "motor_2", "T_1"):
+        assert ("sensor_delay", place) in tried
+    assert ("encoder_eccentricity", "motor_2") in tried

@@ -59,15 +59,17 @@ def hold(core: Any, trace: Trace, record: str, processing: Processing) -> Held:
     Raises ValueError as :func:`dualdrive.identify.torque_balance` does.
     """
     random = np.random.default_rng(1)
-    still = standing(trace.t, trace["theta_ref"]) if "theta_ref" in trace else None
+    parts = list(pieces(trace, record, processing))
+    equations = _equations(core, trace)
+    limits = Standstill().limits(parts)
+    still = _resting(trace.t, parts, equations, limits)
+    if "theta_ref" in trace:
+        still = standing(trace.t, trace["theta_ref"])
     shaken = trace
     for name in trace:
         noise = like_noise(trace.t, trace[name], still, random)
         shaken = shaken.with_channel(name, trace[name] + noise)
-    parts = list(pieces(trace, record, processing))
     noisy = list(pieces(shaken, record, processing))
-    equations = _equations(core, trace)
-    limits = Standstill().limits(parts)
     apart = equations != ("total",) and "theta_m" in trace
     asked, doubt = _asked(core, trace, record, parts, noisy, processing)
     return Held(
@@ -118,6 +120,18 @@ def _asked(
     )
     doubt = np.hypot(np.std(found[1] - found[0], axis=1), LAW * size)
     return found[0], np.asarray(doubt + 1e-300)
+
+
+def _resting(
+    t: Array, parts: Sequence[Piece], equations: Sequence[str], limits: Mapping[str, float]
+) -> Flags:
+    """Samples at which no body moves, of a record whose command is not known, shape (n,)."""
+    found = np.zeros(len(t), dtype=bool)
+    for p in parts:
+        rest = at_rest(equations, p.samples, limits).all(axis=0)
+        inside = (t >= p.t[0]) & (t <= p.t[-1])
+        found[inside] = np.interp(t[inside], p.t, rest) == 1.0
+    return found
 
 
 def _moving(

@@ -20,6 +20,7 @@ from dualdrive import _core
 from dualdrive.compare.held import Held, Samples
 from dualdrive.identify.filtering import ANGLES
 from dualdrive.identify.model import TORQUES
+from dualdrive.identify.readings import before_sensors
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -73,7 +74,7 @@ def balance(
     core: Any, held: Held, samples: Samples, paths: Sequence[str] = ()
 ) -> tuple[Array, Array]:
     """Residual (m, n) and its slopes (m, n, paths)."""
-    found = _core.torque_balance(core, dict(samples), list(paths))
+    found = _core.torque_balance(core, dict(before_sensors(core, samples)), list(paths))
     rows = [found["equations"].index(name) for name in held.equations]
     return found["residual"][rows], found["jacobian"][rows]
 

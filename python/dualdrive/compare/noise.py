@@ -23,7 +23,8 @@ Flags = NDArray[np.bool_]
 _BAND = (0.6, 0.95)  # of half the sampling rate: where the floor of the spectrum is read
 _SHORT = 256  # samples; fewer make no spectrum
 _WINDOW, _LONG = 0.25, 0.5  # s
-_FEWEST = 4  # windows at standstill
+_FEWEST, _LEAST = 4, 2  # windows at standstill: as many as wanted, and as will do
+_CALM = 1.5  # times the spread in the calmest of them: more is motion
 _ORDER = 4  # of the differences that take a slow signal out of a short record
 
 
@@ -81,24 +82,29 @@ def like_noise(t: Array, values: Array, still: Flags | None, random: np.random.G
     Pieces of the record at standstill, straight lines taken off, in random order; white noise as
     large as the floor where the machine hardly stands.
     """
-    size = max(24, round(_LONG / float(np.median(np.diff(t)))))
-    starts = [] if still is None else _quiet(still, size)
-    floor = noise_floor(t, values, still).rms
-    if len(starts) < _FEWEST:
+    floor = noise_floor(t, values).rms
+    for length in (_LONG, _WINDOW):
+        size = max(24, round(length / float(np.median(np.diff(t)))))
+        starts = [] if still is None else _quiet(still, size)
+        if len(starts) >= _FEWEST:
+            break
+    if len(starts) < _LEAST:
         return random.normal(0.0, floor, len(t))
     basis = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, size), 1)
     pieces = np.stack([values[k : k + size] for k in starts], axis=1)
     left = pieces - basis @ np.linalg.lstsq(basis, pieces, rcond=None)[0]
-    # a drive that still settles is no noise
-    calm = left[:, np.std(left, axis=0) <= 2.0 * np.median(np.std(left, axis=0))]
+    # a drive that still settles, or hunts, is no noise
+    calm = left[:, np.std(left, axis=0) <= _CALM * np.min(np.std(left, axis=0))]
     drawn = calm[:, random.integers(0, calm.shape[1], -(-len(t) // size))].T.ravel()[: len(t)]
     result: Array = drawn * max(1.0, floor / max(float(np.std(drawn)), 1e-300))
     return result
 
 
 def _quiet(still: Flags, size: int) -> list[int]:
-    """Where windows of that many samples at standstill begin."""
-    return [k for k in range(0, len(still) - size, size) if still[k : k + size].all()]
+    """Where windows of that many samples begin that lie end to end in each standstill."""
+    ends = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
+    stretches = zip(ends[::2], ends[1::2], strict=True)
+    return [k for first, last in stretches for k in range(first, last - size + 1, size)]
 
 
 def _at_standstill(t: Array, values: Array, still: Flags) -> float:

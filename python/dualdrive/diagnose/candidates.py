@@ -8,6 +8,7 @@ from typing import Any
 
 from dualdrive import _core
 from dualdrive.diagnose.hypotheses import Hypothesis
+from dualdrive.identify.readings import TAKEN_BACK
 
 #: effects that are not tried: a constant of a sensor is a nuisance already; rounding is read off a
 #: channel; a load in time is tried where the records show its hour (`loads.py`)
@@ -42,10 +43,11 @@ def candidates(
     """
     found = []
     for kind in _core.effect_types():
-        hidden = kind.structural or not kind.in_balance or kind.name in SCALES
-        if kind.name in NOT_TRIED or (balance and hidden):
+        if kind.name in NOT_TRIED or (balance and not _in_balance(kind)):
             continue
         places = [p for p in kind.places.split(",") if not _is_twin(core, kind, p)]
+        if balance and kind.name in TAKEN_BACK:
+            places += _single(core, places)  # one late encoder shows where all of them do not
         if kind.name in _OF_THE_LOAD:
             places = ["table"]
         if {"sensor reading", "sensor delay"} & set(kind.acts_on.split(", ")):
@@ -83,6 +85,19 @@ def parts_of(core: Any, place: str) -> list[str]:
     one = _ONE.get(place, "")
     every = dict.fromkeys((*core.motors, *core.bodies, *core.connections))
     return [part for part in every if one and part.startswith(f"{one}_")]
+
+
+def _in_balance(kind: Any) -> bool:
+    """Whether a torque balance shows an effect, or its sensor's law can be taken back."""
+    if kind.name in TAKEN_BACK:
+        return True
+    return bool(kind.in_balance and not kind.structural and kind.name not in SCALES)
+
+
+def _single(core: Any, places: Sequence[str]) -> list[str]:
+    """The single parts of the groups that have several."""
+    groups = [parts_of(core, place) for place in places]
+    return [part for parts in groups if len(parts) > 1 for part in parts]
 
 
 def rubs(effect: str) -> bool:

@@ -152,5 +152,6 @@ class Confrontation(Protocol):
     def sizes(self) -> dict[str, float]:
         """Usual sizes at the table: ``torque`` N*m, ``speed`` rad/s, ``travel`` rad.
 
-        Where they are known, too: ``current`` A of a motor.
+        Where they are known, too: ``current`` A of a motor; ``delay`` s, the shortest that is
+        worth its simulation.
         """

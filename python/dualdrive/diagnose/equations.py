@@ -23,6 +23,7 @@ from dualdrive.diagnose.confront import Series, Tolerance, believable, nominal_u
 from dualdrive.identify import Processing, with_torques
 from dualdrive.identify.filtering import ANGLES
 from dualdrive.identify.model import TORQUES
+from dualdrive.identify.readings import TAKEN_BACK, before_sensors
 from dualdrive.identify.unknowns import Unknown, default_free
 from dualdrive.replay.record import with_settings
 from dualdrive.traces import Trace
@@ -167,8 +168,8 @@ class TorqueBalance:
 
     @property
     def channels(self) -> list[str]:
-        """None: what a recorder did to a channel is in the motion that the balance rests on."""
-        return []
+        """Recorded torques; an angle's channel is its sensor, which is a place of its own."""
+        return [name for name in TORQUES if name in self.held[0].samples]
 
     def headline(self, left: Sequence[Array]) -> float:
         """RMS over the spread of the measured torque: of the sum at the table, or of all."""
@@ -205,20 +206,23 @@ class TorqueBalance:
         return self.series[at].spread or float(np.max(np.abs(own), initial=0.0)) or 1.0
 
     def _free(self) -> list[Unknown]:
-        """Nominal numbers that move the balance on these records."""
-        paths = default_free(self.core)
+        """Nominal numbers that move the balance on these records, and those of sensors' laws."""
+        outside = {e["label"]: e["effect"] for e in self.core.effects if not e["in_balance"]}
+        every = default_free(self.core)
+        paths = [path for path in every if path.rpartition(".")[0] not in outside]
         moved = np.zeros(len(paths), dtype=bool)
         for held in self.held:
             found = _core.torque_balance(self.core, dict(held.samples), paths)
             rows = [found["equations"].index(name) for name in self.equations]
             size = np.abs(found["jacobian"][rows]).max(axis=1)
             moved |= np.any(size > 0.0, axis=0)
-        kept = [path for path, own in zip(paths, moved, strict=True) if own]
-        return nominal_unknowns(self.core, kept, self.tolerance)
+        kept = {path for path, own in zip(paths, moved, strict=True) if own}
+        kept |= {path for path in every if outside.get(path.rpartition(".")[0]) in TAKEN_BACK}
+        return nominal_unknowns(self.core, [p for p in every if p in kept], self.tolerance)
 
     def _residual(self, core: Any, held: Held, samples: Mapping[str, Array]) -> Array:
         """What the chosen equations leave, (m, n)."""
-        found = _core.torque_balance(core, dict(samples))
+        found = _core.torque_balance(core, dict(before_sensors(core, samples)))
         rows = [found["equations"].index(name) for name in self.equations]
         residual: Array = found["residual"][rows]
         return residual

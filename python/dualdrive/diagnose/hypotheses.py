@@ -24,7 +24,6 @@ _ASYMMETRY = 0.3  # probe of a number without a usual size of its own
 _LIMITS, _ABOUT = ("T_max", "U_max"), (0.96, 1.01, 1.03)
 _PUT_IN, _OTHERWISE = ("stiffness", "gap"), (0.3, 3.0, 10.0)  # a part's: where it begins, times
 _RIGID = 1e3  # times that: stiffer is as good as rigid
-_SHORTEST = 5e-5  # s: a delay below that costs a simulation more than it could show
 _PRESLIDING = 1e-4  # rad at the table
 
 #: path -> SI value of an effect's numbers
@@ -129,7 +128,7 @@ class Hypothesis:
         found = [_compliant(grown, p) for p in unknowns(grown, free, None, usual)]
         late = [p.unit == "s" and is_strength(grown, p.path) for p in found]
         return [
-            replace(p, low=max(p.low, _SHORTEST)) if own else p
+            replace(p, low=max(p.low, sizes.get("delay", 0.0))) if own else p
             for p, own in zip(found, late, strict=True)
         ]
 

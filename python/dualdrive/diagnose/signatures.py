@@ -22,7 +22,7 @@ _LOUD, _FAINT = 10.0, 0.005
 _WISHED = 0.5
 _FAINTER = (0.1, 0.01)
 _RESIZED = 3  # times at most: far too strong a probe does not tell by how much
-_SHORTEST_DELAY = 2e-4  # s: of a probe
+_DELAY = 4.0  # times the shortest delay that a fit tries: of a probe
 _ALONG = (0.15, 0.5, 0.85)  # of the travel: where a local fault is tried
 #: laws of friction and the simpler ones they contain, best first
 CONTAINS = {"stribeck": ("coulomb",), "lugre": ("stribeck", "coulomb")}
@@ -78,7 +78,8 @@ class Prober:
         for _ in range(_RESIZED if strengths else 0):
             factor = self._factor(first)
             if late:  # a short delay is a slow simulation
-                factor = min(max(factor, _SHORTEST_DELAY / _longest(settings[0])), 1.0)
+                least = _DELAY * self.sizes.get("delay", 0.0)
+                factor = min(max(factor, least / _longest(settings[0])), 1.0)
             if factor == 1.0:
                 break
             settings = _scaled(settings, factor, strengths)

@@ -9,6 +9,8 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.identify.readings import before_sensors
+
 Array = NDArray[np.float64]
 
 
@@ -132,7 +134,9 @@ class CoreModel:
         """The equations on these samples, from the same effect hooks as a simulation."""
         from dualdrive import _core
 
-        channels = {name: np.ascontiguousarray(x) for name, x in samples.items()}
+        channels = {
+            name: np.ascontiguousarray(x) for name, x in before_sensors(self._core, samples).items()
+        }
         idle = {name: 0.0 * x if name in TORQUES else x for name, x in channels.items()}
         found = _core.torque_balance(self._core, channels, list(parameters))
         # the measured part is what the balance loses with the motors' torque
