@@ -52,7 +52,7 @@ KEPT = 0.25
 #: residual over floor, RMS, from which something is surely left
 LEFT_OVER = 1.22
 FAR_OVER = 1.35  # in one series alone
-BALANCE = 1.8  # wider in a torque balance: its floors are reckoned, and a filtered contact is not quite one
+BALANCE = 1.8  # wider in a torque balance: a filtered contact is not quite a contact
 
 
 @dataclass(frozen=True, eq=False)
