@@ -22,7 +22,7 @@ from dualdrive.diagnose.pairs import with_pairs
 from dualdrive.diagnose.refit import Fitter, Refit, Trial
 from dualdrive.diagnose.score import Scorer
 from dualdrive.diagnose.settle import ENOUGH, settle
-from dualdrive.diagnose.shortlist import Shortlist, without_twins
+from dualdrive.diagnose.shortlist import Shortlist, gives, without_twins
 from dualdrive.diagnose.signatures import CONTAINS
 from dualdrive.diagnose.stage import Scale, Score, Stage, scale_of
 from dualdrive.diagnose.survey import Survey, excess, key_of
@@ -85,7 +85,7 @@ def search(
     single, twins = without_twins(seen, scorer, scores)
     most = max((s.gain.gain for s in single), default=0.0)
     least = -math.inf if clear else max(WORTH_A_REFIT, _RIVAL * most)
-    worth = [s for s in single if s.gain.gain > least]
+    worth = [s for s in single if s.gain.gain > least or gives(s)]
     found = replace(plain, scores=scores, untried=untried, twins=twins, refitted=base)
 
     def listed(now: Survey) -> Shortlist:

@@ -8,7 +8,7 @@ them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,6 +33,7 @@ _AS_FORETOLD = 0.6  # of the foretold gain: such a start is good enough
 _TRIED = 1.5  # times as many are tried as are refitted
 _OTHERS = 3  # of all other laws, where the leader leaves something
 _FAR, _MUCH = 3.0, 50.0  # times the gain of all others, and of this: partners of such come first
+_WORTH_ALL = 15.0  # fall of chi^2 of a nearly rigid shaft from which softer ones are tried, too
 _SURELY = 3  # best scores that are refitted wherever their starts stand
 
 
@@ -99,6 +100,7 @@ class Shortlist:
         wanted = [key_of(t) for t in trials] + [s.label for s in whole]
         found += self._whole_laws(whole, found)
         found += self._refitted(slow, scores)
+        found += self._put_in(scores, {r.hypothesis.effects for r in found})
         return found, sorted(set(wanted) - {key_of(r) for r in found})
 
     def others(
@@ -130,10 +132,7 @@ class Shortlist:
 
         def one(trial: Trial) -> Refit | None:
             score = put_in.get(trial.hypothesis.label)
-            if score is None:
-                return self._refit(trial)
-            each = ([start] for start in near(score, self.base.u))
-            return self._best_end(score, each, self.base.slopes)
+            return self._refit(trial) if score is None else self._from_each_start(score)
 
         found = [r for r in self.work.side_by_side(one, trials) if r is not None]
         return sorted(found, key=lambda r: r.chi)
@@ -160,6 +159,24 @@ class Shortlist:
                 ends.append(end)
         return min(ends, key=lambda r: r.chi, default=None)
 
+    def _put_in(self, scores: Sequence[Score], known: Collection[object]) -> list[Refit]:
+        """Compliances that no score and no trial spoke for: nearly rigid, and softer if that gains."""
+        own = [s for s in scores if gives(s) and s.signature.hypothesis.effects not in known]
+
+        def one(score: Score) -> Refit | None:
+            starts = near(score, self.base.u)
+            stiffest = max(starts, key=lambda start: min(start.values.values()))
+            first = self._best_end(score, [[stiffest]], self.base.slopes)
+            if first is None or self.base.chi - first.chi < _WORTH_ALL:
+                return first
+            return self._from_each_start(score)
+
+        return [r for r in self.work.side_by_side(one, own) if r is not None]
+
+    def _from_each_start(self, score: Score) -> Refit | None:
+        each = ([start] for start in near(score, self.base.u))
+        return self._best_end(score, each, self.base.slopes)
+
     def _whole_laws(self, whole: Sequence[Score], simpler: Sequence[Refit]) -> list[Refit]:
         """Whole laws of friction; lugre begins where stribeck ended."""
         by_effect = {r.hypothesis.effects[-1]: r for r in simpler}
@@ -181,6 +198,14 @@ class Shortlist:
             found += more
             by_effect.update({r.hypothesis.effects[-1]: r for r in more})
         return found
+
+
+def gives(score: Score) -> bool:
+    """Whether it is a compliance and no more.
+
+    A score tells little of it: a refit without it has softened what lies in a row with it.
+    """
+    return _is_put_in(score) and len(score.signature.usual) == 1
 
 
 def _is_put_in(score: Score) -> bool:
