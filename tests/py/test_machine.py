@@ -256,6 +256,15 @@ def test_choices_can_be_set_and_are_kept() -> None:
     assert m.core.controller_options["equaliser"] == "slave"
 
 
+@pytest.mark.parametrize("word", [True, "true"])
+def test_a_body_can_be_locked_and_its_comment_goes(word: object) -> None:
+    text = Machine.load("bench").toml().replace("[table]", "[table]\nlocked = false # free to turn")
+    m = Machine.from_toml(text)
+    m.set("table.locked", word)
+    [line] = [line for line in m.toml().splitlines() if line.startswith("locked")]
+    assert line == "locked = true"
+
+
 # --- what a file is refused for -------------------------------------------------------------------
 
 CASES = tomllib.loads((Path(__file__).parent / "bad_machines.toml").read_text())["case"]

@@ -160,7 +160,7 @@ class Shortlist:
         return min(ends, key=lambda r: r.chi, default=None)
 
     def _put_in(self, scores: Sequence[Score], known: Collection[object]) -> list[Refit]:
-        """Compliances that no score and no trial spoke for: nearly rigid, and softer if that gains."""
+        """Compliances that nothing spoke for: nearly rigid, and softer if that gains."""
         own = [s for s in scores if gives(s) and s.signature.hypothesis.effects not in known]
 
         def one(score: Score) -> Refit | None:

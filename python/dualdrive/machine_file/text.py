@@ -280,5 +280,6 @@ def _put(document: tomlkit.TOMLDocument, section: str, key: str, value: Any) -> 
 
 def _replace(table: Any, key: str, value: Any) -> None:
     """Set a value; a comment on the old one no longer holds."""
-    table[key] = value
+    table[key] = ""  # a truth value, read back, is a bare one that has no comment to take away
     table[key].trivia.comment_ws = table[key].trivia.comment = ""
+    table[key] = value
