@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from dualdrive import Machine, simulate
 from dualdrive.motion import parse_motion
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
-from tests.blind.generator import distance, engine, machines, motion, noise, records
+from tests.blind.generator import distance, engine, machines, motion, noise, records, told
 
 MOVE = (0.02, 0.03, 0.03, 0.06)
 
@@ -100,3 +101,57 @@ def test_distance_of_a_refitted_number_is_small_and_of_an_effect_is_not() -> Non
     assert cases.GROUPS
     rubbing = effects.draw("coulomb", records.setting(sheet, plans), 1, 0.3)
     assert nominals.distance(bench.record((rubbing,))) > 1000
+
+
+def told_bench() -> tuple[told.Equations, records.Plan]:
+    rng = np.random.default_rng(6)
+    sheet = {**machines.draw("medium", rng), "dry_table": 200.0, "dry_pinions": 10.0}
+    plans = records.plans("medium", sheet, rng)
+    bench = distance.Bench(sheet, plans, records.recorder("medium", 0.8, rng)).tense()
+    return told.Equations(bench.machine, bench.plans, bench.recorder), bench.plans[0]
+
+
+def test_equations_of_motion_close_on_the_engine_s_own_record() -> None:
+    bench, _ = told_bench()
+    left = bench.record()
+    assert float(np.mean(left**2)) < 0.1, "in units of the sensors' noise"
+
+
+def test_noise_of_the_equations_is_what_the_sensors_leave_in_them() -> None:
+    """The linear model of the noise against sensors that are read, the flanks closed."""
+    bench, plan = told_bench()
+    made = plan.truth(bench.machine, step=distance.COARSE)
+    rng = np.random.default_rng(7)
+    quiet = bench._left(made, plan.sample)
+    closed = quiet[0] != 0.0
+    powers = []
+    for _ in range(12):
+        noisy = {
+            name: values
+            + replace(bench.recorder.sensors[name], step=1e-30).read(0 * values, plan.sample, rng)
+            for name, values in made.items()
+            if name in bench.recorder.sensors
+        }
+        change = np.where(closed, bench._left(noisy, plan.sample) - quiet, 0.0)
+        powers.append(np.mean(bench._whitened(plan, change) ** 2))
+    # a part of the record is masked, and with it that share of the noise
+    assert np.mean(powers) == pytest.approx(closed.mean(), rel=0.25)
+
+
+def test_friction_that_may_lean_leaves_less_of_an_effect() -> None:
+    bench, _ = told_bench()
+    loop = distance.Bench(bench.machine, bench.plans, bench.recorder)
+    from tests.blind.generator import cases, effects  # enters all effects
+
+    assert cases.GROUPS
+    setting = records.setting(bench.machine, tuple(bench.plans))
+    warm = next(
+        one
+        for one in (effects.draw("thermal_drift", setting, k, 0.05) for k in range(20))
+        if one.place == "motor_1"
+    )
+    known, free = (
+        kind(loop).project(loop.record((warm,)) - loop.record())[0]
+        for kind in (distance.Nominals, told.Leaning)
+    )
+    assert float(free @ free) < 0.5 * float(known @ known)

@@ -15,37 +15,16 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from tests.blind.generator import outside, records
 from tests.blind.shown import ordered
 from tests.blind.shown.ordered import Order
+from tests.blind.shown.quiet import confronted, refitted
 
-from dualdrive.diagnose import courses, free_torque, whitening
-from dualdrive.diagnose.clocks import evened
+from dualdrive.diagnose import courses, free_torque
 from dualdrive.diagnose.courses import Kind
-from dualdrive.diagnose.evidence import evidence
 from dualdrive.diagnose.free_torque import RARER_THAN, Course, courses_left
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.judge import AS_STRONG, Judgement, _with_course
 from dualdrive.diagnose.loop import ClosedLoop
-from dualdrive.diagnose.refit import Fitter, Refit
+from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.result import Verdict
-from dualdrive.replay import core_of
-from dualdrive.replay import records as played
-
-
-def confronted(order: Order) -> ClosedLoop:
-    traces = {name: evened(trace)[0] for name, trace in order.traces().items()}
-    machine = order.machine()
-    return ClosedLoop(core_of(machine), played(machine, traces, settings=order.settings()))
-
-
-def refitted(c: ClosedLoop) -> tuple[Any, Refit]:
-    """The nominal numbers refitted, under the noise that this leaves."""
-    seen, u = evidence(c, whitening.plain(c.series)), c.start
-    for _ in range(3):
-        base = Fitter(seen).nominal(u)
-        assert base is not None
-        seen, u = evidence(c, whitening.fitted(c.series, base.left)), base.u
-    base = Fitter(seen).nominal(u)
-    assert base is not None
-    return seen, base
 
 
 def with_outside(name: str, seed: int, share: float) -> Order:

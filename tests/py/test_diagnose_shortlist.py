@@ -29,9 +29,7 @@ def score(**more: float) -> Any:
         usual={STIFFNESS: STARTS[0], **more},
         settings=[{STIFFNESS: k} for k in STARTS],
     )
-    gain = SimpleNamespace(
-        gain=0.0, moved=np.zeros(1), strengths=np.array([1.0, 0.1, 0.1, 0.1])
-    )
+    gain = SimpleNamespace(gain=0.0, moved=np.zeros(1), strengths=np.array([1.0, 0.1, 0.1, 0.1]))
     return SimpleNamespace(signature=signature, gain=gain, label=SHAFT.label)
 
 

@@ -7,6 +7,7 @@ import math
 import pickle
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -257,7 +258,7 @@ def test_choices_can_be_set_and_are_kept() -> None:
 
 
 @pytest.mark.parametrize("word", [True, "true"])
-def test_a_body_can_be_locked_and_its_comment_goes(word: object) -> None:
+def test_a_body_can_be_locked_and_its_comment_goes(word: Any) -> None:
     text = Machine.load("bench").toml().replace("[table]", "[table]\nlocked = false # free to turn")
     m = Machine.from_toml(text)
     m.set("table.locked", word)

@@ -108,12 +108,13 @@ def _best(
     floors = list(map(heard_above, balance.series))
     stage = Stage(balance, base.u, base.left, [own], work, floors)
     scores = stage.scores(stage.listed(hypotheses))
-    worth = [s for s in scores if s.gain.gain > _GAINS and not _load(s)]
-    loads = [s for s in scores if _load(s)]  # one that was looked for stands out already
+    worth = [s for s in scores if s.gain.gain > _GAINS and not stands_out(s)]
+    loads = [s for s in scores if stands_out(s)]
     return [*sorted(worth, key=lambda s: -s.gain.gain)[:_FITTED], *loads]
 
 
-def _load(score: Score) -> bool:
+def stands_out(score: Score) -> bool:
+    """Whether it is a load whose hour was looked for: what was found stands out already."""
     return LOAD in score.signature.hypothesis.effects
 
 

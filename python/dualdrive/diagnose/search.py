@@ -14,11 +14,12 @@ from dualdrive.diagnose import whitening
 from dualdrive.diagnose.candidates import candidates, members
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.evidence import Evidence, effective, evidence
-from dualdrive.diagnose.guesses import Guesses, guessed
+from dualdrive.diagnose.guesses import Guesses, guessed, stands_out
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.loads import sought
 from dualdrive.diagnose.neighbours import with_neighbours
 from dualdrive.diagnose.pairs import with_pairs
+from dualdrive.diagnose.profiled import profile
 from dualdrive.diagnose.refit import Fitter, Refit, Trial
 from dualdrive.diagnose.score import Scorer
 from dualdrive.diagnose.settle import ENOUGH, settle
@@ -39,6 +40,7 @@ WORTH_A_REFIT = 15.0  # fall of chi^2 over its inflation, below which no name co
 _RIVAL = 0.3  # of the best gain: less is no rival, where no more than noise is left
 _CONTAINED = 4.0  # gain of a simple law of friction from which the whole ones are tried there
 _TAKEN_APART = 6  # best groups of which the single parts are tried
+_FURTHER = 10.0  # of the profile likelihood: another valley of the numbers, no polish
 _FOR_TRIALS = 0.85  # of the time: what is simulated beyond it could not be refitted
 _FOR_PROBES = 0.45  # of the time; what is probed beyond it could not be refitted
 
@@ -77,7 +79,7 @@ def search(
         other = Fitter(seen, clock.stop).nominal(start.u)
         base = other if other is not None and other.chi < base.chi else base
     every += guesses.loads
-    if clear and c.mode == "balance" and wanted is None and not clock.stop():
+    if c.mode == "balance" and wanted is None and not clock.stop():
         every += sought(seen, base)
     plain = replace(plain, evidence=seen, base=base, criterion={key_of(base): 0.0})
     scorer = Scorer(seen.rows(base.u, base.left, base.slopes))
@@ -85,7 +87,7 @@ def search(
     single, twins = without_twins(seen, scorer, scores)
     most = max((s.gain.gain for s in single), default=0.0)
     least = -math.inf if clear else max(WORTH_A_REFIT, _RIVAL * most)
-    worth = [s for s in single if s.gain.gain > least or gives(s)]
+    worth = [s for s in single if s.gain.gain > least or gives(s) or stands_out(s)]
     found = replace(plain, scores=scores, untried=untried, twins=twins, refitted=base)
 
     def listed(now: Survey) -> Shortlist:
@@ -93,7 +95,17 @@ def search(
         return Shortlist(fitter, now.base, nominal.u, guesses, work)
 
     trials = listed(found).trials(worth, shortlist)
-    return _refined(found, worth, trials, listed, clear, work)
+    return _as_reported(_refined(found, worth, trials, listed, clear, work), clock)
+
+
+def _as_reported(found: Survey, clock: Clock) -> Survey:
+    """The survey, its refit without any effect begun again where a rival has led it further."""
+    seen = found.evidence
+    if clock.stop() or profile(seen, found.base) > profile(seen, found.plain) - _FURTHER:
+        return found
+    _, other = _refitted(seen.confrontation, found.base.u, clock)
+    better = profile(seen, other) < profile(seen, found.plain)
+    return replace(found, refitted=other) if better else found
 
 
 def _refined(

@@ -28,6 +28,7 @@ _ROUNDS = 3
 _CLOSE = 60.0  # of criterion behind the best: refitted again under the new noise
 _FEW = 4  # of them
 _POLISH = 2
+_FURTHER = 10.0  # fall of chi^2: another valley of the numbers, no polish
 ENOUGH = 1.15  # residual over floor in every series, below which nothing is left to explain
 
 
@@ -59,8 +60,16 @@ def settle(found: Survey, work: Work) -> Survey:
             so_far = _now(found, now, every, criterion)
             if excess(so_far, again[best].left).max() > ENOUGH:
                 again[best] = _polished(fitter, again[best], found.nominal.u)
-            if best > 0:  # a name must gain over the machine at its very best
-                again[0] = _polished(fitter, again[0], found.nominal.u)
+            if best > 0:  # a name must gain over the machine at its very best, its numbers too
+                known = again[0].chi
+                again[0] = _polished(fitter, again[0], found.nominal.u, again[best].u)
+                if again[0].chi < known - _FURTHER:  # another valley: all that is close may have it
+                    again[1:] = [
+                        min(r, fitter.again(r, u=again[0].u), key=lambda end: end.chi)
+                        if before in close and not work.stop()
+                        else r
+                        for before, r in zip(every[1:], again[1:], strict=True)
+                    ]
         found = replace(found, base=again[0])
         settled = whitening.settled(_size(seen), _size(now))
         seen, every = now, again
@@ -96,14 +105,16 @@ def _now(
     return replace(found, evidence=seen, base=base, refits=refits, criterion=criterion)
 
 
-def _polished(fitter: Fitter, best: Refit, nominal: Array) -> Refit:
+def _polished(fitter: Fitter, best: Refit, *others: Array) -> Refit:
     """The leader with slopes of its own until they gain nothing: all others are judged by it.
 
-    It begins again from the nominal numbers, too, where the machine without it had moved them.
+    It begins again from other nuisances, (m,) each, too: the nominal ones, where the machine
+    without it had moved them, or those that a rival ended at.
     """
-    if not fitter.stop():
-        other = fitter.again(best, u=nominal, fresh=True)
-        best = other if other.chi < best.chi else best
+    for u in others:
+        if not fitter.stop():
+            other = fitter.again(best, u=u, fresh=True)
+            best = other if other.chi < best.chi else best
     for _ in range(_POLISH):
         if fitter.stop():
             break

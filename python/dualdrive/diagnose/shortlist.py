@@ -52,8 +52,13 @@ class Shortlist:
     work: Work
 
     def trials(self, scores: Sequence[Score], count: int) -> list[Trial]:
-        """The best of each simple law where they were really tried, least chi^2 first."""
-        chosen = _first(_simple(scores), self.guesses, round(_TRIED * count))
+        """The best of each simple law where they were really tried, least chi^2 first.
+
+        A torque balance, which costs a millisecond, tries them all.
+        """
+        balance = self.fitter.evidence.confrontation.mode == "balance"
+        most = len(scores) if balance else round(_TRIED * count)
+        chosen = _first(_simple(scores), self.guesses, most)
         self.work.tell(f"simulating {len(chosen)} effects at the sizes they should have")
         tried = self.work.side_by_side(self._tried, chosen)
         return _best([t for t in tried if t is not None], count)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from tests.blind.generator import distance, effects, machines, outside, records, rivals
+from tests.blind.generator import distance, effects, machines, outside, records, rivals, told
 from tests.blind.generator import friction as _friction  # noqa: F401  (enters its effects)
 from tests.blind.generator import gearing as _gearing  # noqa: F401
 from tests.blind.generator import motors as _motors  # noqa: F401
@@ -102,6 +102,8 @@ def _draw(
     bench = distance.Bench(real, plans, recorder)
     if hidden.effects:
         hidden.size(bench, share)
+    mode = "balance" if channels is BALANCE else "closed_loop"
+    hidden.tell(mode)
     truth = {p.name: p.truth(real, hidden.effects) for p in plans}
     for made in truth.values():
         _check(made, sheet)
@@ -110,7 +112,7 @@ def _draw(
         "case": name,
         "group": group,
         "family": family,
-        "mode": "balance" if channels is BALANCE else "closed_loop",
+        "mode": mode,
         "effects": [_effect(one) for one in hidden.effects],
         "real": {p: v for p, v in real.items() if p in machines.UNCERTAIN},
         "sheet": {p: v for p, v in sheet.items() if p in machines.UNCERTAIN},
@@ -159,6 +161,7 @@ class _Hiding:
             raise UnfitError("two effects that are one number")
         self.without = {path for one in self.effects for path in one.without}
         self.figures: dict[str, Any] = {}
+        self._told_by: distance.Bench | None = None
 
     def _at(self, shares: list[float]) -> tuple[Hidden, ...]:
         return tuple(
@@ -185,10 +188,17 @@ class _Hiding:
         if len(self.effects) == 1 and self._draw is effects.draw:
             apart, rival = rivals.nearest(self.effects[0], self._setting, nominals)
             self.figures = {"delta_lambda": min(apart, found[0][1]), "rival": rival}
+            self._told_by = nominals.bench
         self.figures |= {
             "lambdas": [size for _, size in found],
             "shares": [share for share, _ in found],
         }
+
+    def tell(self, mode: str) -> None:
+        """Label a single effect with what its own kind of record tells, see `told.py`."""
+        if self._told_by is not None:
+            apart, rival = told.apart(self.effects[0], self._setting, self._told_by, mode)
+            self.figures |= {"told": apart, "told_rival": rival}
 
     def _share(self, k: int, nominals: distance.Nominals) -> tuple[float, float]:
         """(share of the strong amplitude, squared distance there), near the wanted distance."""

@@ -87,6 +87,7 @@ def naming(cases: Sequence[Judged]) -> dict[str, Any]:
     """Alarms, hits, "none of the above", the equation."""
     quiet, single, two = of(cases, "none", "drifted"), of(cases, "single"), of(cases, "two")
     apart = [c for c in single if c.label.get("delta_lambda", math.inf) >= 33]
+    told = [c for c in single if c.label.get("told", -math.inf) >= 33]
     known = [c for c in cases if c.group != "outside"]
     pointed = [c for c in single + two if c.answer.get("equation")]
     return {
@@ -96,8 +97,10 @@ def naming(cases: Sequence[Judged]) -> dict[str, Any]:
         "top-1, effect": share(c.top(1) for c in single),
         "top-1, effect and place": share(c.top(1, place=True) for c in single),
         "top-1 where delta-lambda >= 33": share(c.top(1) for c in apart),
+        "top-1 where the record tells": share(c.top(1) for c in told),
         "top-3, effect": share(c.top(3) for c in single),
         "top-3 where delta-lambda >= 33": share(c.top(3) for c in apart),
+        "top-3 where the record tells": share(c.top(3) for c in told),
         "top-3, effect and place": share(c.top(3, place=True) for c in single),
         "hidden effect noticed": share(c.verdict in ALARMS for c in single + two),
         "unknown, recall": share(c.verdict == "unknown" for c in of(cases, "outside")),
@@ -235,6 +238,7 @@ def failures(cases: Sequence[Judged]) -> list[dict[str, Any]]:
             "hidden": [f"{e}@{p}" for e, p in match.truths(c.label)],
             "lambdas": c.label.get("lambdas", []),
             "delta_lambda": c.label.get("delta_lambda"),
+            "told": c.label.get("told"),
             "verdict": c.verdict,
             "named": [
                 " + ".join(f"{e}@{p}" for e, p in match.members(k)) + f" {k['probability']:.2f}"
