@@ -62,6 +62,15 @@ def test_noise_is_drawn_from_the_calmest_standstills() -> None:
     assert np.std(drawn) == pytest.approx(1e-3, rel=0.15)
 
 
+def test_a_standstill_rounded_to_one_step_hides_its_noise() -> None:
+    """It reads the same number all along, and yet the channel is no better than its steps."""
+    t = np.arange(0.0, 8.0, 2e-3)
+    step, still = 1e-3, (t % 2.0) < 1.0
+    path = np.cumsum(np.where(still, 0.0, 2e-3 * np.sin(np.pi * (t % 1.0)) ** 2)) * 0.3
+    drawn = like_noise(t, step * np.round(path / step), still, np.random.default_rng(9))
+    assert np.std(drawn) == pytest.approx(step / np.sqrt(12.0), rel=0.5)
+
+
 def test_two_short_standstills_tell_the_colour_of_noise() -> None:
     """A slow noise of corner 5 Hz, a record that stands twice for 0.3 s: neighbours are alike."""
     t = np.arange(0.0, 4.0, 2e-3)

@@ -24,6 +24,7 @@ _BAND = (0.6, 0.95)  # of half the sampling rate: where the floor of the spectru
 _SHORT = 256  # samples; fewer make no spectrum
 _WINDOW, _LONG = 0.25, 0.5  # s
 _FEWEST, _LEAST = 4, 2  # windows at standstill: as many as wanted, and as will do
+_HIDDEN = 0.5  # of the floor: a channel that stands rounded to one step hides its noise
 _CALM = 1.5  # times the spread in the calmest of them: more is motion
 _ORDER = 4  # of the differences that take a slow signal out of a short record
 
@@ -80,7 +81,7 @@ def like_noise(t: Array, values: Array, still: Flags | None, random: np.random.G
     """A stretch of noise such as a channel's, shape (n,): as coloured as it is at standstill.
 
     Pieces of the record at standstill, straight lines taken off, in random order; white noise as
-    large as the floor where the machine hardly stands.
+    large as the floor where the machine hardly stands, or its rounding hides what there is.
     """
     floor = noise_floor(t, values).rms
     for length in (_LONG, _WINDOW):
@@ -94,9 +95,13 @@ def like_noise(t: Array, values: Array, still: Flags | None, random: np.random.G
     pieces = np.stack([values[k : k + size] for k in starts], axis=1)
     left = pieces - basis @ np.linalg.lstsq(basis, pieces, rcond=None)[0]
     # a drive that still settles, or hunts, is no noise
-    calm = left[:, np.std(left, axis=0) <= _CALM * np.min(np.std(left, axis=0))]
+    spread = np.std(left, axis=0)
+    calm = left[:, spread <= _CALM * max(float(np.min(spread)), floor)]
     drawn = calm[:, random.integers(0, calm.shape[1], -(-len(t) // size))].T.ravel()[: len(t)]
-    result: Array = drawn * max(1.0, floor / max(float(np.std(drawn)), 1e-300))
+    size_drawn = float(np.std(drawn))
+    if size_drawn < _HIDDEN * floor:
+        return random.normal(0.0, floor, len(t))
+    result: Array = drawn * max(1.0, floor / max(size_drawn, 1e-300))
     return result
 
 

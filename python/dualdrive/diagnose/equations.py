@@ -9,6 +9,7 @@ reading multiplies an encoder's noise by a stiffness, cancel in it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,7 @@ Flags = NDArray[np.bool_]
 PROCESSING = Processing(decimate=4)
 #: constant torque of an equation, as a share of the spread of its measured torque
 CONSTANT = 0.5
+_FAINTEST = 1e-6  # of the largest torque: no floor lies below
 _TOO_FEW = 40  # samples that count, of the best equation
 
 
@@ -268,7 +270,9 @@ class TorqueBalance:
                         np.zeros(len(held.t), dtype=bool),
                     )
                 )
-        return found
+        # a record that shows neither motion nor noise is believed no better than the others allow
+        least = _FAINTEST * max((s.spread for s in found), default=0.0)
+        return [replace(s, floor=max(s.floor, least)) for s in found]
 
 
 def _chosen(held: Held) -> tuple[str, ...]:
