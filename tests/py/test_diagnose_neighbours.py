@@ -167,3 +167,34 @@ def test_a_relative_that_ended_in_a_side_valley_is_tried_again() -> None:
     found: Any = SimpleNamespace(base=base, best=best, criterion=costs)
     assert not neighbours._is_found(found, stray)  # type: ignore[arg-type]
     assert neighbours._is_found(found, near)  # type: ignore[arg-type]
+
+
+def test_a_law_at_each_part_of_a_group_is_tried_as_one_law_of_the_group(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It begins from the mean of their numbers; two different laws are two."""
+    core = Machine.load("bench").core
+    seen: Any = SimpleNamespace(confrontation=SimpleNamespace(core=core))
+    found: Any = SimpleNamespace(evidence=seen)
+    work = Work(Clock(60.0, lambda: False), 1, lambda _: None)
+    asked: list[Any] = []
+    monkeypatch.setattr(neighbours, "Fitter", lambda *_: None)
+    monkeypatch.setattr(neighbours, "together", lambda *given: asked.append(given))
+
+    def pair(second: str) -> Any:
+        labels = ["cogging@motor_2", f"{second}@motor_1"]
+        h = Hypothesis(
+            (("cogging", "motor_2"), (second, "motor_1")),
+            {f"{label}.order": 2.0 for label in labels},
+            dict.fromkeys(labels, 100),
+        )
+        values = dict(zip((f"{label}.amplitude" for label in labels), (0.007, 0.006), strict=True))
+        return SimpleNamespace(hypothesis=h, values=lambda: values, u=np.zeros(1), slopes=[])
+
+    assert neighbours._in_one(found, pair("cogging"), work) == []  # nothing came of it here
+    assert neighbours._in_one(found, pair("torque_ripple"), work) == []
+    [(_, whole, [start], _)] = asked
+    assert whole.label == "cogging@motors"
+    assert whole.fixed == {"cogging@motors.order": 2.0}
+    assert whole.looked_at == 100
+    assert start.values == pytest.approx({"cogging@motors.amplitude": 0.0065})

@@ -87,6 +87,11 @@ def parts_of(core: Any, place: str) -> list[str]:
     return [part for part in every if one and part.startswith(f"{one}_")]
 
 
+def group_of(core: Any, parts: Sequence[str]) -> str:
+    """The group that consists of these parts, in whatever order; empty where there is none."""
+    return next((group for group in _ONE if sorted(parts_of(core, group)) == sorted(parts)), "")
+
+
 def _in_balance(kind: Any) -> bool:
     """Whether a torque balance shows an effect, or its sensor's law can be taken back."""
     if kind.name in TAKEN_BACK:

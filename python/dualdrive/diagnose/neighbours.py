@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
-from dualdrive.diagnose.candidates import akin, candidates, members, station
+from dualdrive.diagnose.candidates import akin, candidates, group_of, members, station
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.hypotheses import Hypothesis, Setting, distinct
 from dualdrive.diagnose.orders import HIGHEST
@@ -51,7 +51,8 @@ def with_neighbours(found: Survey, work: Work) -> Survey:
         if best is found.base or not work.clock.allows(f"what else {label} may be"):
             return found
         work.tell(f"what else {label} may be")
-        trials = [
+        trials = _in_one(found, best, work)
+        trials += [
             trial
             for number in range(len(best.hypothesis.effects))
             for trial in _lowest(found, _tried(found, _Stead(best, number), work))
@@ -65,6 +66,31 @@ def with_neighbours(found: Survey, work: Work) -> Survey:
         if found.best.hypothesis == best.hypothesis:
             return found
     return found
+
+
+def _in_one(found: Survey, best: Refit, work: Work) -> list[Trial]:
+    """One law at all the parts of a group, where the best hypothesis has it at each of them.
+
+    Alone it may have ended in a side valley: it begins from the mean of their numbers.
+    """
+    h, c = best.hypothesis, found.evidence.confrontation
+    several = [place for _, place in h.effects]
+    group = group_of(c.core, several)
+    if len(several) < 2 or not group or len({effect for effect, _ in h.effects}) > 1:
+        return []
+    [(effect, _), *_] = h.effects
+    label = f"{effect}@{group}"
+
+    def mean(numbers: Setting) -> Setting:
+        names = dict.fromkeys(path.rpartition(".")[2] for path in numbers)
+        own = {n: [x for p, x in numbers.items() if p.endswith(f".{n}")] for n in names}
+        return {f"{label}.{n}": float(np.mean(x)) for n, x in own.items()}
+
+    looked = {label: max(h.searched.values())} if h.searched else {}
+    whole = Hypothesis(((effect, group),), mean(dict(h.fixed)), looked)
+    start = Start(best.u, mean(best.values()))
+    trial = together(Fitter(found.evidence, work.stop), whole, [start], best.slopes)
+    return [] if trial is None else [trial]
 
 
 @dataclass(frozen=True, eq=False)

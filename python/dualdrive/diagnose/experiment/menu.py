@@ -41,15 +41,14 @@ def menu(axis: Axis, seconds: float) -> list[Item]:
 
 
 def _with_tensions(item: Item, axis: Axis) -> Iterator[Item]:
-    """The same as the drives are set, without tension, with more, and with one motor at work."""
+    """The same as the drives are set, with more tension, one motor at work, and without tension.
+
+    The last is the hardest to refit: a drive that is loose in its play goes where chance takes it.
+    """
     yield item
     if axis.tension is None:
         return
     present, most = axis.tension
-    free = "; without tension the flanks open and no preload hides friction"
-    if present > 0:
-        slack = {"controller.T_ten": 0.0}
-        yield Item(f"{item.name}, no tension", item.why + free, item.motion, slack)
     tight = _round(min(max(2 * present, 0.3 * most), most))
     if tight > 1.2 * present:
         braced = "; more tension changes what grows with load, and nothing else"
@@ -58,6 +57,10 @@ def _with_tensions(item: Item, axis: Axis) -> Iterator[Item]:
     alone = {"controller.T_ten": 0.0, "controller.w": 1.0}
     text = "; with one motor at work its losses are told from the other's and from the table's"
     yield Item(f"{item.name}, one motor at work", item.why + text, item.motion, alone)
+    free = "; without tension the flanks open and no preload hides friction"
+    if present > 0:
+        slack = {"controller.T_ten": 0.0}
+        yield Item(f"{item.name}, no tension", item.why + free, item.motion, slack)
 
 
 def _motions(axis: Axis, seconds: float) -> Iterator[Item]:
