@@ -15,6 +15,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[2]))
 from tests.blind.shown import ordered
 
+from dualdrive import Machine
 from dualdrive.diagnose import neighbours, whitening
 from dualdrive.diagnose.candidates import akin, station
 from dualdrive.diagnose.clocks import evened
