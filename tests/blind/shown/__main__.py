@@ -39,7 +39,7 @@ def courses(told: argparse.Namespace) -> int:
             rare.append(found.chance)
             print(
                 f"{order.name} | {found.kind} at {found.place} | {found.numbers} numbers gain "
-                f"{found.gain:.1f} | one in 10^{-found.chance:.1f}",
+                f"{found.gain:.1f} | one in 10^{max(-found.chance, 0.0):.1f}",
                 flush=True,
             )
     wrong = sum(chance < RARER_THAN for chance in rare)

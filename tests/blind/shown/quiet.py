@@ -14,9 +14,12 @@ from dualdrive.diagnose.evidence import Evidence, evidence
 from dualdrive.diagnose.free_torque import Course, courses_left
 from dualdrive.diagnose.loop import ClosedLoop
 from dualdrive.diagnose.refit import Fitter, Refit
+from dualdrive.diagnose.search import search
+from dualdrive.diagnose.work import Clock, Work
 from dualdrive.replay import core_of
 from dualdrive.replay import records as played
 
+_BUDGET = 120.0  # s for the refit
 _OFF = 1.05  # times the real inertia of the table: what the sheet says
 
 
@@ -29,8 +32,14 @@ def machines(seeds: Sequence[int]) -> Iterator[Order]:
 
 
 def rarest(order: Order) -> Course | None:
-    """The course that noise would make least often, however often; None where no pulse answers."""
-    return next(iter(courses_left(*refitted(confronted(order)), rarer_than=1.0)), None)
+    """The course that noise would make least often, however often; None where no pulse answers.
+
+    The machine is refitted as a diagnosis does it, other valleys of its numbers among them.
+    """
+    found = search(
+        confronted(order), Work(Clock(_BUDGET, lambda: False), 1, lambda _: None), wanted=[]
+    )
+    return next(iter(courses_left(found.evidence, found.base, rarer_than=1.0)), None)
 
 
 def confronted(order: Order) -> ClosedLoop:
