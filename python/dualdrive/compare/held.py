@@ -62,9 +62,10 @@ def hold(core: Any, trace: Trace, record: str, processing: Processing) -> Held:
     parts = list(pieces(trace, record, processing))
     equations = _equations(core, trace)
     limits = Standstill().limits(parts)
-    still = _resting(trace.t, parts, equations, limits)
     if "theta_ref" in trace:
         still = standing(trace.t, trace["theta_ref"])
+    else:
+        still = _resting(trace.t, parts, equations, limits)
     shaken = trace
     for name in trace:
         noise = like_noise(trace.t, trace[name], still, random)

@@ -103,7 +103,10 @@ def _as_reported(found: Survey, clock: Clock) -> Survey:
     seen = found.evidence
     if clock.stop() or profile(seen, found.base) > profile(seen, found.plain) - _FURTHER:
         return found
-    _, other = _refitted(seen.confrontation, found.base.u, clock)
+    try:
+        _, other = _refitted(seen.confrontation, found.base.u, clock)
+    except FitError:
+        return found  # what is known stays
     better = profile(seen, other) < profile(seen, found.plain)
     return replace(found, refitted=other) if better else found
 
