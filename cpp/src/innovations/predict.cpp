@@ -76,6 +76,7 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
     flow.start(options.initial);
     Vector noise = Vector::Zero(m), e(m), r(m), output(m), correction(n + m);
     Eigen::MatrixXd P;
+    std::map<const innovations::Frozen*, std::unique_ptr<innovations::StateSpace>> spaces;
     bool learning = options.learn_first;
     if (learning) {
         gains.first.clear();
@@ -97,7 +98,10 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
         }
         const KalmanGains::Set* set = &gains.steady.at(now->pattern);
         if (learning) {
-            const innovations::StateSpace space(*now, flow, machine, record, gains.noise);
+            auto& known = spaces[now];
+            if (!known)
+                known = std::make_unique<innovations::StateSpace>(*now, flow, machine, record, gains.noise);
+            const innovations::StateSpace& space = *known;
             gains.first.push_back(space.gain(P));
             P = space.next(P, gains.first.back());
             learning = gains.first.size() < static_cast<std::size_t>(most_first) &&
