@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -11,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from dualdrive.compare import check_records, compare
+from dualdrive.compare import check_records
 from dualdrive.diagnose.clocks import evened
+from dualdrive.diagnose.closed_loop import Job, diagnose_closed_loop, with_time
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.findings import (
@@ -30,10 +32,10 @@ from dualdrive.diagnose.findings import (
 from dualdrive.diagnose.free_torque import Course, courses_left
 from dualdrive.diagnose.heldout import intervals
 from dualdrive.diagnose.judge import Judgement, judge
-from dualdrive.diagnose.loop import ClosedLoop
 from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.result import Diagnosis
 from dualdrive.diagnose.search import search
+from dualdrive.diagnose.selection import EFFORTS
 from dualdrive.diagnose.shape import shapes
 from dualdrive.diagnose.survey import Survey
 from dualdrive.diagnose.words import paragraph
@@ -50,6 +52,7 @@ MODES = ("auto", "closed_loop", "balance")
 SPOILT = ("scale", "sign", "swapped", "ratio")
 #: what a current or voltage that stands at an extreme may be called: nothing else, then
 LIMITS = ("current_limit", "voltage_limit", "torque_constant_saturation")
+_BALANCE = 60.0  # s: what a torque balance may spend
 _SEARCH = 0.75  # of the budget, for the survey; the rest is for the next experiment
 
 
@@ -63,7 +66,8 @@ def diagnose(
     interpolation: str = "auto",
     start: str = "auto",
     tolerance: float | Mapping[str, float] | None = None,
-    budget: float = 60.0,
+    effort: str = "normal",
+    budget: float = math.inf,
     threads: int | None = None,
     experiment: bool = True,
     checks: bool = True,
@@ -88,7 +92,9 @@ def diagnose(
         start: how the machine stood before, see there.
         tolerance: relative one-sigma tolerance of the nominal numbers, for all or by path; what
             `fit` takes unless given. A guess in the machine file wants a wide one.
-        budget: seconds; what it cut is said in the result.
+        effort: ``quick``, ``normal`` or ``thorough``: how many replays are worth it.
+        budget: seconds after which the search is stopped; the answer is then `unfinished`. A torque
+            balance spends it: there it is 60 s unless given.
         threads: simulations side by side; as many as there are cores unless given.
         experiment: whether to plan the next experiment where names are left.
         checks: whether to look for swapped, flipped, clipped or foreign channels first.
@@ -99,8 +105,9 @@ def diagnose(
         FitError: the machine itself can not be simulated on the records.
 
     """
-    if mode not in MODES:
-        raise ValueError(f"mode = {mode!r}; choose one of {', '.join(MODES)}")
+    for name, value, known in (("mode", mode, MODES), ("effort", effort, tuple(EFFORTS))):
+        if value not in known:
+            raise ValueError(f"{name} = {value!r}; choose one of {', '.join(known)}")
     tell = progress or (lambda _: None)
     core, recorded = core_of(machine), named(traces)
     if mode == "auto":
@@ -112,6 +119,8 @@ def diagnose(
         )
     # simulations run side by side: BLAS threads beside them would only wait for one another
     with interrupt() as stop, threadpool_limits(1, "blas"):
+        if mode == "balance" and not math.isfinite(budget):
+            budget = _BALANCE
         clock = Clock(_SEARCH * budget, stop.is_set)
         warnings, late, clipped = list[str](), False, False
         if checks:
@@ -130,10 +139,8 @@ def diagnose(
             if jitter > 0.0
         ]
         recorded = {name: trace for name, (trace, _) in even.items()}
-        c: Confrontation
-        if mode == "balance":
-            c = TorqueBalance(core, recorded, own, apart=not late, tolerance=tolerance)
-        else:
+        if mode == "closed_loop":
+            clock.budget = budget
             played = records(
                 machine,
                 recorded,
@@ -142,7 +149,15 @@ def diagnose(
                 start=start,
                 settings=own,
             )
-            c = ClosedLoop(core, played, tolerance=tolerance)
+            job = Job(
+                own, tolerance, effort, experiment, threads or os.cpu_count() or 1, tell, clock.stop
+            )
+            return with_time(
+                diagnose_closed_loop(machine, played, recorded, warnings, job), clock.used
+            )
+        c: Confrontation = TorqueBalance(
+            core, recorded, own, apart=not late, tolerance=tolerance
+        )
         result = search(c, Work(clock, threads or os.cpu_count() or 1, tell))
         whole = Clock(budget, stop.is_set)
         whole.begin, whole.cut = clock.begin, clock.cut
@@ -198,10 +213,6 @@ def _told(
     if experiment and verdict.verdict == "ambiguous" and clock.allows("the next experiment"):
         tell("planning the next experiment")
         plan = plan_next(machine, c, found, verdict, clock, tell)
-    before = after = None
-    if c.mode == "closed_loop" and not settings and clock.allows("where the machine fails"):
-        before = compare(refitted, traces)
-        after = compare(improved, traces) if improved is not None else None
     command = command_for(candidates[0]) if named_ and candidates else ""
     said = paragraph(
         verdict,
@@ -223,7 +234,7 @@ def _told(
         candidates=candidates,
         groups=groups,
         equation=equation,
-        where=before.where if before is not None else (),
+        where=(),
         error=error,
         shapes=curves,
         next_experiment=plan,
@@ -234,8 +245,8 @@ def _told(
         seconds=clock.used,
         refitted=refitted,
         improved=improved,
-        before=before,
-        after=after,
+        before=None,
+        after=None,
         moved=moved,
         numbers=known,
         over_floor=verdict.excess[1],

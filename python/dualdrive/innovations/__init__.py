@@ -7,16 +7,22 @@ Sources: Kristensen, Madsen, Jørgensen, Automatica 40 (2004) 225-237; Ljung, Sy
 
 from __future__ import annotations
 
-from dualdrive.innovations.greybox import GreyBox, Point
+from dualdrive.innovations.fit import fit, inflation
+from dualdrive.innovations.greybox import Counter, GreyBox, Point, Variant, flat
 from dualdrive.innovations.noise import Noise, first_noise, maximum_likelihood
 from dualdrive.innovations.records import Predictable, predictable
 
 __all__ = [
+    "Counter",
     "GreyBox",
     "Noise",
     "Point",
     "Predictable",
+    "Variant",
     "first_noise",
+    "fit",
+    "flat",
+    "inflation",
     "maximum_likelihood",
     "predictable",
 ]

@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,13 +33,30 @@ _LOST = 300.0  # whitened: what a replay that broke down is counted with
 
 @dataclass(frozen=True, eq=False)
 class Variant:
-    """A machine with effects under trial, and their unknowns."""
+    """A machine with effects under trial, and their unknowns.
 
-    label: str
+    grown:   the core's machine with the effects in it
+    effects: (effect, place); a group where every member has numbers of its own
+    fixed:   parameter path -> value of what is counted
+    looks:   among how many values those were found
+    """
+
     grown: Any
     extra: tuple[Unknown, ...] = ()
-    looks: float = 1.0  # among how many values what was counted was found
-    hypothesis: Any = None
+    effects: tuple[tuple[str, str], ...] = ()
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    looks: float = 1.0
+
+    @property
+    def label(self) -> str:
+        """``coulomb@table``, two joined by `` + ``, or ``nothing``."""
+        return " + ".join(f"{e}@{p}" for e, p in self.effects) or "nothing"
+
+    @property
+    def key(self) -> str:
+        """Label with its counted numbers."""
+        counts = ", ".join(dict.fromkeys(f"{v:g}" for v in self.fixed.values()))
+        return f"{self.label} ({counts})" if counts else self.label
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +65,7 @@ class Point:
 
     residuals: whitened, records end to end, shape (rows, channels) each
     log_det:   sum of log det of the innovations' covariance
+    lost:      a replay broke down
     """
 
     variant: Variant
@@ -55,6 +73,7 @@ class Point:
     residuals: tuple[Array, ...]
     log_det: float
     prior: float
+    lost: bool = False
     history: tuple[float, ...] = field(default=())
 
     @property
@@ -177,8 +196,8 @@ class GreyBox:
                     result.append(None)
                     continue
                 parts = [next(found) for _ in self.records]
-                rows = [r[min(_LEARNING, len(r) // 4) :].ravel() for r, _ in parts]
-                result.append((np.concatenate(rows), sum(d for _, d in parts)))
+                rows = [f.residuals[min(_LEARNING, len(f.residuals) // 4) :].ravel() for f in parts]
+                result.append((np.concatenate(rows), sum(f.log_det for f in parts)))
             return result
 
         return evaluate
@@ -233,10 +252,9 @@ class GreyBox:
         points = []
         for k, (variant, theta) in enumerate(zip(variants, thetas, strict=True)):
             own = [f for f, owner in zip(found, owners, strict=True) if owner == k]
-            residuals = tuple(r for r, _ in own)
-            points.append(
-                Point(variant, theta, residuals, sum(d for _, d in own), self.prior(theta))
-            )
+            det, lost = sum(f.log_det for f in own), any(f.lost for f in own)
+            residuals = tuple(f.residuals for f in own)
+            points.append(Point(variant, theta, residuals, det, self.prior(theta), lost))
         return points
 
     def prior(self, theta: Array) -> float:
@@ -269,11 +287,17 @@ def flat(residuals: Sequence[Array]) -> Array:
     return np.concatenate([r.ravel() for r in residuals])
 
 
-def _replay(job: tuple[Any, Mapping[str, float], Predictable, Any, bool]) -> tuple[Array, float]:
+class _Replayed(NamedTuple):
+    residuals: Array
+    log_det: float
+    lost: bool
+
+
+def _replay(job: tuple[Any, Mapping[str, float], Predictable, Any, bool]) -> _Replayed:
     core, offsets, record, gains, learn = job
-    lost = np.full(record.measured.shape, _LOST)
+    nothing = _Replayed(np.full(record.measured.shape, _LOST), 0.0, True)
     if core is None:
-        return lost, 0.0
+        return nothing
     try:
         there = with_settings(core, record.record.settings)
         found = _core.predict(
@@ -285,5 +309,6 @@ def _replay(job: tuple[Any, Mapping[str, float], Predictable, Any, bool]) -> tup
             learn_first=learn,
         )
     except (ValueError, RuntimeError):
-        return lost, 0.0
-    return np.clip(found["residuals"], -_LOST, _LOST), float(found["log_det"])
+        return nothing
+    residuals = np.clip(found["residuals"], -_LOST, _LOST)
+    return _Replayed(residuals, float(found["log_det"]), not found["finite"])
