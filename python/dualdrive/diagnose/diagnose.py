@@ -71,6 +71,7 @@ def diagnose(
     threads: int | None = None,
     experiment: bool = True,
     checks: bool = True,
+    trust: Sequence[str] = (),
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Say what records tell of a machine.
@@ -98,6 +99,8 @@ def diagnose(
         threads: simulations side by side; as many as there are cores unless given.
         experiment: whether to plan the next experiment where names are left.
         checks: whether to look for swapped, flipped, clipped or foreign channels first.
+        trust: records that are kept whatever the checks say; others in which a check finds what no
+            machine could do are left out by name, and the rest goes on.
         progress: told in words what is being tried; Ctrl-C ends the search and keeps what is known.
 
     Raises:
@@ -110,6 +113,10 @@ def diagnose(
             raise ValueError(f"{name} = {value!r}; choose one of {', '.join(known)}")
     tell = progress or (lambda _: None)
     core, recorded = core_of(machine), named(traces)
+    if stray := set(trust) - set(recorded):
+        raise ValueError(
+            f"trust: no trace {', '.join(sorted(stray))}; there are {', '.join(recorded)}"
+        )
     if mode == "auto":
         mode = which_mode(core, recorded, motion)
     own = dict(settings or {})
@@ -127,10 +134,14 @@ def diagnose(
             tell("checking the records")
             found = check_records(machine, recorded, mode)
             warnings = [f"{w.trace}: {w.message.removeprefix(f'{w.trace}: ')}" for w in found]
-            late = any(w.code == "skew" for w in found)
-            clipped = any(w.code == "clipped" for w in found)
-            if any(w.fatal or w.code in SPOILT for w in found):
-                return _unfit(core, mode, recorded, warnings, clock)
+            bad = {w.trace for w in found if w.fatal or w.code in SPOILT} - set(trust)
+            recorded = {name: trace for name, trace in recorded.items() if name not in bad}
+            if not recorded:
+                return _unfit(core, mode, tuple(bad), warnings, clock)
+            warnings += [f"{name}: left out; --trust {name} overrules" for name in sorted(bad)]
+            own = {name: values for name, values in own.items() if name in recorded}
+            late = any(w.code == "skew" for w in found if w.trace in recorded)
+            clipped = any(w.code == "clipped" for w in found if w.trace in recorded)
         even = {name: evened(trace) for name, trace in recorded.items()}
         warnings += [
             f"{name}: its stamps jitter by {1e6 * jitter:.3g} us about an even clock, which was "
@@ -255,7 +266,7 @@ def _told(
 
 
 def _unfit(
-    core: Any, mode: str, traces: Mapping[str, Trace], warnings: Sequence[str], clock: Clock
+    core: Any, mode: str, traces: Sequence[str], warnings: Sequence[str], clock: Clock
 ) -> Diagnosis:
     """Records from which nothing could be concluded name nothing."""
     blank = Diagnosis(

@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 
 _WIDE = 0.1  # of the drives' torque: unknown course at first
 _LOWER = 0.3  # of the unknown torque that the base leaves: where laws are tried
+_LOWERING, _LOWERINGS = 0.2, 8  # of the unknown torque, step by step
 _BEGINS = (1.0, 0.3, 3.0, 10.0)  # where the first number of a part begins, times its usual one
 _WORTH = 25.0  # gain in -2 log L, over the inflation, that a further effect must bring
 
@@ -147,16 +148,32 @@ class _Search:
         numbers = len(f.variant.extra) * np.log(n) + 2.0 * np.log(f.variant.looks)
         return float(f.point.minus_two_log / least + numbers)
 
-    def _final(self, point: Point, noise: Noise, rounds: int = 2) -> Fitted:
-        """A variant under its own noise: noise and numbers in turn until both rest."""
+    def _final(self, point: Point, noise: Noise) -> Fitted:
+        """A variant under its own noise.
+
+        Numbers fitted under much unknown torque are blunt, and a likelihood that knows only these
+        keeps it: so it is lowered step by step, the numbers refitted each time, as long as the
+        records become likelier; then all of the noise is estimated.
+        """
         grey, variant = self.grey, point.variant
-        gains: Sequence[Any] = ()
-        for _ in range(rounds):
-            noise, _ = maximum_likelihood(noise, grey.under(variant, point.theta))
-            gains = grey.gains(variant, point.theta, noise)
-            point = fit(grey, variant, point.theta, gains, steps=4, refresh=(0, 2))
-            if len(point.history) > 1 and point.history[0] - point.history[-1] < _WORTH:
+        noise, _ = maximum_likelihood(noise, grey.under(variant, point.theta), steps=6)
+        gains = grey.gains(variant, point.theta, noise)
+        point = fit(grey, variant, point.theta, gains, steps=3, refresh=(0, 2))
+        for _ in range(_LOWERINGS):
+            if grey.counter.stop():
                 break
+            lower = noise.with_torque(_LOWERING)
+            try:
+                own = grey.gains(variant, point.theta, lower)
+            except ValueError:
+                break
+            trial = fit(grey, variant, point.theta, own, steps=3, refresh=(0, 2))
+            if trial.lost or trial.minus_two_log > point.minus_two_log:
+                break
+            noise, gains, point = lower, own, trial
+        noise, _ = maximum_likelihood(noise, grey.under(variant, point.theta), steps=8)
+        gains = grey.gains(variant, point.theta, noise)
+        point = fit(grey, variant, point.theta, gains, steps=4, refresh=(0, 2))
         return Fitted(point, noise, inflation(point), 0.0, gains)
 
     def _base(self) -> Fitted:
@@ -200,13 +217,37 @@ class _Search:
                 refits.append((gain - 2.0 * np.log(s.variant.looks), own))
         refits.sort(key=lambda x: -x[0])
         best = _one_each([p for gain, p in refits if gain > _WORTH])[: self.effort.finals]
-        result = []
-        for k, p in enumerate(best, 1):
-            if grey.counter.stop():
+        return self._compared(best, noise)
+
+    def _compared(self, points: Sequence[Point], noise: Noise) -> list[Fitted]:
+        """Laws under one noise, that of their leader, which is estimated anew when it changes."""
+        grey, found = self.grey, dict[str, Fitted]()
+        if not points:
+            return []
+        leader = points[0]
+        for _ in range(2):
+            self.tell(f"the noise beside {leader.variant.key}")
+            final = self._final(leader, noise)
+            noise, found[leader.variant.key] = final.noise, final
+            for point in points:
+                if point.variant.key == leader.variant.key or grey.counter.stop():
+                    continue
+                self.tell(f"{point.variant.key} under the noise of {leader.variant.key}")
+                gains = self._gains(point, noise)
+                if gains is not None:
+                    own = fit(grey, point.variant, point.theta, gains, steps=5, refresh=(0, 2, 4))
+                    found[point.variant.key] = Fitted(own, noise, inflation(own), 0.0, gains)
+            best = min(found.values(), key=self._criterion)
+            if best is final or grey.counter.stop():
                 break
-            self.tell(f"the noise beside {p.variant.key} ({k} of {len(best)})")
-            result.append(self._final(p, noise))
-        return result
+            leader = best.point
+        return list(found.values())
+
+    def _gains(self, point: Point, noise: Noise) -> list[Any] | None:
+        try:
+            return self.grey.gains(point.variant, point.theta, noise)
+        except ValueError:
+            return None
 
     def _chosen(self, found: Sequence[Scored]) -> list[Scored]:
         """What is refitted: the best scores, and parts whose probe says little of their size."""
