@@ -34,6 +34,8 @@ _TABLE_SIGNALS: Final = re.compile(
 _AT_THE_PINION: Final = re.compile(
     r"(eccentricity|transmission_error)@.+\.amplitude|wear@.+\.depth"
 )
+# A number of a formula is what its author says it is: no declaration of the core is behind it.
+_STATED: Final = re.compile(r"expression@[^.]+\..+")
 
 
 def linear_unit(unit: str) -> str:
@@ -46,7 +48,9 @@ def unit_on_axis(name: str, unit: str, *, axis: str, rigid: bool = False) -> str
 
     rigid: the motor is joined to the table directly, so that its side is linear too.
     """
-    if axis != "linear" or name.endswith(".phase") or _AT_THE_PINION.fullmatch(name):
+    if axis != "linear" or name.endswith(".phase"):
+        return unit
+    if _AT_THE_PINION.fullmatch(name) or _STATED.fullmatch(name):
         return unit
     if rigid:
         return linear_unit(unit)
