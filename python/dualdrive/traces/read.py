@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -69,6 +70,7 @@ def read(
     )
     channels = [channel for channel in found if channel is not None]
     _check_channels(channels, recorder)
+    _name_unmapped(channels, rules, recorder)
     trace = assemble(path.stem, table, seconds, set_back, channels, mapping.time, recorder)
     source = Source(path.name, table.layout, mapping.as_dict(), mapping.origin, start)
     return replace(trace, source=source, log=recorder.log())
@@ -146,6 +148,16 @@ def _code_texts(table: Table, mapping: TraceMap, recorder: Recorder) -> None:
         table.columns[name] = np.array(codes)
         legend = ", ".join(f"{text} = {code}" for code, text in enumerate(texts))
         recorder.add("converted", f"{name}: texts numbered: {legend}")
+
+
+def _name_unmapped(
+    channels: list[Channel], rules: Mapping[str, ColumnRule], recorder: Recorder
+) -> None:
+    """Columns that no model reads shall not pass for channels."""
+    own = [c.name for c in channels if c.is_extra and c.column not in rules]
+    if own:
+        kept = "not mapped, kept under their own names" if len(own) > 1 else "not mapped, kept"
+        recorder.add("unmapped", f"{kept}: {', '.join(own)}")
 
 
 def _check_channels(channels: list[Channel], recorder: Recorder) -> None:
