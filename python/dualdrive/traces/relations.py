@@ -61,16 +61,21 @@ def related(t: Floats | None, columns: Mapping[str, Floats]) -> tuple[Found, flo
 
 
 def _rates(t: Floats, columns: Mapping[str, Floats]) -> dict[str, str]:
-    """Angle -> the column that is its rate."""
+    """Angle -> the column that is its rate, the surest first.
+
+    Of a sine the rate of the speed looks like the angle again, so no column is both.
+    """
     none = np.array([], dtype=np.int64)
-    found = {}
-    for angle, values in columns.items():
-        sizes = {}
-        for speed, rate in columns.items():
-            if speed != angle and rate_ratio(t, values, rate, none) is not None:
-                sizes[speed] = abs(float(np.corrcoef(np.gradient(values, t), rate)[0, 1]))
-        if sizes:
-            found[angle] = max(sizes, key=lambda name: sizes[name])
+    sure = {
+        (angle, speed): abs(float(np.corrcoef(np.gradient(values, t), rate)[0, 1]))
+        for angle, values in columns.items()
+        for speed, rate in columns.items()
+        if speed != angle and rate_ratio(t, values, rate, none) is not None
+    }
+    found: dict[str, str] = {}
+    for angle, speed in sorted(sure, key=lambda pair: -sure[pair]):
+        if angle not in found and angle not in found.values() and speed not in found:
+            found[angle] = speed
     return found
 
 
