@@ -55,13 +55,13 @@ def command(
         refuse_existing(path, overwrite=overwrite)
     proposal = propose(file, _numbers(drives))
     write_json(json_to, _figures(proposal))
+    if output is not None:
+        write_mapping(proposal.mapping, output)
     if plot is not None:
         from dualdrive import plots
 
         with write_atomically(plot) as temporary:
             plots.mapping(proposal).savefig(temporary)
-    if output is not None:
-        write_mapping(proposal.mapping, output)
     if json_to == "-":
         return
     _show(proposal)

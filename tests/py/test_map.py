@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from dualdrive.plots import mapping as picture
-from dualdrive.traces import Proposal, propose, read, read_mapping
+from dualdrive.traces import Proposal, TraceError, propose, read, read_mapping
 from dualdrive_cli.main import main
 from measured import measured_file
 
@@ -203,3 +203,15 @@ def test_the_picture_has_a_panel_for_each_kind_and_every_column_left_out(tmp_pat
     drawn = [line.get_label() for axes in figure.axes for line in axes.get_lines()]
     assert {"theta_ref", "theta_m", "omega_m", "T_1"} <= set(drawn)
     assert "foo" in [axes.get_title(loc="left") for axes in figure.axes]
+
+
+def test_columns_that_nobody_recognises_are_drawn_and_written_too(tmp_path: Path) -> None:
+    path = recording(tmp_path / "log.csv", "t,foo,bar", T, np.sin(40 * T), T % 0.3)
+    target, plot = tmp_path / "log.map.toml", tmp_path / "log.png"
+    result = run(path, "-o", target, "--plot", plot)
+    assert result.exit_code == 0, result.output
+    assert target.exists()
+    titles = [axes.get_title(loc="left") for axes in picture(propose(path)).axes]
+    assert [title for title in titles if title] == ["foo", "bar"]
+    with pytest.raises(TraceError, match="dualdrive map proposes one"):
+        read(path)

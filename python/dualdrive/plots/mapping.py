@@ -30,7 +30,7 @@ _PANELS: Final = {
 _ACROSS: Final = 4  # small pictures of what is left out
 _MOST: Final = 24
 _LINES: Final = (2.6, 0.9)  # points, the first line and the last
-_WIDTH, _HEIGHT, _SMALL = 10.0, 1.9, 1.05  # inches
+_WIDTH, _HEIGHT, _SMALL, _LABELS = 10.0, 1.9, 1.05, 0.4  # inches
 
 
 @picture
@@ -46,20 +46,22 @@ def mapping(proposal: Proposal) -> Figure:
     panels = {kind: own for kind in _PANELS if (own := _of(kind, columns))}
     left = [guess for guess in proposal.unmapped if _changes(trace, guess)]
     rows = -(-min(len(left), _MOST) // _ACROSS)
-    high, low = _HEIGHT * max(len(panels), 1), _SMALL * rows
-    figure = Figure(figsize=(_WIDTH, high + low + 0.6), layout="constrained")
-    heights = [high + 0.4, low + 0.4][: 2 if rows else 1]
-    parts = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)
-    upper = parts[0, 0]
-    axes = upper.subplots(max(len(panels), 1), 1, sharex=True, squeeze=False)[:, 0]
-    for panel, (kind, own) in zip(axes, panels.items(), strict=False):
-        _draw(panel, trace, kind, {name: columns[name] for name in own})
-    axes[-1].set_xlabel("time [s]")
-    axes[0].set_title(f"{proposal.path.name}: channels as proposed")
+    # a title and an axis label come to each part
+    heights = [h for h in (_HEIGHT * len(panels), _SMALL * rows) if h]
+    heights = [h + _LABELS for h in heights or [_HEIGHT]]
+    figure = Figure(figsize=(_WIDTH, sum(heights)), layout="constrained")
+    parts = iter(figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0])
+    if panels:
+        axes = next(parts).subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+        for panel, (kind, own) in zip(axes, panels.items(), strict=True):
+            _draw(panel, trace, kind, {name: columns[name] for name in own})
+        axes[-1].set_xlabel("time [s]")
+        axes[0].set_title(f"{proposal.path.name}: channels as proposed")
     if rows:
-        _left_out(parts[1, 0].subplots(rows, _ACROSS, sharex=True, squeeze=False), trace, left)
+        part = next(parts)
+        _left_out(part.subplots(rows, _ACROSS, sharex=True, squeeze=False), trace, left)
         more = f", and {len(left) - _MOST} more" if len(left) > _MOST else ""
-        parts[1, 0].suptitle(f"not mapped, in their own units{more}", x=0.01, ha="left", size=9)
+        part.suptitle(f"not mapped, in their own units{more}", x=0.01, ha="left", size=9)
     return figure
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from math import isfinite
 from pathlib import Path
 from typing import Final
 
@@ -62,8 +63,14 @@ class Proposal:
         return tuple(guess for guess in self.columns if not guess.channel)
 
     def trace(self) -> Trace:
-        """The recording as read with the proposal. Raises TraceError where that can't be."""
-        return read(self.path, self.mapping)
+        """The recording as read with the proposal, where nothing was recognised with all columns.
+
+        Raises TraceError where that can't be.
+        """
+        if self.mapping.columns:
+            return read(self.path, self.mapping)
+        plain = {g.column: ColumnRule(channel=g.column) for g in self.columns if isfinite(g.low)}
+        return read(self.path, replace(self.mapping, columns=plain))
 
 
 def agreeing(

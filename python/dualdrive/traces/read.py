@@ -156,8 +156,8 @@ def _name_unmapped(
     """Columns that no model reads shall not pass for channels."""
     own = [c.name for c in channels if c.is_extra and c.column not in rules]
     if own:
-        kept = "not mapped, kept under their own names" if len(own) > 1 else "not mapped, kept"
-        recorder.add("unmapped", f"{kept}: {', '.join(own)}")
+        names = "their own names" if len(own) > 1 else "its own name"
+        recorder.add("unmapped", f"not mapped, kept under {names}: {', '.join(own)}")
 
 
 def _check_channels(channels: list[Channel], recorder: Recorder) -> None:
@@ -169,5 +169,5 @@ def _check_channels(channels: list[Channel], recorder: Recorder) -> None:
         seen[channel.name] = channel.column
     if not any(channel.name in CHANNELS or channel.rule.channel for channel in channels):
         rule = f"no column is a known channel, found: {', '.join(seen) or 'none'}"
-        way_out = "write a mapping file (guess_mapping proposes one)"
+        way_out = "write a mapping file (dualdrive map proposes one)"
         raise recorder.error("column", rule, way_out)
