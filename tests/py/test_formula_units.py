@@ -65,6 +65,8 @@ def test_a_parameter_of_a_formula_is_held_in_coherent_units(
     known = machine.parameter(f"{label}.c")
     assert known.unit == unit
     assert known.value == pytest.approx(value, rel=1e-12)
+    again = Machine.from_toml(machine.toml()).parameter(f"{label}.c")
+    assert (again.value, again.unit) == (known.value, known.unit)
 
 
 def test_a_stribeck_velocity_in_mm_per_s_from_the_command_line(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ _PANELS: Final = {
 }
 _ACROSS: Final = 4  # small pictures of what is left out
 _MOST: Final = 24
-_LINES: Final = (2.6, 0.9)  # points, the first line and the last
+_LINES: Final = (1.9, 0.9)  # points, the first line and the last
 _WIDTH, _HEIGHT, _SMALL, _LABELS = 10.0, 1.9, 1.05, 0.4  # inches
 
 
