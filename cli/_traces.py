@@ -133,7 +133,11 @@ def read_all(
 def _tell_repairs(parts: dict[str, Trace], most: int = 6) -> None:
     """On stderr, what was amiss in the recordings and how it was met."""
     told = list(
-        dict.fromkeys(f"{name}: {issue}" for name, p in parts.items() for issue in p.log.troubles)
+        dict.fromkeys(
+            f"{name}: {issue}"
+            for name, part in parts.items()
+            for issue in (*part.log.troubles, *part.log["unmapped"])
+        )
     )
     for line in told[:most]:
         click.echo(line, err=True)

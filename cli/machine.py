@@ -76,7 +76,7 @@ def _page(m: Machine) -> Group:
     numbers = Table("parameter", "value", "SI", "bounds", "meaning", box=None)
     for p in describe.tied(m):
         si = f"{p.value:.10g} {p.unit}".rstrip()
-        numbers.add_row(p.path, describe.reading(p), si, describe.bounds(p), p.doc)
+        numbers.add_row(p.path, describe.reading(p), si, describe.bounds(p), describe.meaning(m, p))
     return Group(head, "", numbers)
 
 

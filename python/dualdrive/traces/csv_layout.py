@@ -6,13 +6,14 @@ import codecs
 import csv
 import re
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 from .log import Recorder
 from .mapping import FileLayout
 from .table import split_header
 
-__all__ = ["Layout", "decode", "find_layout", "split_line"]
+__all__ = ["Layout", "count_columns", "decode", "find_layout", "split_line"]
 
 _LOOK: Final = 400  # lines looked at
 _BOMS: Final = (
@@ -71,8 +72,7 @@ def find_layout(lines: list[str], wanted: FileLayout, recorder: Recorder) -> Lay
     looked = [(i, line) for i, line in enumerate(lines[:_LOOK]) if line.strip()]
     if not looked:
         raise recorder.error("file", "the file is empty", "export the recording again")
-    delimiters = (wanted.delimiter,) if wanted.delimiter else (";", "\t", ",", "|", _SPACES)
-    delimiter = max(delimiters, key=lambda d: _table_likeness(looked, d))
+    delimiter = _delimiter(looked, wanted)
     cells = [(i, split_line(line, delimiter)) for i, line in looked]
     decimal = wanted.decimal or _decimal([row for _, row in cells], delimiter)
     first, header = _first_rows(cells, wanted, decimal, recorder)
@@ -87,6 +87,19 @@ def find_layout(lines: list[str], wanted: FileLayout, recorder: Recorder) -> Lay
         way_out = "correct the header, or state [file] header_line or names in the mapping"
         raise recorder.error("column", rule, way_out, [first + 1])
     return Layout(delimiter, decimal, names, units, first, header, width)
+
+
+def count_columns(path: Path, recorder: Recorder) -> int:
+    """How many columns the rows of a text table have, with or without a header."""
+    text, _ = decode(path.read_bytes(), "", recorder)
+    looked = [(i, line) for i, line in enumerate(text.split("\n")[:_LOOK]) if line.strip()]
+    row = split_line(looked[-1][1], _delimiter(looked, FileLayout()))
+    return len(row) - (not row[-1])
+
+
+def _delimiter(looked: list[tuple[int, str]], wanted: FileLayout) -> str:
+    delimiters = (wanted.delimiter,) if wanted.delimiter else (";", "\t", ",", "|", _SPACES)
+    return max(delimiters, key=lambda d: _table_likeness(looked, d))
 
 
 def _table_likeness(looked: list[tuple[int, str]], delimiter: str) -> tuple[float, int]:
