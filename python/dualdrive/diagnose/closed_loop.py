@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from dualdrive.compare import compare
 from dualdrive.compare.equation import EquationAtFault
-from dualdrive.diagnose.decision import Decision, MissingTorque, decide
+from dualdrive.diagnose.axis import candidate_on, numbers_on, shape_on
+from dualdrive.diagnose.decision import Decision, MissingTorque, decide, objection
 from dualdrive.diagnose.experiment import next_experiment
 from dualdrive.diagnose.findings import equation_of
 from dualdrive.diagnose.result import Candidate, Diagnosis, Experiment, Interval
@@ -141,14 +142,19 @@ def _told(
     error["held_out_best"] = (
         error["best"] * _cross_validated(grey, best) if named else error["held_out_refitted"]
     )
+    if why := objection(decision.verdict, error):
+        decision = replace(decision, verdict="unknown", group=())
+        warnings = [*warnings, f"no verdict but unknown can stand: {why}"]
+        named, improved = False, None
     candidates = [
         _candidate(grey, found, decision, f, p, simulated[f.variant.key])
         for f, p in decision.ranked
         if f.variant.effects and f.variant.key in simulated
     ]
+    candidates = [candidate_on(machine, c) for c in candidates]
     candidates += _screened(found, candidates)
     stands = best if named else found.base
-    numbers = intervals(grey, stands)
+    numbers = numbers_on(machine, intervals(grey, stands))
     nominal = {p.path: numbers[p.path] for p in grey.nominal}
     moved = {
         p.path: nominal[p.path]
@@ -160,7 +166,8 @@ def _told(
     curves = []
     if decision.verdict not in ("adequate", "parameters") and not job.stop():
         job.tell("the shape of what is missing")
-        curves = shapes(core_of(refitted), traces, job.settings)
+        own = shapes(core_of(refitted), traces, job.settings)
+        curves = [shape_on(machine, s) for s in own]
     plan = None
     if job.experiment and decision.verdict == "ambiguous" and not job.stop():
         job.tell("planning the next experiment")
@@ -294,10 +301,8 @@ def intervals(grey: GreyBox, f: Fitted) -> dict[str, Interval]:
     scale = np.sqrt(np.diag(H) + 1e-300)
     covariance = np.linalg.pinv(H / np.outer(scale, scale)) / np.outer(scale, scale)
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    n = len(grey.nominal)
     known = [(p, k) for k, p in enumerate(grey.nominal)]
     known += [(p, grey.shared + k) for k, p in enumerate(f.variant.extra)]
-    del n
     found = {}
     for p, k in known:
         u, d = float(point.theta[k]), _SURE * float(deviation[k])

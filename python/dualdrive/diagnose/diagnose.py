@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from dualdrive.compare import check_records
+from dualdrive.diagnose.axis import candidate_on, numbers_on, shape_on
 from dualdrive.diagnose.clocks import evened
 from dualdrive.diagnose.closed_loop import Job, diagnose_closed_loop, with_time
 from dualdrive.diagnose.confront import Confrontation
+from dualdrive.diagnose.decision import objection
 from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.findings import (
     TOLD,
@@ -203,6 +205,7 @@ def _told(
     tell: Callable[[str], None],
 ) -> Diagnosis:
     candidates = [candidate_of(c, found, r, p) for r, p in verdict.ranked[:TOLD]]
+    candidates = [candidate_on(machine, one) for one in candidates]
     candidates += scored_only(found, candidates)
     groups = groups_of(found, verdict)
     named_ = verdict.verdict in ("effect", "ambiguous")
@@ -212,14 +215,18 @@ def _told(
     best = verdict.ranked[0][0] if verdict.ranked else found.base
     improved = machine_of(machine, c, best) if named_ else None
     error = errors_of(c, found, best if named_ else found.plain)
+    if why := objection(verdict.verdict, error):
+        verdict = replace(verdict, verdict="unknown", group=(), why="contradicted")
+        warnings = [*warnings, f"no verdict but unknown can stand: {why}"]
+        groups, named_, improved = [], False, None
     every = intervals(found.evidence, best if named_ else stands, found.inflation)
-    known = {p.path: every[p.path] for p in c.nominal}
+    known = numbers_on(machine, {p.path: every[p.path] for p in c.nominal})
     moved = {path: known[path] for path in moved_numbers(c, known)}
     tell("the shape of what is missing")
     equation = equation_at(verdict, candidates, refitted, traces, clock)
     curves = []
     if clock.allows("the shape of what is missing"):
-        curves = shapes(core_of(refitted), traces, settings)
+        curves = [shape_on(machine, s) for s in shapes(core_of(refitted), traces, settings)]
     plan = None
     if experiment and verdict.verdict == "ambiguous" and clock.allows("the next experiment"):
         tell("planning the next experiment")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
+from dualdrive.diagnose.decision.sanity import objection
 from dualdrive.diagnose.decision.thresholds import THRESHOLDS
 from dualdrive.diagnose.decision.verdict import Decision, MissingTorque, decide
 
-__all__ = ["THRESHOLDS", "Decision", "MissingTorque", "decide"]
+__all__ = ["THRESHOLDS", "Decision", "MissingTorque", "decide", "objection"]

@@ -30,6 +30,11 @@ THRESHOLDS = {
         "in -2 log L over the inflation, that a law must bring beyond its numbers' share: five "
         "sigma of a single number, so that fifty laws and their orders give no false name",
     ),
+    "simulated error": Threshold(
+        0.3,
+        "headline error of the refitted machine above which nobody would call it adequate, "
+        "whatever the statistics say",
+    ),
     "certain": Threshold(0.9, "probability from which one name is spoken alone"),
     "possible": Threshold(0.02, "probability from which a rival is counted to the group"),
     "temper": Threshold(

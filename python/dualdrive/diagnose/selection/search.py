@@ -33,6 +33,7 @@ _WIDE = 0.1  # of the drives' torque: unknown course at first
 _LOWER = 0.3  # of the unknown torque that the base leaves: where laws are tried
 _LOWERING, _LOWERINGS = 0.2, 8  # of the unknown torque, step by step
 _BEGINS = (1.0, 0.3, 3.0, 10.0)  # where the first number of a part begins, times its usual one
+_HOPELESS = 3.0  # gain of a score test, over the inflation, below which no refit is worth it
 _WORTH = 25.0  # gain in -2 log L, over the inflation, that a further effect must bring
 
 
@@ -253,7 +254,7 @@ class _Search:
         """What is refitted: the best scores, and parts whose probe says little of their size."""
         known = [s for s in found if np.isfinite(s.gain)]
         known.sort(key=lambda s: -(s.gain - 2.0 * np.log(s.variant.looks)))
-        best = [s for s in known if s.gain > _WORTH][: self.effort.refitted]
+        best = [s for s in known if s.gain > _HOPELESS][: self.effort.refitted]
         far = [s for s in found if s not in best and _is_part(s.variant)]
         return best + far
 
