@@ -13,15 +13,14 @@ from dualdrive.identify import Processing, Standstill
 from dualdrive.machine import Machine
 from dualdrive.motion import parse_motion
 from dualdrive.traces import Trace, read_parts
+from dualdrive_cli._files import TRACE, Reads
 from dualdrive_cli._shared import pairs
 
-traces_argument = click.argument(
-    "traces", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="TRACE..."
-)
+traces_argument = click.argument("traces", nargs=-1, required=True, type=TRACE, metavar="TRACE...")
 map_option = click.option(
     "--map",
     "mapping",
-    type=click.Path(path_type=Path),
+    type=Reads(),
     help="How the columns become channels; the mapping beside a trace unless given.",
 )
 part_option = click.option(

@@ -9,10 +9,11 @@ import click
 from rich.table import Table
 
 from dualdrive import linear
-from dualdrive.files import refuse_existing, write_atomically
+from dualdrive.files import write_atomically
 from dualdrive.machine import Machine
 from dualdrive.units import parse, parse_values
-from dualdrive_cli._shared import analysis, console, load, picture, write_json
+from dualdrive_cli._files import OUTPUT, PICTURE, Reads
+from dualdrive_cli._shared import analysis, console, load, write_json
 
 
 @click.command(
@@ -38,10 +39,10 @@ from dualdrive_cli._shared import analysis, console, load, picture, write_json
               "machine besides, with sines of this size, e.g. 20arcsec.")  # fmt: skip
 @click.option("--speed", default="0", show_default=True, help="Steady speed of the table while "
               "simulating, so that friction slides.")  # fmt: skip
-@click.option("--measured", "files", multiple=True, type=Path, metavar="CSV", help="Overlay a "
+@click.option("--measured", "files", multiple=True, type=Reads(), metavar="CSV", help="Overlay a "
               "measured response: frequency, magnitude, phase; repeatable.")  # fmt: skip
-@click.option("-o", "--output-file", "output_file", type=Path, help="Write the response as CSV.")
-@click.option("--plot", type=Path, callback=picture, help="Draw the Bode plot into a picture.")
+@click.option("-o", "--output-file", "output_file", type=OUTPUT, help="Write the response as CSV.")
+@click.option("--plot", type=PICTURE, help="Draw the Bode plot into a picture.")
 @analysis
 def command(
     machine: str,
@@ -64,13 +65,11 @@ def command(
     json_to: str | None,
     overwrite: bool,
 ) -> None:
-    """Frequency responses of a machine with its controller, around one state of its flanks.
+    """Compute frequency responses of a machine with its controller, around one state of its flanks.
 
     Small signals: the machine is linearised with its flanks as they are, delays exact, sampled
     loops approximated, and this is said. --simulate drives the machine with all its switches.
     """
-    for path in filter(None, (plot, output_file)):
-        refuse_existing(path, overwrite=overwrite)
     _refuse_two(open_loop, drives, poles)
     m = load(machine, settings)
     f = _frequencies(frequencies)

@@ -8,9 +8,9 @@ from typing import Any
 import click
 
 from dualdrive.compare import compare
-from dualdrive.files import refuse_existing
 from dualdrive.identify import Fit, FitError, Progress, fit
 from dualdrive.machine import Machine
+from dualdrive_cli._files import MACHINE, OUTPUT, TRACE
 from dualdrive_cli._shared import (
     FAILED,
     STOPPED,
@@ -41,13 +41,11 @@ from dualdrive_cli._traces import (
     epilog="Example: dualdrive fit machine.toml fit.csv --held-out held_out.csv "
     "--free table.J,meshes.stiffness,coulomb@table.torque -o fitted.toml",
 )
-@click.argument("machine")
+@click.argument("machine", type=MACHINE)
 @traces_argument
 @click.option("--free", multiple=True, metavar="KEY,KEY", help="What to fit, groups welcome.")
 @tolerance_option
-@click.option(
-    "--held-out", type=click.Path(path_type=Path), multiple=True, help="A trace to test on."
-)
+@click.option("--held-out", type=TRACE, multiple=True, help="A trace to test on.")
 @click.option("--starts", type=click.IntRange(1), default=1, show_default=True)
 @scheduler_option
 @click.option("--channel", "channels", multiple=True, help="Fit these channels only.")
@@ -56,7 +54,7 @@ from dualdrive_cli._traces import (
 @part_option
 @set_option
 @replaying
-@click.option("-o", "--output", type=Path, help="The fitted machine file.")
+@click.option("-o", "--output", type=OUTPUT, help="The fitted machine file.")
 @json_option
 @overwrite_option
 @verb
@@ -84,8 +82,6 @@ def command(
     Without --free: inertias, viscous friction, stiffness, play, and every number of its effects.
     Ctrl-C keeps the best point so far. Ends with 1 if the fit did not converge.
     """
-    if output:
-        refuse_existing(output, overwrite=overwrite)
     m = load(machine, settings)
     recorded, unseen = read_all(traces, mapping, wanted), read_all(held_out, mapping)
     options = replay_options(m, **replay)

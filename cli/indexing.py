@@ -10,12 +10,13 @@ from rich.table import Table
 
 from dualdrive import indexing
 from dualdrive.ensembles.runs import cores
-from dualdrive.files import refuse_existing, write_atomically
+from dualdrive.files import write_atomically
 from dualdrive.indexing import IndexingError, Iso230, LostMotion, TableRow
 from dualdrive.machine import Machine, presets
 from dualdrive.traces import read_parts
 from dualdrive.units import conversion, parse, parse_values
-from dualdrive_cli._shared import analysis, console, engine_option, load, picture, write_json
+from dualdrive_cli._files import PICTURE, Reads
+from dualdrive_cli._shared import analysis, console, engine_option, load, write_json
 from dualdrive_cli._traces import map_option
 
 #: SI unit -> how targets and deviations are printed
@@ -39,12 +40,10 @@ _SHOWN = {"rad": ("deg", "arcsec"), "m": ("mm", "um"), "": ("", "")}
 @click.option("--overrun", help="How far beyond the outer targets it turns back.")
 @click.option("--unit", default="", help="Of a measured file whose header names none: deg, mm.")
 @map_option
-@click.option(
-    "--pulls", type=click.Path(path_type=Path), help="Lost motion of a log, laid out as this says."
-)
+@click.option("--pulls", type=Reads(), help="Lost motion of a log, laid out as this says.")
 @click.option("--tables", is_flag=True, help="Tables 1 and 2 of the source paper; takes a minute.")
 @engine_option
-@click.option("-o", "--output", type=Path, callback=picture, help="Draw the chart (png, pdf, svg).")
+@click.option("-o", "--output", type=PICTURE, help="Draw the chart (png, pdf, svg).")
 @analysis
 def command(
     machine: str,
@@ -65,8 +64,6 @@ def command(
     Ends with 2, and gives no number, where a table hunts or has not settled, where a trace has no
     reversals, or where counts differ between targets.
     """
-    if output:
-        refuse_existing(output, overwrite=overwrite)
     if tables:
         return _tables(json_to)
     if pulls:

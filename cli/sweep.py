@@ -15,9 +15,10 @@ from click.core import ParameterSource
 from rich.table import Table
 
 from dualdrive import sweeps
-from dualdrive.files import refuse_existing, write_atomically
+from dualdrive.files import write_atomically
 from dualdrive.machine import Machine
 from dualdrive.units import human, parse
+from dualdrive_cli._files import PICTURE, Writes
 from dualdrive_cli._shared import (
     FAILED,
     STOPPED,
@@ -30,7 +31,6 @@ from dualdrive_cli._shared import (
     load,
     method_option,
     pairs,
-    picture,
     scheduler_option,
     write_json,
 )
@@ -89,11 +89,9 @@ def _check_axis(name: str, options: set[str]) -> None:
 @click.option("--max-steps", type=int, help="Give a run up after so many integration steps.")
 @click.option("--jobs", type=int, help="Threads; default: all cores.")
 @scheduler_option
-@click.option("-o", "--output", type=Path, default=Path("sweep.h5"), show_default=True)
+@click.option("-o", "--output", type=Writes(resumed=True), default="sweep.h5", show_default=True)
 @click.option("--resume", is_flag=True, help="Complete a sweep that was stopped.")
-@click.option(
-    "--plot", type=Path, callback=picture, help="Draw lines (one axis) or a map into a picture."
-)
+@click.option("--plot", type=PICTURE, help="Draw lines (one axis) or a map into a picture.")
 @analysis
 @click.pass_context
 def command(
@@ -129,11 +127,6 @@ def command(
     other; exit code 1 only if none succeeded.
     """
     axes: dict[str, str] = ctx.obj
-    if output.exists() and not (resume or overwrite):
-        ways = "--resume completes it, --overwrite replaces it, -o names another"
-        give_up(f"{output}: exists already; {ways}", FAILED)
-    if plot:
-        refuse_existing(plot, overwrite=overwrite or resume)
     with _progress_bar() as progress, _stopped_by_ctrl_c(output):
         if resume and not axes:
             _refuse_anything_else(ctx)

@@ -119,7 +119,7 @@ class Machine:
         path = Path(path)
         refuse_existing(path, overwrite=overwrite)
         text = self.toml()
-        with write_atomically(path) as temporary:
+        with write_atomically(path, overwrite=overwrite) as temporary:
             temporary.write_text(text, "utf-8")
 
     # --- description ------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from dualdrive.sweeps import load_sweep
 from dualdrive_cli.main import main
 
 SHORT = ("--motion", "move:0.01,v=0.03,a=0.01,j=0.05,start=1,end=4.5")
-COMMAND = [sys.executable, "-m", "dualdrive_cli.main", "sweep"]
+COMMAND = [sys.executable, "-m", "dualdrive_cli", "sweep"]
 
 
 @pytest.fixture(autouse=True)

@@ -162,7 +162,7 @@ def test_killed_before_the_file_is_laid_out_nothing_bears_its_name(tmp_path: Pat
 
 def cli(*words: str, limit: Callable[[], None] | None = None) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "dualdrive_cli.main", "sweep", *words],
+        [sys.executable, "-m", "dualdrive_cli", "sweep", *words],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
