@@ -220,6 +220,10 @@ class Files:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self.release()
+
+    def release(self) -> None:
+        """Let others write to the outputs."""
         self._held.close()
 
     def written(self) -> list[Path]:

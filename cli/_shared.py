@@ -46,6 +46,7 @@ def verb(function: Callable[P, R]) -> Callable[P, R]:
             guard.running = True
             files = Files(click.get_current_context())
             with files:
+                guard.release = files.release
                 result = function(*args, **kwargs)
                 sys.stdout.flush()  # here, where a full disk can still be told
                 return result

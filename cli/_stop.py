@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from collections.abc import Callable
 from types import FrameType
 
 STOPPED, TERMINATED = 130, 143  # 128 and the number of the signal, as shells have it
@@ -21,11 +22,13 @@ class Guard:
     running:  a verb is under way; it catches KeyboardInterrupt
     pressed:  it was raised; what fails after that fails because of it
     code:     with which a stopped command ends
+    release:  gives up what the process holds on the disk; for an end without Python's own
     """
 
     def __init__(self) -> None:
         self.running = self.pressed = False
         self.code = STOPPED
+        self.release: Callable[[], object] | None = None
 
     def stand(self) -> None:
         """Begin; a Ctrl-C that the shell wants ignored stays ignored."""
@@ -49,7 +52,11 @@ class Guard:
     def end_at_once(self) -> None:
         """Without another line of Python: what is half imported would fail in words of its own."""
         os.write(2, b"dualdrive: stopped\n")
-        os._exit(self.code)
+        try:
+            if self.release is not None:
+                self.release()
+        finally:
+            os._exit(self.code)
 
 
 def _finishing() -> bool:

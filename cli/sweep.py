@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-import signal
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from click.core import ParameterSource
 from rich.table import Table
 
 from dualdrive import sweeps
-from dualdrive.files import write_atomically
+from dualdrive.files import FileError, write_atomically
 from dualdrive.machine import Machine
 from dualdrive.units import human, parse
 from dualdrive_cli._files import PICTURE, Writes
@@ -127,7 +126,7 @@ def command(
     other; exit code 1 only if none succeeded.
     """
     axes: dict[str, str] = ctx.obj
-    with _progress_bar() as progress, _stopped_by_ctrl_c(output):
+    with _progress_bar() as progress, _resumable(output):
         if resume and not axes:
             _refuse_anything_else(ctx)
             result = sweeps.resume(output, jobs=jobs, scheduler=scheduler, progress=progress)
@@ -186,19 +185,18 @@ def _refuse_double(m: Machine, settings: tuple[str, ...], axes: dict[str, str]) 
 
 
 @contextmanager
-def _stopped_by_ctrl_c(output: Path) -> Iterator[None]:
-    """Let a first Ctrl-C end the sweep in good order, a second one at once."""
-    before = signal.signal(signal.SIGINT, signal.SIG_DFL)  # a kill does the file no harm
+def _resumable(output: Path) -> Iterator[None]:
+    """Say, where Ctrl-C has left runs to be done, how they are done later."""
     try:
         yield
     except KeyboardInterrupt:
-        with sweeps.load_sweep(output) as partial:
-            total = math.prod(partial.shape)
-            done = total - partial.pending
-        again = f"'dualdrive sweep --resume -o {output}' completes it"
-        give_up(f"{output}: stopped with {done} of {total} runs done; {again}", STOPPED)
-    finally:
-        signal.signal(signal.SIGINT, before)
+        with suppress(FileError), sweeps.load_sweep(output) as partial:
+            total, left = math.prod(partial.shape), partial.pending
+            if left:
+                again = f"'dualdrive sweep --resume -o {output}' completes it"
+                done = f"{total - left} of {total} runs done"
+                give_up(f"{output}: stopped with {done}; {again}", STOPPED)
+        raise
 
 
 @contextmanager

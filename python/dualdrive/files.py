@@ -80,7 +80,7 @@ def target(path: Path) -> Path:
 
 def same_file(one: Path, other: Path) -> bool:
     """Whether two names, by links of either kind, mean one file, there already or not."""
-    if one.exists() and other.exists():
+    with suppress(OSError):  # a file that is not there, a name too long
         return one.samefile(other)
     return os.path.realpath(one) == os.path.realpath(other)
 
