@@ -19,6 +19,7 @@ from dualdrive.files import write_atomically
 from dualdrive.machine import Machine
 from dualdrive.motion import parse_motion
 from dualdrive.units import human
+from dualdrive_cli._numbers import Real
 from dualdrive_cli._shared import STOPPED, command_line, console, give_up
 from dualdrive_cli._traces import (
     interpolation_option,
@@ -42,7 +43,7 @@ def budget_option(seconds: float) -> Callable[..., Any]:
     """Time for computing, with its default."""
     return click.option(
         "--budget",
-        type=click.FloatRange(0, min_open=True),
+        type=Real(0, min_open=True),
         default=seconds,
         show_default=True,
         metavar="SECONDS",

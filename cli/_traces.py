@@ -14,6 +14,7 @@ from dualdrive.machine import Machine
 from dualdrive.motion import parse_motion
 from dualdrive.traces import Trace, read_parts
 from dualdrive_cli._files import TRACE, Reads
+from dualdrive_cli._numbers import Real, Whole
 from dualdrive_cli._shared import pairs
 
 traces_argument = click.argument("traces", nargs=-1, required=True, type=TRACE, metavar="TRACE...")
@@ -73,13 +74,13 @@ interpolation_option = click.option(
 _BALANCE = (
     click.option(
         "--cutoff",
-        type=click.FloatRange(0, min_open=True),
+        type=Real(0, min_open=True),
         metavar="HZ",
         help="Balance: low-pass of angles and torques; a tenth of the sampling rate unless given.",
     ),
     click.option(
         "--decimate",
-        type=click.IntRange(1),
+        type=Whole(1),
         help="Balance: every n-th sample counts.  [default: 10]",
     ),
     click.option(
@@ -90,7 +91,7 @@ _BALANCE = (
     ),
     click.option(
         "--standstill-share",
-        type=click.FloatRange(0, 1),
+        type=Real(0, 1),
         metavar="SHARE",
         help="Balance: standstill is below this share of the highest speed.  [default: 0.01]",
     ),

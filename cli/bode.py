@@ -73,6 +73,7 @@ def command(
     _refuse_two(open_loop, drives, poles)
     m = load(machine, settings)
     f = _frequencies(frequencies)
+    turning = parse(speed, m.unit_of("omega_m", "rad/s"), key="--speed")
     if poles:
         _poles(m, json_to)
         return
@@ -91,7 +92,7 @@ def command(
         if open_loop or cut:
             rule = "measures --input to --output with the loops closed (Omega_1: position open)"
             raise ValueError(f"--simulate: {rule}; leave --open-loop and --cut out")
-        found.append(_simulated(m, first, amplitude, speed, frequencies is not None))
+        found.append(_simulated(m, first, amplitude, turning, frequencies is not None))
     found += [linear.read_response(path, input=first.input, output=first.output) for path in files]
     margins = first.margins() if open_loop else None
     if plot:
@@ -124,7 +125,7 @@ def _frequencies(text: str | None) -> Any:
 
 
 def _simulated(
-    m: Machine, model: linear.FrequencyResponse, size: str, speed: str, as_given: bool
+    m: Machine, model: linear.FrequencyResponse, size: str, speed: float, as_given: bool
 ) -> linear.FrequencyResponse:
     """The same question put to the nonlinear machine, at 25 frequencies unless they were given."""
     from rich.progress import Progress
@@ -133,11 +134,10 @@ def _simulated(
     unit = {"theta_ref": "rad", "Omega_1": "rad/s"}.get(model.input, "N*m")
     name = {"theta_ref": "theta_ref", "Omega_1": "Omega_1"}.get(model.input, "T_load")
     amplitude = parse(size, m.unit_of(name, unit), key="--simulate")
-    turning = parse(speed, m.unit_of("omega_m", "rad/s"), key="--speed")
     with Progress(console=console(err=True), transient=True) as bar:
         task = bar.add_task("simulating", total=len(f))
         return linear.stepped_sine(
-            m, model.input, model.output, f, amplitude, speed=turning,
+            m, model.input, model.output, f, amplitude, speed=speed,
             progress=lambda done, _: bar.update(task, completed=done),
         )  # fmt: skip
 

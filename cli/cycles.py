@@ -14,6 +14,7 @@ from dualdrive.files import write_atomically
 from dualdrive.machine import Machine
 from dualdrive.units import human, parse
 from dualdrive_cli._files import PICTURE
+from dualdrive_cli._numbers import Whole
 from dualdrive_cli._shared import analysis, console, load, write_json
 from dualdrive_cli.sweep import Axes
 
@@ -30,7 +31,7 @@ from dualdrive_cli.sweep import Axes
 @click.option("--settle", default="60s", show_default=True, help="How long it may settle.")
 @click.option("--branch", metavar="PARAMETER=STOP", help="Follow the cycle as this number changes, "
               "through folds.")  # fmt: skip
-@click.option("--points", type=click.IntRange(3, 1000), default=30, show_default=True,
+@click.option("--points", type=Whole(3, 1000), default=30, show_default=True,
               help="Orbits of a branch, at most.")  # fmt: skip
 @click.option("--plot", type=PICTURE, help="Draw it into a picture.")
 @analysis

@@ -11,6 +11,7 @@ from dualdrive.compare import compare
 from dualdrive.identify import Fit, FitError, Progress, fit
 from dualdrive.machine import Machine
 from dualdrive_cli._files import MACHINE, OUTPUT, TRACE
+from dualdrive_cli._numbers import Real, Whole
 from dualdrive_cli._shared import (
     FAILED,
     STOPPED,
@@ -46,10 +47,10 @@ from dualdrive_cli._traces import (
 @click.option("--free", multiple=True, metavar="KEY,KEY", help="What to fit, groups welcome.")
 @tolerance_option
 @click.option("--held-out", type=TRACE, multiple=True, help="A trace to test on.")
-@click.option("--starts", type=click.IntRange(1), default=1, show_default=True)
+@click.option("--starts", type=Whole(1), default=1, show_default=True)
 @scheduler_option
 @click.option("--channel", "channels", multiple=True, help="Fit these channels only.")
-@click.option("--confidence", type=click.FloatRange(0.5, 0.9999), default=0.95, show_default=True)
+@click.option("--confidence", type=Real(0.5, 0.9999), default=0.95, show_default=True)
 @map_option
 @part_option
 @set_option

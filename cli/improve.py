@@ -24,6 +24,7 @@ from dualdrive_cli._diagnosis import (
     told,
 )
 from dualdrive_cli._files import MACHINE, OUTPUT, PICTURE, TRACE
+from dualdrive_cli._numbers import Whole
 from dualdrive_cli._shared import (
     FAILED,
     STOPPED,
@@ -52,7 +53,7 @@ from dualdrive_cli._traces import (
 @traces_argument
 @click.option("--held-out", type=TRACE, multiple=True, help="A trace to test on.")
 @click.option("--ambiguous", is_flag=True, help="Add the leader of a group that stays unparted.")
-@click.option("--most", type=click.IntRange(0), default=MOST, show_default=True, help="Effects.")
+@click.option("--most", type=Whole(0), default=MOST, show_default=True, help="Effects.")
 @map_option
 @part_option
 @set_option

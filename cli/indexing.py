@@ -16,6 +16,7 @@ from dualdrive.machine import Machine, presets
 from dualdrive.traces import read_parts
 from dualdrive.units import conversion, parse, parse_values
 from dualdrive_cli._files import PICTURE, Reads
+from dualdrive_cli._numbers import Whole
 from dualdrive_cli._shared import analysis, console, engine_option, load, write_json
 from dualdrive_cli._traces import map_option
 
@@ -30,7 +31,7 @@ _SHOWN = {"rad": ("deg", "arcsec"), "m": ("mm", "um"), "": ("", "")}
     "--targets", help="start:stop:count or a,b,c with units; eight round the circle unless given."
 )
 @click.option("--travel", help="Over which the axis is tested; else from first to last target.")
-@click.option("--repeats", type=click.IntRange(1), help="Approaches from each side.  [default: 5]")
+@click.option("--repeats", type=Whole(1), help="Approaches from each side.  [default: 5]")
 @click.option("--dwell", help="Stay at every target; of a trace, the shortest that is one.")
 @click.option("--window", help="End of the dwell over which the position is averaged.")
 @click.option("--still", help="By how much the table may move meanwhile: 1 arcsec, 1 µm.")
@@ -98,6 +99,8 @@ def _tested(
 
 
 def _simulated(machine: Machine, test: dict[str, Any]) -> Iso230:
+    if test["unit"]:
+        raise ValueError(f"--unit {test['unit']}: of a measured file; a machine has its own")
     angle = machine.unit_of("e", "rad")
     given = {
         name: _number(test[option], unit, option)

@@ -15,6 +15,7 @@ from rich.table import Table as Grid
 from dualdrive.files import write_atomically
 from dualdrive.paper import EXHIBITS, Exhibit, Table, page, reproduce, shown
 from dualdrive_cli._files import OUTPUT, WritesInto
+from dualdrive_cli._numbers import Whole
 from dualdrive_cli._shared import console, json_option, overwrite_option, verb, write_json
 
 
@@ -46,7 +47,7 @@ def _pictures(given: Mapping[str, Any]) -> list[str]:
 @click.option(
     "--page", "page_to", type=OUTPUT, metavar="FILE", help="Write everything as Markdown; needs -o."
 )
-@click.option("--jobs", type=click.IntRange(1), help="Threads; default: all cores.")
+@click.option("--jobs", type=Whole(1), help="Threads; default: all cores.")
 @json_option
 @overwrite_option
 @verb

@@ -11,6 +11,7 @@ from dualdrive.identify import PlayEstimate, estimate_play, with_torques
 from dualdrive.machine import Machine
 from dualdrive.traces import Trace
 from dualdrive_cli._files import MACHINE, PICTURE
+from dualdrive_cli._numbers import Real, Whole
 from dualdrive_cli._shared import (
     json_option,
     load,
@@ -27,29 +28,29 @@ from dualdrive_cli._traces import map_option, part_option, read_all, traces_argu
 @traces_argument
 @map_option
 @part_option
-@click.option("--drive", type=click.IntRange(1, 2), help="Mesh of this drive; of each unless told.")
+@click.option("--drive", type=Whole(1, 2), help="Mesh of this drive; of each unless told.")
 @click.option(
     "--machine",
     type=MACHINE,
     help="Takes ratios and torque constants from it; its play is not looked at.",
 )
-@click.option("--mesh-ratio", type=float, help="Turns of the pinion per turn of the ring.")
-@click.option("--gear-ratio", type=float, help="Turns of the motor per turn of the pinion.")
+@click.option("--mesh-ratio", type=Real(), help="Turns of the pinion per turn of the ring.")
+@click.option("--gear-ratio", type=Real(), help="Turns of the motor per turn of the pinion.")
 @click.option(
     "--load",
-    type=click.FloatRange(0, min_open=True),
+    type=Real(0, min_open=True),
     metavar="N*m",
     help="Torque from which a flank counts as closed; 0.3 of the largest unless given.",
 )
 @click.option(
     "--settle",
-    type=click.FloatRange(0),
+    type=Real(0),
     default=0.3,
     show_default=True,
     metavar="S",
     help="So long the torque must have had one sign.",
 )
-@click.option("--confidence", type=click.FloatRange(0.5, 0.9999), default=0.95, show_default=True)
+@click.option("--confidence", type=Real(0.5, 0.9999), default=0.95, show_default=True)
 @click.option("--plot", type=PICTURE, help="Draw the loop in the trace and the interval.")
 @json_option
 @overwrite_option

@@ -15,6 +15,7 @@ from dualdrive.run import Run
 from dualdrive.simulation import simulate
 from dualdrive.units import human, parse
 from dualdrive_cli._files import OUTPUT, PICTURE
+from dualdrive_cli._numbers import Real
 from dualdrive_cli._shared import (
     FAILED,
     analysis,
@@ -42,7 +43,7 @@ from dualdrive_cli._shared import (
 @click.option("--sensitivity", "sensitivities", multiple=True, help="Derivatives by a parameter.")
 @click.option("--signal", "signals", multiple=True, help="Record these signals only.")
 @click.option("--output-step", default="1ms", show_default=True, help="Time between samples.")
-@click.option("--rtol", type=float, help="Relative tolerance of the integrator.")
+@click.option("--rtol", type=Real(), help="Relative tolerance of the integrator.")
 @engine_option
 @method_option
 @click.option("-o", "--output", type=OUTPUT, help="Write the run as HDF5.")

@@ -18,6 +18,7 @@ from dualdrive.files import FileError, write_atomically
 from dualdrive.machine import Machine
 from dualdrive.units import human, parse
 from dualdrive_cli._files import PICTURE, Writes
+from dualdrive_cli._numbers import Real, Whole
 from dualdrive_cli._shared import (
     FAILED,
     STOPPED,
@@ -81,12 +82,12 @@ def _check_axis(name: str, options: set[str]) -> None:
 @click.option("--output-step", default="1ms", show_default=True, help="Time between samples.")
 @click.option("--keep", is_flag=False, flag_value="all", metavar="[NAME,NAME]", help="Store whole "
               "signals too: those named, or all.")  # fmt: skip
-@click.option("--rtol", type=float, default=1e-10, show_default=True, help="Relative tolerance.")
+@click.option("--rtol", type=Real(), default=1e-10, show_default=True, help="Relative tolerance.")
 @engine_option
 @method_option
 @click.option("--energy/--no-energy", default=True, help="Keep the balance of energy of every run.")
-@click.option("--max-steps", type=int, help="Give a run up after so many integration steps.")
-@click.option("--jobs", type=int, help="Threads; default: all cores.")
+@click.option("--max-steps", type=Whole(), help="Give a run up after so many integration steps.")
+@click.option("--jobs", type=Whole(), help="Threads; default: all cores.")
 @scheduler_option
 @click.option("-o", "--output", type=Writes(resumed=True), default="sweep.h5", show_default=True)
 @click.option("--resume", is_flag=True, help="Complete a sweep that was stopped.")

@@ -26,6 +26,7 @@ from dualdrive.tune import (
 )
 from dualdrive.units import human
 from dualdrive_cli._files import OUTPUT, PICTURE, Reads, Writes, WritesInto
+from dualdrive_cli._numbers import Real, Whole
 from dualdrive_cli._shared import (
     FAILED,
     STOPPED,
@@ -62,11 +63,11 @@ def _picture_of(step: int) -> str:
     metavar="MASTER SLAVE",
     help="Measured responses of both speed loops; step 3 judges them.",
 )
-@click.option("--tolerance-db", type=click.FloatRange(0, min_open=True), default=1.0,
+@click.option("--tolerance-db", type=Real(0, min_open=True), default=1.0,
               show_default=True, help="By how much the drives' responses may part.")  # fmt: skip
-@click.option("--tolerance-deg", type=click.FloatRange(0, min_open=True), default=5.0,
+@click.option("--tolerance-deg", type=Real(0, min_open=True), default=5.0,
               show_default=True)  # fmt: skip
-@click.option("--until", type=click.IntRange(0, 8), default=8, show_default=True,
+@click.option("--until", type=Whole(0, 8), default=8, show_default=True,
               help="Last step to do; 0 sets and writes drive parameters alone.")  # fmt: skip
 @click.option("--guided", is_flag=True, help="Ask after each step whether to keep it.")
 @click.option("-o", "--output", type=OUTPUT, help="Write the tuned machine, with its history.")
