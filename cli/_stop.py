@@ -7,6 +7,7 @@ KeyboardInterrupt, and ends in good order.
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import sys
@@ -35,6 +36,10 @@ class Guard:
         if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
             signal.signal(signal.SIGINT, self)
         signal.signal(signal.SIGTERM, self._terminate)
+        signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
+        sys.unraisablehook = self._swallowed
+        # last of all, when everything is written: the interpreter is about to drop its handlers
+        atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         if not self.running or _finishing():
@@ -48,6 +53,13 @@ class Guard:
         if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
             self(number, frame)
         signal.raise_signal(signal.SIGINT)
+
+    def _swallowed(self, lost: sys.UnraisableHookArgs) -> None:
+        """Where it was raised in a destructor, from which nothing can be raised: once more."""
+        if issubclass(lost.exc_type, KeyboardInterrupt) and self.running:
+            signal.setitimer(signal.ITIMER_REAL, 0.01)  # out of here, where it would be lost again
+        else:
+            sys.__unraisablehook__(lost)
 
     def end_at_once(self) -> None:
         """Without another line of Python: what is half imported would fail in words of its own."""
