@@ -21,6 +21,7 @@ from rich.console import Console
 from dualdrive.files import WriteError, write_atomically
 from dualdrive.machine import DEFAULT, Machine
 from dualdrive_cli._files import JSON, MACHINE, Files
+from dualdrive_cli._keys import SETTING
 from dualdrive_cli._stop import STOPPED as STOPPED
 from dualdrive_cli._stop import guard
 
@@ -134,6 +135,7 @@ machine_file_argument = click.argument("machine", type=MACHINE)
 set_option = click.option(
     "--set",
     "settings",
+    type=SETTING,
     multiple=True,
     metavar="KEY=VALUE",
     help="Change a parameter or choice; repeatable. Units welcome: --set meshes.gap=20arcsec",

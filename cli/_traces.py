@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,9 @@ from dualdrive.identify import Processing, Standstill
 from dualdrive.machine import Machine
 from dualdrive.motion import parse_motion
 from dualdrive.traces import Trace, read_parts
+from dualdrive.traces.log import Issue
 from dualdrive_cli._files import TRACE, Reads
+from dualdrive_cli._keys import SETTING
 from dualdrive_cli._numbers import Real, Whole
 from dualdrive_cli._shared import pairs
 
@@ -34,6 +36,7 @@ part_option = click.option(
 tolerance_option = click.option(
     "--tolerance",
     "tolerances",
+    type=SETTING,
     multiple=True,
     metavar="SHARE|KEY=SHARE",
     help="One sigma about the nominal value, for all or one: 0.1, table.J=5%.",
@@ -132,13 +135,23 @@ def read_all(
 
 def _tell_repairs(parts: dict[str, Trace], most: int = 6) -> None:
     """On stderr, what was amiss in the recordings and how it was met."""
-    told = list(
-        dict.fromkeys(f"{name}: {issue}" for name, p in parts.items() for issue in p.log.troubles)
-    )
+    found: dict[str, dict[str, Issue]] = {}  # kind -> name of a part -> the first of that kind
+    for name, part in parts.items():
+        for issue in part.log.troubles:
+            found.setdefault(issue.kind, {}).setdefault(name, issue)
+    told = [_once(kind, issues) for kind, issues in found.items()]
     for line in told[:most]:
         click.echo(line, err=True)
     if len(told) > most:
         click.echo(f"... and {len(told) - most} more; see trace.log in Python", err=True)
+
+
+def _once(kind: str, issues: Mapping[str, Issue]) -> str:
+    """A kind of trouble in a line: the first part's in full, the others by name."""
+    (first, issue), *others = issues.items()
+    names = [name for name, _ in others[:3]] + (["..."] if len(others) > 3 else [])
+    more = f"; {kind} in {len(others)} more: {', '.join(names)}" if others else ""
+    return f"{first}: {issue}{more}"
 
 
 def _recorded_under(parts: dict[str, Trace], setting: str, value: str) -> dict[str, Trace]:

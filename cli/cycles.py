@@ -14,6 +14,7 @@ from dualdrive.files import write_atomically
 from dualdrive.machine import Machine
 from dualdrive.units import human, parse
 from dualdrive_cli._files import PICTURE
+from dualdrive_cli._keys import SETTING
 from dualdrive_cli._numbers import Whole
 from dualdrive_cli._shared import analysis, console, load, write_json
 from dualdrive_cli.sweep import Axes
@@ -29,8 +30,8 @@ from dualdrive_cli.sweep import Axes
 @click.option("--kick", default="1e-3", show_default=True, help="Speed of the table from which a "
               "simulation starts.")  # fmt: skip
 @click.option("--settle", default="60s", show_default=True, help="How long it may settle.")
-@click.option("--branch", metavar="PARAMETER=STOP", help="Follow the cycle as this number changes, "
-              "through folds.")  # fmt: skip
+@click.option("--branch", type=SETTING, metavar="PARAMETER=STOP",
+              help="Follow the cycle as this number changes, through folds.")  # fmt: skip
 @click.option("--points", type=Whole(3, 1000), default=30, show_default=True,
               help="Orbits of a branch, at most.")  # fmt: skip
 @click.option("--plot", type=PICTURE, help="Draw it into a picture.")

@@ -11,6 +11,7 @@ from dualdrive.compare import compare
 from dualdrive.identify import Fit, FitError, Progress, fit
 from dualdrive.machine import Machine
 from dualdrive_cli._files import MACHINE, OUTPUT, TRACE
+from dualdrive_cli._keys import KEY
 from dualdrive_cli._numbers import Real, Whole
 from dualdrive_cli._shared import (
     FAILED,
@@ -44,7 +45,9 @@ from dualdrive_cli._traces import (
 )
 @click.argument("machine", type=MACHINE)
 @traces_argument
-@click.option("--free", multiple=True, metavar="KEY,KEY", help="What to fit, groups welcome.")
+@click.option(
+    "--free", type=KEY, multiple=True, metavar="KEY,KEY", help="What to fit, groups welcome."
+)
 @tolerance_option
 @click.option("--held-out", type=TRACE, multiple=True, help="A trace to test on.")
 @click.option("--starts", type=Whole(1), default=1, show_default=True)

@@ -12,6 +12,7 @@ from dualdrive.motion import parse_motion
 from dualdrive.optimise import ACCURACY, Corner, Front, OptimiseError, corners, optimise
 from dualdrive.units import parse_values
 from dualdrive_cli._files import PICTURE
+from dualdrive_cli._keys import SETTING
 from dualdrive_cli._shared import (
     FAILED,
     analysis,
@@ -30,6 +31,7 @@ from dualdrive_cli._shared import (
 @click.option("--motion", help="Duty cycle; default: the machine's usual move, there and back.")
 @click.option(
     "--over",
+    type=SETTING,
     multiple=True,
     metavar="PATH=VALUES",
     help="Numbers to choose, start:stop:count or a,b,c; repeatable. Default: tension and gain.",
@@ -37,6 +39,7 @@ from dualdrive_cli._shared import (
 @click.option(
     "--corner",
     "spread",
+    type=SETTING,
     multiple=True,
     metavar="PATH=LOW:HIGH",
     help="What is not known or changes; repeatable; 80%:120% of the machine's own. Default: "

@@ -15,6 +15,7 @@ from dualdrive.run import Run
 from dualdrive.simulation import simulate
 from dualdrive.units import human, parse
 from dualdrive_cli._files import OUTPUT, PICTURE
+from dualdrive_cli._keys import KEY
 from dualdrive_cli._numbers import Real
 from dualdrive_cli._shared import (
     FAILED,
@@ -40,7 +41,9 @@ from dualdrive_cli._shared import (
 @click.option("--end", help="When to stop, s; else the motion says.")
 @click.option("--load", "load_torque", help="Constant load on the table, against positive motion.")
 @click.option("--initial", multiple=True, metavar="STATE=VALUE", help="Start value of a state, SI.")
-@click.option("--sensitivity", "sensitivities", multiple=True, help="Derivatives by a parameter.")
+@click.option(
+    "--sensitivity", "sensitivities", type=KEY, multiple=True, help="Derivatives by a parameter."
+)
 @click.option("--signal", "signals", multiple=True, help="Record these signals only.")
 @click.option("--output-step", default="1ms", show_default=True, help="Time between samples.")
 @click.option("--rtol", type=Real(), help="Relative tolerance of the integrator.")

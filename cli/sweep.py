@@ -11,6 +11,7 @@ from pathlib import Path
 
 import click
 from click.core import ParameterSource
+from click.shell_completion import CompletionItem
 from rich.table import Table
 
 from dualdrive import sweeps
@@ -18,6 +19,7 @@ from dualdrive.files import FileError, write_atomically
 from dualdrive.machine import Machine
 from dualdrive.units import human, parse
 from dualdrive_cli._files import PICTURE, Writes
+from dualdrive_cli._keys import keys
 from dualdrive_cli._numbers import Real, Whole
 from dualdrive_cli._shared import (
     FAILED,
@@ -41,6 +43,8 @@ class Axes(click.Command):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Set the axes aside before the options are read: values such as -1:1:5 look like one."""
+        if ctx.resilient_parsing:  # the shell completes a line that is not finished
+            return super().parse_args(ctx, [word for word in args if not word.startswith("--")])
         own = {name for option in self.get_params(ctx) for name in option.opts}
         axes: dict[str, str] = {}
         rest: list[str] = []
@@ -60,6 +64,14 @@ class Axes(click.Command):
             axes[name.removeprefix("--")] = values
         ctx.obj = axes
         return super().parse_args(ctx, rest)
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Options, and every parameter as one."""
+        own = super().shell_complete(ctx, incomplete)
+        if not incomplete.startswith("--"):
+            return own
+        axes = (f"--{key}" for key in (*sweeps.ALIASES, *keys(ctx)))
+        return own + [CompletionItem(axis) for axis in axes if axis.startswith(incomplete)]
 
 
 def _check_axis(name: str, options: set[str]) -> None:
@@ -232,12 +244,19 @@ def _report(result: sweeps.Sweep, json_to: str | None, plot: Path | None) -> Non
         about.add_row(path, f"{first} to {last}, {len(values)} values")
     for written in filter(None, (result.path, plot)):
         about.add_row("written", str(written))
+    steady = dict[str, str]()
     ranges = Table("figure", "lowest", "at", "highest", "at", box=None, pad_edge=False)
     for name in result.figures:
         if ends := result.range(name):
             low, high = (_extreme(result, name, run) for run in ends)
-            ranges.add_row(name, *low, *high)
-    console().print(about, ranges)
+            if low[0] == high[0]:  # in the digits that are shown
+                steady[name] = low[0]
+            else:
+                ranges.add_row(name, *low, *high)
+    console().print(about, *([ranges] if ranges.row_count else []))
+    if steady:
+        named = ", ".join(f"{name} {value}" for name, value in steady.items())
+        console().print(f"do not change over the grid: {named}", markup=False)
 
 
 def _extreme(result: sweeps.Sweep, figure: str, run: int) -> tuple[str, str]:

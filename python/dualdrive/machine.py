@@ -299,6 +299,11 @@ class Machine:
     def __repr__(self) -> str:
         return f"<Machine {self.name}: {self.title}>"
 
+    def _repr_html_(self) -> str:
+        from dualdrive.describe import html
+
+        return html(self)
+
 
 def _usual_place(effect: str) -> str:
     """The first place that an effect names for itself."""

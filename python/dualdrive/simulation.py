@@ -143,8 +143,10 @@ def driven(
 
 
 def _is_zero(load: Signal) -> bool:
-    """No load at all: as an input it would be one more column of the engines' matrices, whose other
-    rounding shows in the last digits of every signal.
+    """Whether there is no load at all.
+
+    As an input it would be one more column of the engines' matrices, whose other rounding shows in
+    the last digits of every signal.
     """
     return isinstance(load, (int, float)) and load == 0
 
