@@ -28,7 +28,7 @@ from dualdrive.files import (
 )
 
 
-class _Name(click.ParamType):
+class _Name(click.ParamType):  # type: ignore[type-arg]  # generic in new click only
     """The name of a file or folder; the shell completes it."""
 
     name = "file"

@@ -20,7 +20,7 @@ def keys(ctx: click.Context) -> list[str]:
     return sorted(paths | {f"controller.{choice}" for choice in m.core.controller_options})
 
 
-class Key(click.ParamType):
+class Key(click.ParamType):  # type: ignore[type-arg]  # generic in new click only
     """Text that begins with a key of the machine, or holds several between commas.
 
     behind:  what stands behind a key, such as "="

@@ -75,7 +75,7 @@ def _end_with(error: Exception) -> NoReturn:
     """One line and an exit code, or the error again where it is none that a verb may raise."""
     match error:
         case BrokenPipeError():  # the reader, `head` say, has seen enough
-            sys.stdout = None  # type: ignore[assignment]
+            sys.stdout = None
             raise SystemExit(0) from None
         case OSError():
             # what is still buffered would fail again at the end, with an exit code of its own
