@@ -202,6 +202,10 @@ class Files:
     def __enter__(self) -> Self:
         self._refuse_confusion()
         self._refuse_replacing()
+        made = {folder.absolute() for folder in self._folders}
+        for output in self._outputs:
+            if output.path.absolute().parent not in made:
+                refuse_unwritable(output.path)
         for folder in self._folders:
             make_folder(folder)
         for output in self._outputs:

@@ -235,9 +235,9 @@ class Run:
 
     def plot(self, *, window: tuple[float, float] | None = None) -> Figure:
         """Motion, error, torques and flanks on one page; see dualdrive.plots.overview."""
-        from dualdrive.plots import overview
+        import dualdrive  # its lazy name: the plots themselves know what a run is
 
-        return overview(self, window=window)
+        return dualdrive.plots.overview(self, window=window)
 
     @property
     def _words(self) -> str:
