@@ -300,9 +300,9 @@ class Machine:
         return f"<Machine {self.name}: {self.title}>"
 
     def _repr_html_(self) -> str:
-        from dualdrive.describe import html
+        import dualdrive  # its lazy name: the description itself knows what a machine is
 
-        return html(self)
+        return dualdrive.describe.html(self)
 
 
 def _usual_place(effect: str) -> str:
