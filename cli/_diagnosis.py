@@ -20,6 +20,7 @@ from dualdrive.files import write_atomically
 from dualdrive.machine import Machine
 from dualdrive.motion import parse_motion
 from dualdrive.units import human
+from dualdrive_cli._numbers import Real
 from dualdrive_cli._shared import STOPPED, command_line, console, give_up
 from dualdrive_cli._traces import (
     interpolation_option,
@@ -43,8 +44,8 @@ def budget_option(balance: float) -> Callable[..., Any]:
     """Time after which a search is stopped; balance: what a torque balance spends, s."""
     return click.option(
         "--budget",
-        type=click.FloatRange(0, min_open=True),
-        default=math.inf,
+        type=Real(0, min_open=True),
+        callback=lambda _ctx, _option, seconds: math.inf if seconds is None else seconds,
         show_default=f"none; {balance:g} s for a torque balance",
         metavar="SECONDS",
         help="Stop the search after so long; an answer that was cut is called unfinished.",

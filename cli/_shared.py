@@ -1,7 +1,7 @@
 """What the verbs share: how they fail, how they write JSON, how they take a machine.
 
 Exit codes: 0 done; 1 a computation failed or a result could not be written; 2 the command line or
-an input file makes no sense, and nothing was computed; 130 stopped with Ctrl-C.
+an input file makes no sense, and nothing was computed; 130 stopped with Ctrl-C, 143 by SIGTERM.
 """
 
 from __future__ import annotations
@@ -20,43 +20,72 @@ from rich.console import Console
 
 from dualdrive.files import WriteError, write_atomically
 from dualdrive.machine import DEFAULT, Machine
+from dualdrive_cli._files import JSON, MACHINE, Files
+from dualdrive_cli._keys import SETTING
+from dualdrive_cli._stop import STOPPED as STOPPED
+from dualdrive_cli._stop import guard
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
-FAILED, USAGE, STOPPED = 1, 2, 130
+FAILED, USAGE = 1, 2
 
 
 def give_up(message: object, code: int) -> NoReturn:
     """End the command with one line on stderr."""
     click.echo(f"dualdrive: {' '.join(str(message).split())}", err=True)
-    raise SystemExit(code)
+    raise SystemExit(guard.code if code == STOPPED else code)
 
 
 def verb(function: Callable[P, R]) -> Callable[P, R]:
-    """Turn what a verb can raise into one line and an exit code."""
+    """Hold the rule for files, and turn what a verb can raise into one line and an exit code."""
 
     @functools.wraps(function)
     def guarded(*args: P.args, **kwargs: P.kwargs) -> R:
+        files = None
         try:
-            result = function(*args, **kwargs)
-            sys.stdout.flush()  # here, where a full disk can still be told
-            return result
-        except BrokenPipeError:  # the reader, `head` say, has seen enough
+            guard.running = True
+            files = Files(click.get_current_context())
+            with files:
+                guard.release = files.release
+                result = function(*args, **kwargs)
+                sys.stdout.flush()  # here, where a full disk can still be told
+                return result
+        except Exception as error:
+            if guard.pressed:  # what Ctrl-C broke fails in words of its own
+                give_up(_kept(files), STOPPED)
+            _end_with(error)
+        except KeyboardInterrupt:
+            give_up(_kept(files), STOPPED)
+        finally:
+            guard.running = False
+
+    return guarded
+
+
+def _kept(files: Files | None) -> str:
+    """What a stopped verb leaves behind."""
+    if not files:
+        return "stopped"
+    written = ", ".join(str(path) for path in files.written())
+    return f"stopped; written before: {written}" if written else "stopped; nothing was written"
+
+
+def _end_with(error: Exception) -> NoReturn:
+    """One line and an exit code, or the error again where it is none that a verb may raise."""
+    match error:
+        case BrokenPipeError():  # the reader, `head` say, has seen enough
             sys.stdout = None
             raise SystemExit(0) from None
-        except OSError as error:
+        case OSError():
             # what is still buffered would fail again at the end, with an exit code of its own
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             give_up(f"standard output cannot be written: {error.strerror}", FAILED)
-        except KeyboardInterrupt:
-            give_up("stopped", STOPPED)
-        except (WriteError, RuntimeError) as error:  # a fit that can't be done, among others
+        case WriteError() | RuntimeError():  # a fit that can't be done, among others
             give_up(error, FAILED)
-        except (ValueError, KeyError) as error:
+        case ValueError() | KeyError():
             give_up(error.args[0] if error.args else error, USAGE)
-
-    return guarded
+    raise error
 
 
 def console(*, err: bool = False) -> Console:
@@ -101,23 +130,22 @@ def pairs(settings: tuple[str, ...]) -> list[tuple[str, str]]:
     return found
 
 
-def picture(_: click.Context, option: click.Parameter, path: Path | None) -> Path | None:
-    """Refuse a picture's file before anything is computed for it. Raises click.BadParameter."""
-    if path is not None and path.suffix.lower() not in (".png", ".pdf", ".svg"):
-        raise click.BadParameter(f"{path}: a picture ends in .png, .pdf or .svg", param=option)
-    return path
-
-
-machine_argument = click.argument("machine", default=DEFAULT)
+machine_argument = click.argument("machine", type=MACHINE, default=DEFAULT)
+machine_file_argument = click.argument("machine", type=MACHINE)
 set_option = click.option(
     "--set",
     "settings",
+    type=SETTING,
     multiple=True,
     metavar="KEY=VALUE",
     help="Change a parameter or choice; repeatable. Units welcome: --set meshes.gap=20arcsec",
 )
 json_option = click.option(
-    "--json", "json_to", metavar="FILE|-", help="Write the figures as JSON; - for standard output."
+    "--json",
+    "json_to",
+    type=JSON,
+    metavar="FILE|-",
+    help="Write the figures as JSON; - for standard output.",
 )
 engine_option = click.option(
     "--engine",

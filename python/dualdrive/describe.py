@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from html import escape
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -22,6 +23,7 @@ __all__ = [
     "bounds",
     "effect",
     "effects",
+    "html",
     "machine",
     "meaning",
     "reading",
@@ -157,6 +159,24 @@ def machine(m: Machine) -> dict[str, Any]:
         "parameters": {p.path: value_and_unit(p) | {"doc": p.doc} for p in m.parameters()},
         "history": list(m.history),
     }
+
+
+def html(m: Machine) -> str:
+    """A machine as a notebook shows it: what it is made of, and its numbers with their units."""
+    choices = ", ".join(f"{key} {value}" for key, value in m.core.controller_options.items())
+    head = {
+        "axis": f"{m.axis}, {m.drive_train}",
+        "controller": choices,
+        "effects": ", ".join(m.effects) or "none",
+    }
+    about = "".join(f"<tr><th>{key}</th><td>{escape(text)}</td></tr>" for key, text in head.items())
+    cells = ((p.path, reading(p), bounds(p), p.doc) for p in tied(m))
+    rows = "".join(f"<tr><td>{'</td><td>'.join(map(escape, row))}</td></tr>" for row in cells)
+    titles = "".join(f"<th>{title}</th>" for title in ("parameter", "value", "bounds", "meaning"))
+    return (
+        f"<p><b>{escape(m.name)}</b>: {escape(m.title)}</p><table>{about}</table>"
+        f"<details><summary>parameters</summary><table><tr>{titles}</tr>{rows}</table></details>"
+    )
 
 
 def effects() -> list[dict[str, Any]]:
