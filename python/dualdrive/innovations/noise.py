@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _LEAST_MEMORY, _MOST_MEMORY = 0.0, 0.9999
+_KNOWN = 0.05  # of the share at the table: a motor's unknown torque
 _STEP = 1e-3  # of a logarithm, for finite differences
 _LONGEST = 1.5  # step of a logarithm
 _FARTHEST = 14.0  # of a logarithm, from where the search began
@@ -81,7 +82,8 @@ def _wide(core: Any, records: Sequence[Predictable], share: float) -> dict[str, 
             if joint in core.connections:
                 ratio *= core.get(f"{joint}.ratio")
         table += found[motor] * ratio
-    return {**found, "table": table}
+    # what a motor gives is known from its current; what the table takes is not
+    return {**{motor: _KNOWN * s for motor, s in found.items()}, "table": table}
 
 
 def _rated(core: Any) -> float:
@@ -113,7 +115,7 @@ class _Coordinates:
         }
         factor = dict(zip(self.ties, np.exp(x[2 * n :]), strict=True))
         torque = {
-            body: max(float(s * factor[_tie(body)]), self.floor.get(body, 0.0))
+            body: max(float(s * factor.get(_tie(body), 1.0)), self.floor.get(body, 0.0))
             for body, s in own.torque.items()
         }
         return Noise({**own.drive, **grown}, {**own.memory, **kept}, torque)
@@ -128,6 +130,7 @@ def maximum_likelihood(
     evaluate: Evaluate,
     *,
     sensors: bool = True,
+    torques: bool = True,
     floor: Mapping[str, float] | None = None,
     steps: int = 10,
 ) -> tuple[Noise, float]:
@@ -139,7 +142,8 @@ def maximum_likelihood(
     Args:
         noise: where to begin.
         evaluate: of `GreyBox.under`.
-        sensors: whether sensors are estimated, too, or the torques alone.
+        sensors: whether the sensors' noise is estimated.
+        torques: whether the torques of unknown course are.
         floor: body -> least torque of unknown course.
         steps: most iterations.
 
@@ -147,7 +151,7 @@ def maximum_likelihood(
     own = _Coordinates(
         noise,
         tuple(sorted(noise.drive)) if sensors else (),
-        tuple(sorted({_tie(body) for body in noise.torque})),
+        tuple(sorted({_tie(body) for body in noise.torque})) if torques else (),
         dict(floor or {}),
     )
     x = np.zeros(len(own))

@@ -30,7 +30,7 @@ from dualdrive.innovations import (
 Array = NDArray[np.float64]
 
 _WIDE = 0.1  # of the drives' torque: unknown course at first
-_LOWER = 0.3  # of the unknown torque that the base leaves: where laws are tried
+_TRIAL = 0.03  # the same where laws are tried: little enough that they show, enough that refits arrive
 _LOWERING, _LOWERINGS = 0.2, 8  # of the unknown torque, step by step
 _BEGINS = (1.0, 0.3, 3.0, 10.0)  # where the first number of a part begins, times its usual one
 _HOPELESS = 3.0  # gain of a score test, over the inflation, below which no refit is worth it
@@ -121,6 +121,7 @@ class _Search:
         self.screened: list[tuple[str, Scored]] = []
         self.tried: dict[str, float] = {}
         self.finals: dict[str, Fitted] = {}
+        self.trial: Noise
 
     def run(self) -> Selection:
         base = self._base()
@@ -182,17 +183,20 @@ class _Search:
         self.tell("refitting the data sheet's numbers")
         grey = self.grey
         nothing = Variant(self.core)
-        noise = first_noise(self.core, grey.records, _WIDE)
+        wide = first_noise(self.core, grey.records, _WIDE)
         theta = grey.start(nothing)
-        point = fit(grey, nothing, theta, grey.gains(nothing, theta, noise), refresh=(0, 2, 4))
-        return self._final(point, noise)
+        point = fit(grey, nothing, theta, grey.gains(nothing, theta, wide), refresh=(0, 2, 4))
+        # under so much unknown torque any machine follows: what is left is the sensors' own
+        wide, _ = maximum_likelihood(wide, grey.under(nothing, point.theta), torques=False)
+        self.trial = wide.with_torque(_TRIAL / _WIDE)
+        return self._final(point, wide)
 
     def _step(self, leader: Fitted, lower: bool) -> list[Fitted]:
         """Every law beside the leader: screened, the best refitted, their noise estimated."""
         grey = self.grey
-        noise = leader.noise.with_torque(_LOWER) if lower else leader.noise
-        point, gains = leader.point, leader.gains
-        if lower:
+        noise, point, gains = leader.noise, leader.point, leader.gains
+        if lower and any(noise.torque[b] > s for b, s in self.trial.torque.items()):
+            noise = self.trial
             gains = grey.gains(leader.variant, point.theta, noise)
             point = fit(grey, leader.variant, point.theta, gains, steps=4, refresh=(0, 2))
         over = inflation(point)
@@ -205,19 +209,22 @@ class _Search:
             lambda done, of: self.tell(f"score tests beside {beside}: {done} of {of}"),
         )  # fmt: skip
         self.screened += [(beside, s) for s in found]
-        refits = []
-        chosen = self._chosen(found)
+        refits: list[Point] = []
+        chosen = self._chosen(found, noise is self.trial)
         for k, s in enumerate(chosen, 1):
             if grey.counter.stop():
                 break
             self.tell(f"refitting {s.variant.key} ({k} of {len(chosen)})")
             own = self._refit(point, s, columns, gains, noise)
-            gain = (point.minus_two_log - own.minus_two_log) / over
-            self.tried[s.variant.key] = gain
             if not own.lost:
-                refits.append((gain - 2.0 * np.log(s.variant.looks), own))
-        refits.sort(key=lambda x: -x[0])
-        best = _one_each([p for gain, p in refits if gain > _WORTH])[: self.effort.finals]
+                refits.append(own)
+        # what the best of them leaves is nearest to noise: its colour weighs the gains of all
+        over = min([over, *map(inflation, refits)])
+        gains_of = {p.variant.key: (point.minus_two_log - p.minus_two_log) / over for p in refits}
+        self.tried.update(gains_of)
+        looked = [(gains_of[p.variant.key] - 2.0 * np.log(p.variant.looks), p) for p in refits]
+        looked.sort(key=lambda x: -x[0])
+        best = _one_each([p for gain, p in looked if gain > _WORTH])[: self.effort.finals]
         return self._compared(best, noise)
 
     def _compared(self, points: Sequence[Point], noise: Noise) -> list[Fitted]:
@@ -250,12 +257,12 @@ class _Search:
         except ValueError:
             return None
 
-    def _chosen(self, found: Sequence[Scored]) -> list[Scored]:
+    def _chosen(self, found: Sequence[Scored], lacks: bool) -> list[Scored]:
         """What is refitted: the best scores, and parts whose probe says little of their size."""
         known = [s for s in found if np.isfinite(s.gain)]
         known.sort(key=lambda s: -(s.gain - 2.0 * np.log(s.variant.looks)))
         best = [s for s in known if s.gain > _HOPELESS][: self.effort.refitted]
-        far = [s for s in found if s not in best and _is_part(s.variant)]
+        far = [s for s in found if s not in best and _is_part(s.variant)] if lacks else []
         return best + far
 
     def _refit(
