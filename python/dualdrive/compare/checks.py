@@ -219,7 +219,7 @@ def _command(trace: Trace) -> Iterator[Finding]:
     reference, measured = trace["theta_ref"], trace["theta_m"]
     slope = float(np.polyfit(reference - reference.mean(), measured - measured.mean(), 1)[0])
     if abs(slope - 1.0) > _FOLLOWS:
-        # a loop may enlarge what comes at its resonance; three times on average, or backwards, none does
+        # a loop may enlarge what comes at its resonance; thrice on average, or backwards, none
         foreign = not 1.0 / _FOREIGN < slope < _FOREIGN
         why = (
             "a unit or a sign is wrong in one of them, see the mapping"

@@ -77,9 +77,7 @@ def diagnose_closed_loop(
     return _told(machine, grey, found, decision, played, traces, warnings, job)
 
 
-def nominal_unknowns(
-    core: Any, tolerance: float | Mapping[str, float] | None
-) -> list[Unknown]:
+def nominal_unknowns(core: Any, tolerance: float | Mapping[str, float] | None) -> list[Unknown]:
     """Numbers of the data sheet that every hypothesis may move, each mesh's play by itself.
 
     Raises:
@@ -267,7 +265,7 @@ def noise_floor(grey: GreyBox, f: Fitted, played: Sequence[Record]) -> float:
 def _cross_validated(grey: GreyBox, f: Fitted) -> float:
     """Error on blocks of time that a fit did not see, over that on those it saw.
 
-    One Gauss-Newton step takes each block out of the fit (Ljung, System Identification, section 16.4).
+    One Gauss-Newton step takes each block out of the fit (Ljung, System Identification, 16.4).
     """
     point = f.point
     columns = np.stack(grey.columns(point, range(len(point.theta)), f.gains))

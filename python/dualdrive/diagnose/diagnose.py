@@ -168,9 +168,7 @@ def diagnose(
             return with_time(
                 diagnose_closed_loop(machine, played, recorded, warnings, job), clock.used
             )
-        c: Confrontation = TorqueBalance(
-            core, recorded, own, apart=not late, tolerance=tolerance
-        )
+        c: Confrontation = TorqueBalance(core, recorded, own, apart=not late, tolerance=tolerance)
         result = search(c, Work(clock, threads or os.cpu_count() or 1, tell))
         whole = Clock(budget, stop.is_set)
         whole.begin, whole.cut = clock.begin, clock.cut

@@ -62,7 +62,9 @@ def _opening(
             f"{floor}. Nothing is missing that these records could show."
         )
     if verdict == "parameters":
-        which = f" ({', '.join(moved[:_FEW])}{', ...' if len(moved) > _FEW else ''})" if moved else ""
+        which = (
+            f" ({', '.join(moved[:_FEW])}{', ...' if len(moved) > _FEW else ''})" if moved else ""
+        )
         return (
             f"No effect is missing, but numbers of the data sheet are off{which}: refitted, the "
             f"simulated error falls from {nominal} to {refitted}; sensors alone {floor}."

@@ -74,7 +74,9 @@ def fit(
         if grey.counter.stop():
             break
         s = 1.0 / inflation(now)
-        if free_shared and (columns is None or (step in refresh and (step or shared_columns is None))):
+        if free_shared and (
+            columns is None or (step in refresh and (step or shared_columns is None))
+        ):
             columns = grey.columns(now, range(m), gains)
         own = grey.columns(now, range(m, n), gains)
         J = np.stack([*(columns or []), *own])
@@ -86,7 +88,9 @@ def fit(
         best = None
         trials: list[Array] = []
         for damping in _DAMPINGS:
-            d = _bounded_step(H + damping * np.diag(np.diag(H) + 1e-12), g, now.theta, low, high, free)
+            d = _bounded_step(
+                H + damping * np.diag(np.diag(H) + 1e-12), g, now.theta, low, high, free
+            )
             trials += [np.clip(now.theta + a * d, low, high) for a in _SHORTER]
         for batch in (trials[:2], trials[2:4], trials[4:]):
             found = grey.points([variant] * len(batch), batch, gains)
@@ -96,7 +100,12 @@ def fit(
                 best = found[k], costs[k]
                 break
         if best is None:
-            if columns is not None and free_shared and step not in refresh and shared_columns is not None:
+            if (
+                columns is not None
+                and free_shared
+                and step not in refresh
+                and shared_columns is not None
+            ):
                 shared_columns, columns = None, None  # the chord is worn out
                 continue
             break

@@ -1,7 +1,7 @@
 """A machine, records and what is not known: innovations at a point, and fits of it.
 
-Unknown are the nominal numbers within their tolerances, a constant of every sensor whose zero is not
-known, and the numbers of effects under trial. Fits are Levenberg-Marquardt steps on whitened
+Unknown are the nominal numbers within their tolerances, a constant of every sensor whose zero is
+not known, and the numbers of effects under trial. Fits are Levenberg-Marquardt steps on whitened
 innovations and priors; the gains are held within a fit.
 """
 
@@ -114,7 +114,8 @@ class GreyBox:
         self.pool = ThreadPoolExecutor(self.threads)
         self.counter = counter or Counter()
         self.speed = max(
-            float(np.sqrt(np.mean(np.gradient(r.record.reference, r.record.t) ** 2))) for r in records
+            float(np.sqrt(np.mean(np.gradient(r.record.reference, r.record.t) ** 2)))
+            for r in records
         )
 
     def _floating(self) -> dict[str, float]:
@@ -264,10 +265,12 @@ class GreyBox:
 
     def columns(self, point: Point, which: Sequence[int], gains: Sequence[Any]) -> list[Array]:
         """Derivatives of the residuals by some unknowns, finite differences, flat per unknown."""
-        low, high = self.bounds(point.variant)
+        _, high = self.bounds(point.variant)
         moved, steps = [], []
         for k in which:
-            step = _DIFFERENCE * (self.sigma[k] if k < self.shared and np.isfinite(self.sigma[k]) else 1.0)
+            step = _DIFFERENCE * (
+                self.sigma[k] if k < self.shared and np.isfinite(self.sigma[k]) else 1.0
+            )
             if point.theta[k] + step > high[k]:
                 step = -step
             theta = point.theta.copy()

@@ -63,7 +63,7 @@ def first_noise(core: Any, records: Sequence[Predictable], share: float) -> Nois
 
 
 def _wide(core: Any, records: Sequence[Predictable], share: float) -> dict[str, float]:
-    """Torque of unknown course at the table and at every motor, a share of what the drives needed."""
+    """Torque of unknown course at the table and every motor, a share of what the drives gave."""
     squares: dict[str, list[float]] = {}
     for r in records:
         for channel, y in zip(r.channels, r.measured.T, strict=True):
@@ -136,8 +136,8 @@ def maximum_likelihood(
 ) -> tuple[Noise, float]:
     """The noise under which records are likeliest, the machine held; and -2 log L there.
 
-    Fisher scoring on logarithms: the gradient of chi^2 + log det by finite differences, the curvature
-    from the derivatives of the whitened innovations.
+    Fisher scoring on logarithms: the gradient of chi^2 + log det by finite differences, the
+    curvature from the derivatives of the whitened innovations.
 
     Args:
         noise: where to begin.

@@ -111,7 +111,7 @@ def _places(core: Any, channel: str) -> list[str]:
 
 
 def _step(values: Array) -> float:
-    """Step to which a channel is rounded, 0 where none is seen: all readings are multiples of it."""
+    """Step to which a channel is rounded, of which all readings are multiples; 0: none is seen."""
     distances = np.diff(np.unique(values))
     finest = float(np.min(distances[distances > 1e-12 * np.ptp(values)]))
     whole = (values - values[0]) / finest

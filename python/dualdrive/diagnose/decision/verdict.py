@@ -59,14 +59,15 @@ def decide(core: Any, grey: GreyBox, found: Selection) -> Decision:
     left = missing_torque(core, grey, best)
     if not found.finished:
         return Decision("unfinished", ranked, (), missing, left)
-    explained = (
-        max((m.share for m in left.values()), default=0.0) <= threshold("unexplained torque")
-        and best.inflation <= threshold("inflation")
-    )
+    explained = max((m.share for m in left.values()), default=0.0) <= threshold(
+        "unexplained torque"
+    ) and best.inflation <= threshold("inflation")
     if not explained:
         return Decision("unknown", ranked, (), missing, left)
     if not best.variant.effects:
-        return Decision("parameters" if _moved(grey, best) else "adequate", ranked, (), missing, left)
+        return Decision(
+            "parameters" if _moved(grey, best) else "adequate", ranked, (), missing, left
+        )
     possible = [f for f, p in ranked if p >= threshold("possible") and f.variant.effects]
     group = tuple(dict.fromkeys(f.variant.label for f in possible))
     certain = ranked[0][1] >= threshold("certain")
@@ -92,9 +93,7 @@ def _moved(grey: GreyBox, f: Fitted) -> bool:
 def missing_torque(core: Any, grey: GreyBox, f: Fitted) -> dict[str, MissingTorque]:
     """Equation -> torque of unknown course that a fitted machine still asks for."""
     drives = {motor: _torque_of(core, grey, motor) for motor in core.motors}
-    at_table = float(
-        np.sqrt(sum((ratio_to_table(core, m) * t) ** 2 for m, t in drives.items()))
-    )
+    at_table = float(np.sqrt(sum((ratio_to_table(core, m) * t) ** 2 for m, t in drives.items())))
     found = {}
     for body, deviation in f.noise.torque.items():
         scale = at_table if body == "table" else drives.get(body, 0.0)

@@ -1,7 +1,7 @@
 """Order analysis of white innovations: which multiples of a part's angle they carry.
 
-Under a right model whitened innovations are white, so that a periodogram over an angle is chi-squared
-with two degrees of freedom a channel at every order (Brandt, Noise and Vibration Analysis, ch. 12).
+Under a right model whitened innovations are white, so that a periodogram over an angle is
+chi-squared with two degrees of freedom a channel at every order (Brandt, Noise and Vibration Analysis, ch. 12).
 A ripple that grows with the current, or a friction that turns with the speed, is carried by that.
 """
 
@@ -36,7 +36,9 @@ def strongest_orders(
         angle = angle_of(core, columns, place)
         if angle is None:
             continue
-        wave = _carrier(columns, place, CARRIERS.get(effect, ""), r.record.reference).astype(complex)
+        wave = _carrier(columns, place, CARRIERS.get(effect, ""), r.record.reference).astype(
+            complex
+        )
         turn = np.exp(1j * angle)
         travel = float(np.ptp(angle))
         fastest = float(np.median(np.abs(np.diff(angle))))

@@ -28,8 +28,7 @@ _BATCH = 16  # probes whose innovations are kept at a time
 class Scored:
     """A law and what it would gain.
 
-    gain:  fall of chi-squared, over the inflation of what the base leaves; NaN: its probe broke down
-    start: numbers of the effect as the test has them, where a refit may begin
+    gain: fall of chi-squared, over the inflation of what the base leaves; NaN: its probe broke down
     """
 
     variant: Variant

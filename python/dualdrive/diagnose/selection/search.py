@@ -1,8 +1,9 @@
 """Forward selection of laws by likelihood, the noise estimated beside every leader.
 
-A torque of unknown course bears what a model lacks: estimated by likelihood it is large where a law
-is missing and small once the right one is in. A refit begins with much of it (any machine follows the
-record then) and ends with the least that the records allow, where all of their information counts
+A torque of unknown course bears what a model lacks: estimated by likelihood it is large where a
+law is missing and small once the right one is in. A refit begins with much of it (any machine
+follows the record then) and ends with the least that the records allow, where all of their
+information counts
 (Kristensen, Madsen, Jørgensen, Computers & Chemical Engineering 28 (2004) 1431-1449).
 """
 
@@ -30,7 +31,9 @@ from dualdrive.innovations import (
 Array = NDArray[np.float64]
 
 _WIDE = 0.1  # of the drives' torque: unknown course at first
-_TRIAL = 0.03  # the same where laws are tried: little enough that they show, enough that refits arrive
+_TRIAL = (
+    0.03  # the same where laws are tried: little enough that they show, enough that refits arrive
+)
 _LOWERING, _LOWERINGS = 0.2, 8  # of the unknown torque, step by step
 _BEGINS = (1.0, 0.3, 3.0, 10.0)  # where the first number of a part begins, times its usual one
 _HOPELESS = 3.0  # gain of a score test, over the inflation, below which no refit is worth it
