@@ -18,7 +18,8 @@ class Delay {
 
     // Value at the start of a step.
     void push(double value) {
-        head_ = (head_ + 1) % ring_.size();
+        if (!on()) return;
+        head_ = head_ + 1 < ring_.size() ? head_ + 1 : 0;
         ring_[head_] = value;
     }
 

@@ -1,6 +1,8 @@
 // Fixed steps of fourth-order Runge-Kutta; dry friction sticks and slips between steps (Karnopp 1985).
 #pragma once
 
+#include <vector>
+
 #include "controller.hpp"
 #include "plant.hpp"
 
@@ -13,10 +15,12 @@ class Simulation {
           reference_(reference),
           plant_(p),
           controller_(p),
-          late_table_(p.table_delay, p.step, 0),
-          late_motor_{Delay(p.motor_delay[0], p.step, 0), Delay(p.motor_delay[1], p.step, 0)},
-          late_angle_{Delay(p.motor_delay[0], p.step, 0), Delay(p.motor_delay[1], p.step, 0)} {
-        for (std::size_t n = 0; n < 2; ++n) {
+          late_table_(p.table_delay, p.step, 0) {
+        for (std::size_t n = 0; n < max_drives; ++n) {
+            late_motor_.emplace_back(p.motor_delay[n], p.step, 0);
+            late_angle_.emplace_back(p.motor_delay[n], p.step, 0);
+        }
+        for (std::size_t n = 0; n < p_.count(); ++n) {
             x_[of(n, motor_angle)] = x_[of(n, pinion_angle)] = p.start_angle[n];
             x_[of(n, motor_speed)] = x_[of(n, pinion_speed)] = p.start_speed[n];
         }
@@ -34,7 +38,7 @@ class Simulation {
     // Remember the start of this step: delayed readings, samplers.
     void begin_step() {
         late_table_.push(table_reading());
-        for (std::size_t n = 0; n < 2; ++n) {
+        for (std::size_t n = 0; n < p_.count(); ++n) {
             late_motor_[n].push(speed_reading(n, x_));
             late_angle_[n].push(angle_reading(n));
         }
@@ -45,7 +49,7 @@ class Simulation {
         double h = p_.step;
         State a = slope(x_, 0), b = slope(moved(a, h / 2), 0.5), c = slope(moved(b, h / 2), 0.5),
               d = slope(moved(c, h), 1);
-        for (std::size_t i = 0; i < state_size; ++i) x_[i] += h / 6 * (a[i] + 2 * b[i] + 2 * c[i] + d[i]);
+        for (std::size_t i = 0; i < active_; ++i) x_[i] += h / 6 * (a[i] + 2 * b[i] + 2 * c[i] + d[i]);
         ++k_;
         catch_and_release();
     }
@@ -71,7 +75,7 @@ class Simulation {
 
     Readings readings(const State& x, double part) const {
         Readings r{late_table_.on() ? late_table_.at(part) : table_reading(x), {}, {}};
-        for (std::size_t n = 0; n < 2; ++n) {
+        for (std::size_t n = 0; n < p_.count(); ++n) {
             r.speed[n] = late_motor_[n].on() ? late_motor_[n].at(part) : speed_reading(n, x);
             r.current[n] = x[of(n, current)];
         }
@@ -79,19 +83,19 @@ class Simulation {
     }
 
     State moved(const State& rate, double h) const {
-        State x = x_;
-        for (std::size_t i = 0; i < state_size; ++i) x[i] += h * rate[i];
+        State x{};
+        for (std::size_t i = 0; i < active_; ++i) x[i] = x_[i] + h * rate[i];
         return x;
     }
 
     State slope(const State& x, double part) {
         State rate{};
         double t = time() + part * p_.step;
-        std::array<double, 2> U = {0, 0};
+        PerDrive<double> U{};
         if (p_.open == 0) U = controller_.act(reference_.at(t), readings(x, part), x, part, rate);
         Torques q = plant_.torques(t, x, rate);
         rate[table_angle] = x[table_speed];
-        for (std::size_t n = 0; n < 2; ++n) {
+        for (std::size_t n = 0; n < p_.count(); ++n) {
             rate[of(n, motor_angle)] = x[of(n, motor_speed)];
             rate[of(n, pinion_angle)] = x[of(n, pinion_speed)];
             rate[of(n, current)] = p_.open > 0 ? 0 : armature(n, x, U[n]);
@@ -137,11 +141,12 @@ class Simulation {
     }
 
     const Parameters& p_;
+    std::size_t active_ = of(p_.count(), motor_angle);  // states in use
     const Reference& reference_;
     Plant plant_;
     Controller controller_;
     Delay late_table_;
-    std::array<Delay, 2> late_motor_, late_angle_;
+    std::vector<Delay> late_motor_, late_angle_;
     State x_{};
     Sliding sliding_{};
     std::size_t k_ = 0;
