@@ -24,7 +24,6 @@ from dualdrive import Machine, motion, simulate
 
 _ATTEMPTS = 40
 _SHARE = 0.1
-_FINER = 4.0  # steps than a case's: what is left is not the fixed step's
 _SMOOTH_KNOT = 5e-4
 
 
@@ -82,7 +81,7 @@ def _agreement(effect: str, rng: np.random.Generator) -> Agreement:
     setting = records.setting(machine, plans[:1], [made])
     hidden = effects.draw(effect, setting, int(rng.integers(2**31)), _SHARE)
     real = {path: value for path, value in machine.items() if path not in hidden.without}
-    truth = plan.truth(real, (hidden,), finer=_FINER)
+    truth = plan.truth(real, (hidden,))
     cases.check(plan, truth, machine)
     if cases.hunts(truth):
         raise UnfitError("hunts")

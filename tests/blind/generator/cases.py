@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from tests.blind.generator import effects, evidence, machines, outside, records, sensors
+from tests.blind.generator import effects, evidence, machines, outside, records, rivals, sensors
 from tests.blind.generator import friction as _friction  # noqa: F401  (enters its effects)
 from tests.blind.generator import gearing as _gearing  # noqa: F401
 from tests.blind.generator import motors as _motors  # noqa: F401
@@ -65,7 +65,7 @@ def _draw(name: str, wanted: Wanted, rng: np.random.Generator) -> Case:
     machine = machines.draw(rng)
     plans = records.plans(machine, rng)
     recorder = sensors.draw(machine, plans[0].sample, rng)
-    made = [plan.truth(machine) for plan in plans]
+    made = [plan.truth(machine, finer=evidence.COARSE) for plan in plans]
     for plan, one in zip(plans, made, strict=True):
         check(plan, one, machine)
     setting = records.setting(machine, plans, made)
@@ -102,7 +102,9 @@ def _draw(name: str, wanted: Wanted, rng: np.random.Generator) -> Case:
 
 def _effect(one: Hidden) -> dict[str, Any]:
     keys = ("effect", "place", "equation", "parameters")
-    return {key: getattr(one, key) for key in keys} | {"engine": one.numbers}
+    entry = effects.EFFECTS.get(one.effect)
+    family = entry.draw.__module__.rsplit(".", 1)[-1] if entry else "outside"
+    return {key: getattr(one, key) for key in keys} | {"family": family, "engine": one.numbers}
 
 
 def _channels(machine: Mapping[str, float], known: bool, rng: np.random.Generator) -> tuple[str, ...]:
@@ -194,19 +196,24 @@ class Hiding:
             "detectability_of_each": each,
             "shares": shares,
         }
+        if self.count == 1 and self._draw is effects.draw:
+            change = nominals.change(self.effects)
+            apart, rival = rivals.nearest(self.effects[0], self._setting, nominals, change)
+            self.figures |= {"told": min(apart, each[0]), "rival": rival}
 
     def _share(self, k: int, nominals: evidence.Nominals) -> float:
         """Share of the strong amplitude, rounded, at which the ratio is near the one aimed at."""
         share, aim = 0.1, self._aims[k]
         for _ in range(5):
             one = self._at([share] * self.count)[k]
-            change = nominals.bench.whitened(nominals.bench.record((one,)), nominals.base)
-            size = nominals.ratio(change)
+            size = nominals.ratio(nominals.change((one,)))
             if aim / 2 < size < 2 * aim:
                 break
             step = float(np.sqrt(aim / max(size, 1e-3)))
             wanted = float(np.clip(share * np.clip(step, 0.01, 10), LEAST, 1.0))
             if wanted == share:
+                if size < VISIBLE:
+                    raise UnfitError("can not be seen")
                 break
             share = float(f"{wanted:.3g}")
         return share
@@ -214,6 +221,8 @@ class Hiding:
 
 def check(plan: Plan, made: Mapping[str, Array], machine: Mapping[str, float]) -> None:
     """A machine that runs away or lives at its limits is no record anybody would keep."""
+    if np.ptp(made["theta_ref"]) == 0 or np.ptp(made["theta_m"]) == 0:
+        raise UnfitError("stands still")
     error = made["theta_ref"] - made["theta_m"]
     twist = machine["motors.T_rated"] * machine["gearboxes.ratio"] / machine["meshes.stiffness"]
     play = (machine["meshes.gap"] + twist) / machine["meshes.ratio"]

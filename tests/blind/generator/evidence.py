@@ -19,7 +19,7 @@ from tests.blind.generator.engine import Array
 from tests.blind.generator.records import Plan
 from tests.blind.generator.sensors import Recorder
 
-COARSE = 0.6  # of the truth's steps: a slope needs no more
+COARSE = 0.25  # of the truth's steps: a slope needs no more
 _NUDGE = 0.01
 
 
@@ -84,6 +84,10 @@ class Nominals:
         """What is left of a change once the numbers have followed it, and their step in sigmas."""
         step = self._normal @ (self.slopes.T @ change)
         return change - self.slopes @ step, step
+
+    def change(self, hidden: tuple[Hidden, ...]) -> Array:
+        """What effects change in the records, in units of the noise."""
+        return self.bench.whitened(self.bench.record(hidden), self.base)
 
     def ratio(self, change: Array) -> float:
         """Log-likelihood ratio to first order."""

@@ -15,7 +15,7 @@ from tests.blind.generator.motions import Limits, Motion
 Rng = np.random.Generator
 RATES = (200, 250, 400, 500, 1000, 2000, 4000, 8000)
 _TICK = 1.25e-4  # all sample times are multiples of it, and it of the step
-_FOLLOWED = 0.12  # of a step times the fastest rate
+_FOLLOWED = 0.06  # of a step times the fastest rate
 MOST = 100_000  # samples in a case
 
 
@@ -84,7 +84,7 @@ def plans(machine: Mapping[str, float], rng: Rng) -> tuple[Plan, ...]:
     """One to eight records of any kinds, all on one clock."""
     sample = _sample(machine, rng)
     count = int(rng.choice([1, 2, 3, 4, 5, 6, 7, 8], p=[0.1, 0.2, 0.25, 0.15, 0.1, 0.08, 0.06, 0.06]))
-    whole = min(float(rng.uniform(20, 70)), 0.95 * MOST * sample)
+    whole = min(float(rng.uniform(20, 40)), 0.95 * MOST * sample)
     limits = _limits(machine)
     shares = rng.dirichlet(np.full(count, 6.0))
     made = []
@@ -127,7 +127,7 @@ def _settling(machine: Mapping[str, float]) -> float:
     """Until tension and position have settled, in whole ticks of the slowest clock."""
     slow = 10 / machine["controller.K_v"] + 6 * machine.get("controller.tau_t", 0.0)
     slow += 4 * machine.get("controller.T_E", 0.0) + 2 * machine["controller.T_N"]
-    return round(min(slow, 12.0) / 4e-3) * 4e-3
+    return round(min(slow, 8.0) / 4e-3) * 4e-3
 
 
 def _tension(machine: Mapping[str, float], first: bool, rng: Rng) -> float:

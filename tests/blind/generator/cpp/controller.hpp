@@ -23,7 +23,10 @@ struct Held {
 
 class Controller {
   public:
-    explicit Controller(const Parameters& p) : p_(p), lag_(p.delta_t, p.step, 0), late_(p.command_delay, p.step, 0) {}
+    explicit Controller(const Parameters& p) 
+        : p_(p),
+          lag_(p.delta_t, p.step, 0, p.position_sample > 0),
+          late_(p.command_delay, p.step, 0, p.position_sample > 0) {}
 
     // Voltages, and the rates of the controller's own states; `part` of the step gone by.
     PerDrive<double> act(const Command& c, const Readings& r, const State& x, double part, State& rate) {
