@@ -65,7 +65,7 @@ def _draw(name: str, wanted: Wanted, rng: np.random.Generator) -> Case:
     machine = machines.draw(rng)
     plans = records.plans(machine, rng)
     recorder = sensors.draw(machine, plans[0].sample, rng)
-    made = [plan.truth(machine, finer=evidence.COARSE) for plan in plans]
+    made = [plan.truth(machine, coarse=True) for plan in plans]
     for plan, one in zip(plans, made, strict=True):
         check(plan, one, machine)
     setting = records.setting(machine, plans, made)

@@ -10,7 +10,7 @@ within their tolerances, and a constant of every channel but the table's angle.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from tests.blind.generator import machines
@@ -19,7 +19,6 @@ from tests.blind.generator.engine import Array
 from tests.blind.generator.records import Plan
 from tests.blind.generator.sensors import Recorder
 
-COARSE = 0.25  # of the truth's steps: a slope needs no more
 _NUDGE = 0.01
 
 
@@ -31,6 +30,7 @@ class Bench:
     plans: Sequence[Plan]
     recorder: Recorder
     channels: tuple[str, ...]
+    _constants: dict[tuple[str, str], Array] = field(default_factory=dict, repr=False)
 
     def record(
         self, effects: tuple[Hidden, ...] = (), factors: Mapping[str, float] | None = None
@@ -38,7 +38,7 @@ class Bench:
         """Noise-free records of the machine, numbers times factors."""
         factors = factors or {}
         machine = {p: v * factors.get(p, 1.0) for p, v in self.machine.items()}
-        return [plan.truth(machine, effects, finer=COARSE) for plan in self.plans]
+        return [plan.truth(machine, effects, coarse=True) for plan in self.plans]
 
     def whitened(self, made: list[dict[str, Array]], base: list[dict[str, Array]]) -> Array:
         """made - base in units of the noise, all records and channels in one long vector.
@@ -50,11 +50,18 @@ class Bench:
             for name in self._sensed():
                 row = self._white(plan, name, own[name] - other[name], other[name])
                 if name != "theta_m":
-                    unit = np.full(len(row), self.recorder.sensors[name].rms)
-                    constant = self._white(plan, name, unit, other[name])
-                    row = row - constant * (constant @ row) / (constant @ constant)
+                    constant = self._constant(plan, name, other[name])
+                    row = row - constant * (constant @ row)
                 rows.append(row)
         return np.concatenate(rows)
+
+    def _constant(self, plan: Plan, name: str, course: Array) -> Array:
+        """A constant of that channel, whitened, of length one."""
+        if (plan.name, name) not in self._constants:
+            unit = np.full(len(course), self.recorder.sensors[name].rms)
+            white = self._white(plan, name, unit, course)
+            self._constants[plan.name, name] = white / np.linalg.norm(white)
+        return self._constants[plan.name, name]
 
     def _sensed(self) -> list[str]:
         return [name for name in self.channels if name not in ("theta_ref", "omega_ref")]

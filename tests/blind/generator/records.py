@@ -16,6 +16,7 @@ Rng = np.random.Generator
 RATES = (200, 250, 400, 500, 1000, 2000, 4000, 8000)
 _TICK = 1.25e-4  # all sample times are multiples of it, and it of the step
 _FOLLOWED = 0.06  # of a step times the fastest rate
+_FOLLOWED_COARSELY = 0.4  # enough for differences between records that are made alike
 MOST = 100_000  # samples in a case
 
 
@@ -33,30 +34,34 @@ class Plan:
     T_ten: float
 
     def truth(
-        self, machine: Mapping[str, float], effects: Iterable[Hidden] = (), finer: float = 1.0
+        self, machine: Mapping[str, float], effects: Iterable[Hidden] = (), coarse: bool = False
     ) -> dict[str, Array]:
-        """Noise-free channels as the drive's own sensors read them, each of shape (n,).
-
-        finer: so many times smaller steps; below 1, larger ones
-        """
+        """Noise-free channels as the drive's own sensors read them, each of shape (n,)."""
         numbers = machines.engine_numbers(machine)
         effects = tuple(effects)
         for one in effects:
-            _merge(numbers, one.numbers)
-        step = _TICK / np.ceil(_TICK * machines.fastest(numbers) / _FOLLOWED * finer)
+            merge(numbers, one.numbers)
+        step = self._step(numbers, coarse)
         numbers |= {"T_ten": self.T_ten, "begin": -self.lead, "end": self.motion.end}
-        numbers |= {"output_step": self.sample, "step": float(step)}
+        numbers |= {"output_step": self.sample, "step": step}
         told = {k: v for k, v in numbers.items() if k[0] != "@"}
         made = engine.run(told, knots=(self.motion.pieces, self.motion.length))
         for one in effects:
             if one.recorder:
-                made = _late(made, *one.recorder)
-        made = _bad_amplifier(made, numbers.get("@gain", 0.0), numbers.get("@cross", 0.0))
+                made = late(made, *one.recorder)
+        made = bad_amplifier(made, numbers.get("@gain", 0.0), numbers.get("@cross", 0.0))
         K_d = machine["motors.K_d"]
         return made | {f"T_{n}": K_d * made[f"I_{n}"] for n in range(1, int(machine["drives"]) + 1)}
 
+    def _step(self, numbers: Mapping[str, float], coarse: bool) -> float:
+        """The longest step that divides every clock and follows the fastest rate."""
+        clocks = [self.sample, *(v for k, v in numbers.items() if k.endswith("_sample") and v > 0)]
+        tick = 2 * _TICK if coarse and min(clocks) >= 4 * _TICK else _TICK
+        followed = _FOLLOWED_COARSELY if coarse else _FOLLOWED
+        return float(tick / np.ceil(tick * machines.fastest(numbers) / followed))
 
-def _merge(numbers: dict[str, float], more: Mapping[str, float]) -> None:
+
+def merge(numbers: dict[str, float], more: Mapping[str, float]) -> None:
     """Words beginning with + add to what the machine has."""
     for key, value in more.items():
         if key[0] == "+":
@@ -65,14 +70,14 @@ def _merge(numbers: dict[str, float], more: Mapping[str, float]) -> None:
             numbers[key] = value
 
 
-def _late(made: dict[str, Array], channel: str, delay: float) -> dict[str, Array]:
+def late(made: dict[str, Array], channel: str, delay: float) -> dict[str, Array]:
     """The recorder reads one channel late; before the record begins it held its first value."""
     t = made["t"]
     past = np.maximum(t - delay, t[0])
     return made | {channel: np.asarray(CubicSpline(t, made[channel])(past))}
 
 
-def _bad_amplifier(made: dict[str, Array], gain: float, cross: float) -> dict[str, Array]:
+def bad_amplifier(made: dict[str, Array], gain: float, cross: float) -> dict[str, Array]:
     """The recorder's channel of motor 1: a gain that grows in time, a share of motor 2."""
     if gain == 0 and cross == 0:
         return made

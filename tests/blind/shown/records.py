@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from tests.blind.generator import engine, machines, motion, noise
+from tests.blind.generator import engine, machines
 from tests.blind.generator.effects import Hidden, Setting
+from tests.blind.generator.records import bad_amplifier, late, merge
+from tests.blind.shown import families, motion, noise
 
 Array = NDArray[np.float64]
 STEP = 2e-5
@@ -43,46 +45,18 @@ class Plan:
         numbers |= {"T_ten": self.T_ten, "begin": -self.lead, "end": self.end}
         numbers |= {"output_step": self.sample, "step": step}
         for one in effects:
-            _merge(numbers, one.numbers)
+            merge(numbers, one.numbers)
         made = engine.run({k: v for k, v in numbers.items() if k[0] != "@"}, self.jerks)
         for one in effects:
             if one.recorder:
-                made = _late(made, *one.recorder)
-        made = _bad_amplifier(made, numbers.get("@gain", 0.0), numbers.get("@cross", 0.0))
+                made = late(made, *one.recorder)
+        made = bad_amplifier(made, numbers.get("@gain", 0.0), numbers.get("@cross", 0.0))
         return made | {f"T_{n}": machine["motors.K_d"] * made[f"I_{n}"] for n in (1, 2)}
-
-
-def _merge(numbers: dict[str, float], more: Mapping[str, float]) -> None:
-    """``+name`` adds to what is there; ``*name`` multiplies it."""
-    for key, value in more.items():
-        if key[0] == "+":
-            numbers[key[1:]] = numbers.get(key[1:], 0.0) + value
-        elif key[0] == "*":
-            numbers[key[1:]] = numbers[key[1:]] * value
-        else:
-            numbers[key] = value
-
-
-def _late(made: dict[str, Array], channel: str, delay: float) -> dict[str, Array]:
-    """The recorder reads one channel late; before the record begins it held its first value."""
-    from scipy.interpolate import CubicSpline
-
-    t = made["t"]
-    past = np.maximum(t - delay, t[0])
-    return made | {channel: np.asarray(CubicSpline(t, made[channel])(past))}
-
-
-def _bad_amplifier(made: dict[str, Array], gain: float, cross: float) -> dict[str, Array]:
-    """The recorder's channel of motor 1: a gain that grows in time, a share of motor 2."""
-    if gain == 0 and cross == 0:
-        return made
-    share = 1 + gain * made["t"] / made["t"][-1]
-    return made | {"I_1": share * made["I_1"] + cross * made["I_2"]}
 
 
 def plans(family: str, machine: Mapping[str, float], rng: np.random.Generator) -> tuple[Plan, ...]:
     """Two records: fast and slow, with two tensions, one of them off at times."""
-    kind = machines.FAMILIES[family]
+    kind = families.FAMILIES[family]
     fast, a, j = (float(rng.uniform(*kind[key])) for key in ("v", "a", "j"))
     lead = 0.0 if rng.random() < 0.3 else float(kind["settle"])
     sample = 4e-3 if rng.random() < 0.2 else 2e-3
@@ -123,6 +97,8 @@ def setting(machine: Mapping[str, float], both: tuple[Plan, ...]) -> Setting:
         travel=max(p.travel for p in both),
         rated_deflection=rated / machine["meshes.stiffness"],
         peak_torque=max(float(np.abs(run[f"T_{n}"]).max()) for run in runs for n in (1, 2)),
+        end=min(p.end for p in both),
+        sample=max(p.sample for p in both),
     )
 
 
@@ -149,7 +125,7 @@ class Recorder:
 
 def recorder(family: str, K_d: float, rng: np.random.Generator) -> Recorder:
     """Sensors of that family's quality, on a clock that jitters in seven cases of ten."""
-    kind = machines.FAMILIES[family]["sensors"]
+    kind = families.FAMILIES[family]["sensors"]
     sensors = {}
     for name in LOOP:
         rms, step = kind[name if name in kind else name.split("_")[0]]
