@@ -189,7 +189,7 @@ def _chirp(end: float, limits: Limits, rng: Rng) -> Course:
     def angle(t: Array) -> Array:
         along = low * end / growth * (np.exp(growth * t / end) - 1)
         w = 2 * np.pi * low * np.exp(growth * t / end)
-        size = np.minimum(limits.speed, 0.5 * limits.acceleration / w) / w
+        size = 1 / (w / limits.speed + 2 * w * w / limits.acceleration)
         return np.asarray(share * _window(t, end, 0.08 * end) * size * np.sin(2 * np.pi * along))
 
     return angle

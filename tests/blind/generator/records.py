@@ -90,7 +90,7 @@ def plans(machine: Mapping[str, float], rng: Rng) -> tuple[Plan, ...]:
     sample = _sample(machine, rng)
     count = int(rng.choice([1, 2, 3, 4, 5, 6, 7, 8], p=[0.1, 0.2, 0.25, 0.15, 0.1, 0.08, 0.06, 0.06]))
     whole = min(float(rng.uniform(20, 40)), 0.95 * MOST * sample)
-    limits = _limits(machine)
+    able = limits(machine)
     shares = rng.dirichlet(np.full(count, 6.0))
     made = []
     for k in range(count):
@@ -98,7 +98,7 @@ def plans(machine: Mapping[str, float], rng: Rng) -> tuple[Plan, ...]:
         tension = _tension(machine, first=k == 0, rng=rng)
         end = max(2.0, float(shares[k] * whole))
         kind = str(rng.choice(_kinds(machine)))
-        own = replace(limits, speed=limits.speed * float(10 ** rng.uniform(-0.6, 0)))
+        own = replace(able, speed=able.speed * float(10 ** rng.uniform(-0.6, 0)))
         motion = motions.draw(kind, end, sample, own, rng)
         made.append(Plan(f"{kind.replace(' ', '_')}_{k + 1}", motion, sample, lead, tension))
     return tuple(made)
@@ -112,7 +112,7 @@ def _sample(machine: Mapping[str, float], rng: Rng) -> float:
     return 1.0 / float(rng.choice(RATES, p=weights / weights.sum()))
 
 
-def _limits(machine: Mapping[str, float]) -> Limits:
+def limits(machine: Mapping[str, float]) -> Limits:
     """What rated torque and speed allow at the table; the answer is that of the position loop."""
     i, i_m, drives = machine["gearboxes.ratio"], machine["meshes.ratio"], machine["drives"]
     inertia = machine["table.J"] + drives * i_m**2 * machines.drive_inertia(machine)

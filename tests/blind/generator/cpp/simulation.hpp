@@ -1,6 +1,7 @@
 // Fixed steps of fourth-order Runge-Kutta; dry friction sticks and slips between steps (Karnopp 1985).
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "controller.hpp"
@@ -45,13 +46,16 @@ class Simulation {
         if (p_.open == 0) controller_.begin_step(k_, reference_.at(time()), readings(x_, 0), x_);
     }
 
+    // A step in which a flank is met or left, or a body sticks or slips, is done again in short ones.
     void step() {
-        double h = p_.step;
-        State a = slope(x_, 0), b = slope(moved(a, h / 2), 0.5), c = slope(moved(b, h / 2), 0.5),
-              d = slope(moved(c, h), 1);
-        for (std::size_t i = 0; i < active_; ++i) x_[i] += h / 6 * (a[i] + 2 * b[i] + 2 * c[i] + d[i]);
+        State before = x_;
+        Sliding slid = sliding_;
+        advance(0, 1);
+        if (sliding_ != slid || flanks(x_) != flanks(before)) {
+            x_ = before, sliding_ = slid;
+            for (int j = 0; j < short_steps; ++j) advance(static_cast<double>(j) / short_steps, 1.0 / short_steps);
+        }
         ++k_;
-        catch_and_release();
     }
 
     // What the drive's own sensors say now.
@@ -59,6 +63,8 @@ class Simulation {
     double motor_shown(std::size_t n) const { return late_angle_[n].on() ? late_angle_[n].at(0) : angle_reading(n); }
 
   private:
+    static constexpr int short_steps = 32;
+
     double table_reading() const { return table_reading(x_); }
     double table_reading(const State& x) const {
         double base = p_.base_J > 0 ? x[extra_angle] : 0;
@@ -80,6 +86,26 @@ class Simulation {
             r.current[n] = x[of(n, current)];
         }
         return r;
+    }
+
+    // By a part of a step, `from` which part of it on.
+    void advance(double from, double part) {
+        double h = part * p_.step;
+        State a = slope(x_, from), b = slope(moved(a, h / 2), from + part / 2),
+              c = slope(moved(b, h / 2), from + part / 2), d = slope(moved(c, h), from + part);
+        for (std::size_t i = 0; i < active_; ++i) x_[i] += h / 6 * (a[i] + 2 * b[i] + 2 * c[i] + d[i]);
+        catch_and_release(time() + (from + part) * p_.step);
+    }
+
+    // Which flank carries, of every play.
+    std::array<double, 2 * max_drives> flanks(const State& x) const {
+        std::array<double, 2 * max_drives> made{};
+        for (std::size_t n = 0; n < p_.count(); ++n) {
+            made[n] = sign(dead_zone(plant_.deflection(n, x).value, plant_.half_gap(n, x)));
+            double twist = x[of(n, motor_angle)] - x[of(n, pinion_angle)];
+            if (p_.shaft_gap[n] > 0) made[max_drives + n] = sign(dead_zone(twist, p_.shaft_gap[n]));
+        }
+        return made;
     }
 
     State moved(const State& rate, double h) const {
@@ -119,7 +145,7 @@ class Simulation {
     }
 
     // A body whose speed changed sign is caught; whoever is stuck and pulled too hard slides.
-    void catch_and_release() {
+    void catch_and_release(double t) {
         bool any = false;
         for (std::size_t body = 0; body < body_count; ++body) {
             if (sliding_[body] == nothing) continue;
@@ -129,7 +155,7 @@ class Simulation {
         }
         if (!any) return;
         State rate{};
-        release(plant_.torques(time(), x_, rate));
+        release(plant_.torques(t, x_, rate));
     }
 
     void release(const Torques& q) {
