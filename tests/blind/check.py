@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -45,7 +44,9 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--effects", nargs="+", default=sorted(effects.EFFECTS))
     parser.add_argument("--seed", type=int, default=0)
     told = parser.parse_args(arguments)
-    print(f"{'effect':28s} {'place':12s} {'motion':14s} {'worst':8s} {'apart':>10s} {'without it':>12s}")
+    print(
+        f"{'effect':28s} {'place':12s} {'motion':14s} {'worst':8s} {'apart':>10s} {'without it':>12s}"
+    )
     worst = 0.0
     for name in told.effects:
         one = agreement(name, told.seed)
@@ -89,18 +90,27 @@ def _agreement(effect: str, rng: np.random.Generator) -> Agreement:
     without = distances(truth, simulated(real, plan, (), truth), recorder)
     channel = max(apart, key=lambda name: apart[name])
     return Agreement(
-        hidden.effect, hidden.place, plan.motion.kind, channel, apart[channel], max(without.values())
+        hidden.effect,
+        hidden.place,
+        plan.motion.kind,
+        channel,
+        apart[channel],
+        max(without.values()),
     )
 
 
-def distances(one: Mapping[str, Array], other: Mapping[str, Array], of: Recorder) -> dict[str, float]:
+def distances(
+    one: Mapping[str, Array], other: Mapping[str, Array], of: Recorder
+) -> dict[str, float]:
     """By channel: rms of the difference over that of the noise, constants apart but of the table."""
     made = {}
     for name, values in other.items():
         change = values - one[name]
         change = change if name == "theta_m" else change - change.mean()
         sensor = of.sensors[name]
-        made[name] = float(np.sqrt(np.mean(change**2))) / float(np.hypot(sensor.rms, sensor.step / 12**0.5))
+        made[name] = float(np.sqrt(np.mean(change**2))) / float(
+            np.hypot(sensor.rms, sensor.step / 12**0.5)
+        )
     return made
 
 

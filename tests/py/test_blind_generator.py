@@ -11,8 +11,17 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 from tests.blind import check
-from tests.blind.generator import cases, effects, engine, evidence, machines, motions, parts
-from tests.blind.generator import records, sensors
+from tests.blind.generator import (
+    cases,
+    effects,
+    engine,
+    evidence,
+    machines,
+    motions,
+    parts,
+    records,
+    sensors,
+)
 from tests.blind.generator.motions import Limits
 from tests.blind.generator.records import Plan
 from tests.blind.generator.sensors import Sensor
@@ -129,7 +138,9 @@ def test_a_number_is_refitted_and_an_effect_is_not() -> None:
     numbers = drawn(2, clocked=False)
     plan = short("moves", numbers)
     recorder = sensors.draw(numbers, plan.sample, np.random.default_rng(5))
-    bench = evidence.Bench(numbers, [plan], recorder, ("theta_m", "theta_1", "theta_2", "I_1", "I_2"))
+    bench = evidence.Bench(
+        numbers, [plan], recorder, ("theta_m", "theta_1", "theta_2", "I_1", "I_2")
+    )
     nominals = evidence.Nominals(bench)
     heavier = bench.record(factors={"table.J": 1.03})
     raw = nominals.bench.whitened(heavier, nominals.base)

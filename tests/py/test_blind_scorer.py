@@ -79,7 +79,10 @@ def test_shares_count_what_they_say() -> None:
     assert naming["top-1 and place"]["share"] == pytest.approx(1 / 4)
     assert naming["top-1 where the record tells"]["of"] == 3
     assert naming["unknown, recall"]["share"] == 1.0
-    assert (naming["unknown, wrongly used"]["hits"], naming["unknown, wrongly used"]["of"]) == (1, 7)
+    assert (naming["unknown, wrongly used"]["hits"], naming["unknown, wrongly used"]["of"]) == (
+        1,
+        7,
+    )
     assert naming["cut"]["hits"] == 1
     assert naming["failed"]["hits"] == 1
     assert figures.trust(judged)["Brier"] == pytest.approx((0.1**2 + 0.6**2) / 2)

@@ -18,7 +18,6 @@ from terminal import Terminal
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 from tests.blind.generator import machines
-from tests.blind.shown import families
 from tests.blind.shown import ordered
 from tests.blind.shown.ordered import Order
 

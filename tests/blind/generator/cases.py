@@ -81,7 +81,9 @@ def _draw(name: str, wanted: Wanted, rng: np.random.Generator) -> Case:
     sheet = _sheet(real, wanted.group, rng)
     recorded = {p.name: recorder.read(truth[p.name], channels, p.sample, rng) for p in plans}
     stated = wanted.known or rng.random() < 0.5
-    text = machines.text(sheet, name, controller=stated, without=_left_out(truth, real, hiding, rng))
+    text = machines.text(
+        sheet, name, controller=stated, without=_left_out(truth, real, hiding, rng)
+    )
     form = str(rng.choice(FORMS, p=[0.65, 0.2, 0.15]))
     label = {
         "case": name,
@@ -107,7 +109,9 @@ def _effect(one: Hidden) -> dict[str, Any]:
     return {key: getattr(one, key) for key in keys} | {"family": family, "engine": one.numbers}
 
 
-def _channels(machine: Mapping[str, float], known: bool, rng: np.random.Generator) -> tuple[str, ...]:
+def _channels(
+    machine: Mapping[str, float], known: bool, rng: np.random.Generator
+) -> tuple[str, ...]:
     """Command, angles and currents; of an unknown loop angles, and currents or torques."""
     drives = range(1, int(machine["drives"]) + 1)
     angles = ("theta_m", *(f"theta_{n}" for n in drives))
@@ -166,7 +170,9 @@ class Hiding:
         words = [key for one in self.effects for key in one.numbers if key[0] != "+"]
         if len(set(words)) < len(words):
             raise UnfitError("two effects that are one number")
-        if not wanted.known and any(one.equation == "sensors" and not one.recorder for one in self.effects):
+        if not wanted.known and any(
+            one.equation == "sensors" and not one.recorder for one in self.effects
+        ):
             raise UnfitError("a late sensor in a loop that nobody knows")
         self.without = {path for one in self.effects for path in one.without}
         self.figures: dict[str, Any] = {}
@@ -192,7 +198,9 @@ class Hiding:
         if min(each) < VISIBLE:
             raise UnfitError("can not be seen")
         self.figures = {
-            "detectability": each[0] if self.count == 1 else nominals.best_ratio(bench.record(self.effects)),
+            "detectability": each[0]
+            if self.count == 1
+            else nominals.best_ratio(bench.record(self.effects)),
             "detectability_of_each": each,
             "shares": shares,
         }
@@ -257,7 +265,9 @@ def hunts(made: Mapping[str, Array]) -> bool:
     return bool(still.mean() > 0.05 and changes > 10)
 
 
-def traits(machine: Mapping[str, float], plans: tuple[Plan, ...], recorder: Recorder) -> dict[str, Any]:
+def traits(
+    machine: Mapping[str, float], plans: tuple[Plan, ...], recorder: Recorder
+) -> dict[str, Any]:
     """By what the tables of a score are split."""
     i_m, drives = machine["meshes.ratio"], machine["drives"]
     return {
@@ -296,7 +306,10 @@ def floor(
             off = off if key == "e" else off - off.mean()
             size = float(values.size * np.var(values))
             parts.setdefault(key, []).append((float(np.sum(off**2)), size))
-    size_of = {k: np.sqrt(sum(a for a, _ in v) / max(sum(b for _, b in v), 1e-300)) for k, v in parts.items()}
+    size_of = {
+        k: np.sqrt(sum(a for a, _ in v) / max(sum(b for _, b in v), 1e-300))
+        for k, v in parts.items()
+    }
     kinds = {k[0]: [size_of[n] for n in size_of if n[0] == k[0]] for k in size_of}
     return float(np.mean([np.mean(v) for v in kinds.values()]))
 

@@ -108,7 +108,9 @@ def natural(numbers: Mapping[str, float]) -> float:
 
 def _controller(numbers: Numbers, rng: Rng) -> Numbers:
     """Loops that follow from one bandwidth, slow or fast against the machine's own frequency."""
-    i, speed, rated = (numbers[f"{k}"] for k in ("gearboxes.ratio", "motors.omega_max", "motors.T_rated"))
+    i, speed, rated = (
+        numbers[f"{k}"] for k in ("gearboxes.ratio", "motors.omega_max", "motors.T_rated")
+    )
     drives, i_m, drive = numbers["drives"], numbers["meshes.ratio"], drive_inertia(numbers)
     whole = drive + numbers["table.J"] / (drives * i_m**2)
     bandwidth = natural(numbers) * logarithmic(rng, 0.08, 0.8)
@@ -223,12 +225,15 @@ def fastest(numbers: Mapping[str, float]) -> float:
         numbers["omega_ci"] + numbers["R"] / numbers["L"],
         numbers["k_p"] / (motor if chain else body),
         float(np.sqrt(shaft / motor)),
-        numbers["omega_ci"] + numbers.get("dead", 0) / numbers.get("dead_current", 1) / numbers["L"],
+        numbers["omega_ci"]
+        + numbers.get("dead", 0) / numbers.get("dead_current", 1) / numbers["L"],
     ]
     return max(rates)
 
 
-def text(numbers: Mapping[str, float], name: str, controller: bool = True, without: Iterable[str] = ()) -> str:
+def text(
+    numbers: Mapping[str, float], name: str, controller: bool = True, without: Iterable[str] = ()
+) -> str:
     """The machine file handed out, without the controller where it is not known."""
     drives, left_out = int(numbers.get("drives", 2)), set(without)
     lines = ["schema = 1", f'name = "{name}"', 'axis = "rotary"', 'drive_train = "dual_servo"']

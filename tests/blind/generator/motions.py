@@ -124,7 +124,9 @@ def _turns(end: float, limits: Limits, rng: Rng) -> Course:
     if flat <= 0:
         return _moves(end, limits, rng)
     sign = float(rng.choice([-1, 1]))
-    return _from_speeds([(0.3, rise, flat, sign * speed), (0.6 + 2 * rise + flat, rise, flat, -sign * speed)])
+    return _from_speeds(
+        [(0.3, rise, flat, sign * speed), (0.6 + 2 * rise + flat, rise, flat, -sign * speed)]
+    )
 
 
 def _slow_reversals(end: float, limits: Limits, rng: Rng) -> Course:

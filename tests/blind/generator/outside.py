@@ -75,7 +75,11 @@ def _second_mass(s: Setting, a: float, rng: Rng) -> Law:
 
 
 def _motor_hum(s: Setting, a: float, rng: Rng) -> Law:
-    numbers = {"disturbed": 1.0, "hum": a * s.motor_torque, "hum_frequency": float(rng.uniform(3, 15))}
+    numbers = {
+        "disturbed": 1.0,
+        "hum": a * s.motor_torque,
+        "hum_frequency": float(rng.uniform(3, 15)),
+    }
     return numbers | {"hum_phase": phase(rng)}, "motor_1", "drive"
 
 

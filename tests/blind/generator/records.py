@@ -88,7 +88,9 @@ def bad_amplifier(made: dict[str, Array], gain: float, cross: float) -> dict[str
 def plans(machine: Mapping[str, float], rng: Rng) -> tuple[Plan, ...]:
     """One to eight records of any kinds, all on one clock."""
     sample = _sample(machine, rng)
-    count = int(rng.choice([1, 2, 3, 4, 5, 6, 7, 8], p=[0.1, 0.2, 0.25, 0.15, 0.1, 0.08, 0.06, 0.06]))
+    count = int(
+        rng.choice([1, 2, 3, 4, 5, 6, 7, 8], p=[0.1, 0.2, 0.25, 0.15, 0.1, 0.08, 0.06, 0.06])
+    )
     whole = min(float(rng.uniform(20, 40)), 0.95 * MOST * sample)
     able = limits(machine)
     shares = rng.dirichlet(np.full(count, 6.0))

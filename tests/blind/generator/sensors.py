@@ -61,7 +61,9 @@ class Sensor:
         more: variance of what else is white: stamps that jitter
         """
         floor = (self.step / 12**0.5) ** 2 + more + 1e-6 * self.rms**2
-        sos, size = _whitener(self.colour, self.number, floor / self.rms**2, self.drift / self.rms, dt)
+        sos, size = _whitener(
+            self.colour, self.number, floor / self.rms**2, self.drift / self.rms, dt
+        )
         return np.asarray(sosfilt(sos, change / self.rms) / size)
 
 
@@ -119,7 +121,9 @@ class Recorder:
     sensors: Mapping[str, Sensor]
     jitter: float
 
-    def read(self, truth: Mapping[str, Array], channels: tuple[str, ...], dt: float, rng: Rng) -> dict[str, Array]:
+    def read(
+        self, truth: Mapping[str, Array], channels: tuple[str, ...], dt: float, rng: Rng
+    ) -> dict[str, Array]:
         """Recorded columns: stamps, the command where it is among the channels, what sensors read."""
         late = rng.normal(scale=self.jitter or 1.0, size=len(truth["t"]))
         most = 0.2 * dt

@@ -208,9 +208,7 @@ def verdicts(cases: Sequence[Judged]) -> dict[str, dict[str, int]]:
 
 def confusion(cases: Sequence[Judged]) -> dict[str, dict[str, int]]:
     """True effect x leading candidate, or the verdict where no effect is named."""
-    return _table(
-        of(cases, "single", "outside"), lambda c: [match.truths(c.truth)[0][0]], leading
-    )
+    return _table(of(cases, "single", "outside"), lambda c: [match.truths(c.truth)[0][0]], leading)
 
 
 def split(cases: Sequence[Judged]) -> dict[str, dict[str, dict[str, Any]]]:
@@ -224,9 +222,7 @@ def split(cases: Sequence[Judged]) -> dict[str, dict[str, dict[str, Any]]]:
         "control": _split(
             cases, lambda c: ["sampled" if c.truth["traits"]["sampled"] else "continuous"]
         ),
-        "hunting": _split(
-            cases, lambda c: [any(r["hunts"] for r in c.truth["records"].values())]
-        ),
+        "hunting": _split(cases, lambda c: [any(r["hunts"] for r in c.truth["records"].values())]),
         "detectability": _split(of(cases, "single", "pair"), lambda c: [_decade(c)]),
     }
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from tests.blind.generator import cases, effects, machines
-from tests.blind.shown import families, records
 from tests.blind.generator.effects import Hidden
+from tests.blind.shown import families, records
 from tests.blind.shown.records import LOOP, Plan, Recorder
 
 from dualdrive import Machine

@@ -15,11 +15,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from tests.blind.generator.effects import Hidden, UnfitError
 from tests.blind.shown import distance, families, motion, records
-from tests.blind.generator.effects import UnfitError
-from tests.blind.generator.effects import Hidden
-from tests.blind.shown.records import Plan
 from tests.blind.shown.ordered import FAMILIES, Order
+from tests.blind.shown.records import Plan
 
 Array = NDArray[np.float64]
 APART, SEEN = 6.0, 250.0

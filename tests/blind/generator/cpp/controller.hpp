@@ -23,7 +23,7 @@ struct Held {
 
 class Controller {
   public:
-    explicit Controller(const Parameters& p) 
+    explicit Controller(const Parameters& p)
         : p_(p),
           lag_(p.delta_t, p.step, 0, p.position_sample > 0),
           late_(p.command_delay, p.step, 0, p.position_sample > 0) {}

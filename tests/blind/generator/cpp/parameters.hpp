@@ -74,14 +74,14 @@ struct Parameters {
     }
         BLIND_COMMON(X)
 #undef X
-#define X(name, standard)                                         \
-    if (key == #name) {                                   \
-        name.fill(value);                                 \
-        return;                                           \
-    }                                                     \
+#define X(name, standard)                                     \
+    if (key == #name) {                                       \
+        name.fill(value);                                     \
+        return;                                               \
+    }                                                         \
     if (std::size_t n = member(key, #name); n < max_drives) { \
-        name[n] = value;                                  \
-        return;                                           \
+        name[n] = value;                                      \
+        return;                                               \
     }
         BLIND_DRIVE(X)
 #undef X

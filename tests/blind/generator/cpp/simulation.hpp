@@ -12,11 +12,7 @@ namespace blind {
 class Simulation {
   public:
     Simulation(const Parameters& p, const Reference& reference)
-        : p_(p),
-          reference_(reference),
-          plant_(p),
-          controller_(p),
-          late_table_(p.table_delay, p.step, 0) {
+        : p_(p), reference_(reference), plant_(p), controller_(p), late_table_(p.table_delay, p.step, 0) {
         for (std::size_t n = 0; n < max_drives; ++n) {
             late_motor_.emplace_back(p.motor_delay[n], p.step, 0);
             late_angle_.emplace_back(p.motor_delay[n], p.step, 0);

@@ -13,7 +13,7 @@ enum Common : std::size_t {
     table_speed,
     table_bristle,  // LuGre
     extra_angle,
-    extra_speed,  // a second mass or the foundation
+    extra_speed,       // a second mass or the foundation
     table_hysteresis,  // Bouc-Wen
     maxwell_1,         // Maxwell slip
     maxwell_2,
@@ -44,7 +44,12 @@ constexpr std::size_t state_size = of(max_drives, motor_angle);
 using State = std::array<double, state_size>;
 
 // Bodies that dry friction can hold fast.
-enum Body : std::size_t { table_body, motor_body, pinion_body = motor_body + max_drives, body_count = pinion_body + max_drives };
+enum Body : std::size_t {
+    table_body,
+    motor_body,
+    pinion_body = motor_body + max_drives,
+    body_count = pinion_body + max_drives
+};
 
 // Direction of sliding, 0 while stuck, `nothing` without dry friction.
 constexpr int nothing = 2;
