@@ -1,7 +1,8 @@
 """Order analysis of white innovations: which multiples of a part's angle they carry.
 
 Under a right model whitened innovations are white, so that a periodogram over an angle is
-chi-squared with two degrees of freedom a channel at every order (Brandt, Noise and Vibration Analysis, ch. 12).
+chi-squared with two degrees of freedom a channel at every order (Brandt, Noise and Vibration
+Analysis, ch. 12).
 A ripple that grows with the current, or a friction that turns with the speed, is carried by that.
 """
 
