@@ -16,6 +16,8 @@ import re
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from dualdrive.memory import excess
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -34,7 +36,7 @@ class Conversion(NamedTuple):
     offset: float
 
 
-_NUMBER: Final = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_NUMBER: Final = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _QUANTITY: Final = re.compile(rf"\s*({_NUMBER})\s*(.*?)\s*", re.DOTALL)
 
 # What an engineer would write instead, for the end of an error message.
@@ -73,6 +75,13 @@ _SPELLINGS: Final = (
     (re.compile(r"\*(?=$|[*/ ])"), ""),
 )
 
+_FOREIGN: Final = re.compile(r"[0-9⁰¹²³⁴-⁹]{2,}|[0-9]\.|[^\w/*^°µμΩ%() .+-]")
+_POWER: Final = re.compile(r"\^|\*\*")
+_EXPONENT: Final = re.compile(r"\s*(?:[+-]?\.?([0-9])(?![0-9.])|\([+-]?([0-9])\))\s*")
+_LONGEST: Final = 100  # characters; the longest of a catalogue has some twenty
+_BYTES_OF_ONE: Final = 64.0  # of a range: in an array, and as a number of a list
+_HIGHEST: Final = 100  # product of all exponents; N*m*s^2/rad^2 has 4
+
 # Units that count an angle with something other than the radian.
 _TURNING: Final = re.compile(r"(degree|arcminute|arcsecond|turn|grade|gradian)$")
 _TURNING_RATE: Final = re.compile(r"revolutions_per_(minute|second|hour)$")
@@ -97,15 +106,29 @@ def _spell(unit: str) -> str:
 @lru_cache(maxsize=512)
 def _parsed(unit: str) -> Any:
     """The library's unit for a text, or UnitError when it is none."""
-    text = _spell(unit)
+    text = _spell(unit) if len(unit) <= _LONGEST else ""
     if text in ("%", "percent"):
         return _registry().Unit("percent")
-    if re.search(r"\d{2,}|[0-9]\.|[^\w/*^°µμΩ%() .+-]", text):
-        raise UnitError(f"{unit!r} is not a unit")
+    if len(unit) > _LONGEST or _FOREIGN.search(text) or _is_tower(text):
+        raise UnitError(f"{_shown(unit)} is not a unit")
     try:
         return _registry().parse_units(text, as_delta=False)
     except Exception as error:  # the library raises many kinds, some not its own
         raise UnitError(f"{unit!r} is not a unit") from error
+
+
+def _is_tower(text: str) -> bool:
+    """Whether a power is more than one digit, or powers pile up: kg^9^9^9^9 would be computed."""
+    _, *rest = _POWER.split(text)
+    exponents = [_EXPONENT.match(part) for part in rest]
+    if not all(exponents) or any(e and e[0] == e.string for e in exponents[:-1]):
+        return True
+    return math.prod(max(1, int(e[1] or e[2])) for e in exponents if e) > _HIGHEST
+
+
+def _shown(text: str) -> str:
+    """A text between quotation marks, its end left out where it is long."""
+    return repr(text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…")
 
 
 def is_unit(text: str) -> bool:
@@ -155,8 +178,11 @@ def conversion(given: str, declared: str) -> Conversion:
     if turning and angle != angle_to:
         raise UnitError(f"{given} counts an angle that {declared or 'a ratio'} does not")
     quantity = _registry().Quantity
-    zero = float(quantity(0.0, unit).to(to).magnitude)
-    one = float(quantity(1.0, unit).to(to).magnitude)
+    try:
+        zero = float(quantity(0.0, unit).to(to).magnitude)
+        one = float(quantity(1.0, unit).to(to).magnitude)
+    except (ArithmeticError, ValueError):  # of a size beyond all numbers, or a logarithm
+        raise UnitError(f"{given} can't be converted to {declared or 'a ratio'}") from None
     return Conversion(one - zero, zero)
 
 
@@ -239,10 +265,13 @@ def parse_values(
             raise UnitError(f"{key} = {text!r}: an empty value in the list; write a,b,c")
         return np.array([one(part) for part in parts])
     parts = [part.strip() for part in text.split(":")]
-    if len(parts) != 3 or not re.fullmatch(r"\d+", parts[2]) or int(parts[2]) < 1:
+    if len(parts) != 3 or not re.fullmatch(r"[0-9]{1,18}", parts[2]) or int(parts[2]) < 1:
         rule = "a range is start:stop:count with a whole count of at least 1"
         raise UnitError(f"{key} = {text!r}: {rule}; write e.g. 0:1e-3:20")
     start, stop, count = one(parts[0]), one(parts[1]), int(parts[2])
+    if too_much := excess(_BYTES_OF_ONE * count):
+        rule = f"a range of {count} values {too_much}"
+        raise UnitError(f"{key} = {_shown(text)}: {rule}; give a smaller count")
     if count == 1 and start != stop:
         rule = "one point cannot include both ends"
         raise UnitError(f"{key} = {text!r}: {rule}; give a count of 2 or more, or one value")

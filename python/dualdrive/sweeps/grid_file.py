@@ -20,6 +20,7 @@ import numpy as np
 
 from dualdrive.ensembles import Outcome
 from dualdrive.files import FileError, WriteError
+from dualdrive.hdf5 import reading
 
 from .layout import PENDING, SCHEMA
 
@@ -43,7 +44,7 @@ class GridFile:
     def __init__(self, path: Path) -> None:
         attributes_of(path)
         self.path = path
-        with h5py.File(path, "r") as file:
+        with reading(path) as file:
             status = file["status"][...]
             texts = status.reshape(-1, status.shape[-1]).view(f"S{status.shape[-1]}").ravel()
             self._pending = np.flatnonzero(texts == PENDING.encode())
@@ -56,7 +57,7 @@ class GridFile:
         try:
             self._file = os.open(path, os.O_RDWR | os.O_CLOEXEC)
         except OSError as error:
-            raise _cannot_open(path, error) from None
+            raise FileError(f"{path}: cannot be opened: {error.strerror}") from None
         try:
             fcntl.lockf(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
@@ -135,11 +136,10 @@ def _neighbours(outcomes: Iterable[Outcome]) -> Iterator[list[Outcome]]:
 
 def attributes_of(path: Path) -> dict[str, Any]:
     """The root attributes of a sweep's file. Raises FileError when it is none of this version."""
-    try:
-        with h5py.File(path, "r") as file:
-            found = dict(file.attrs)
-    except OSError as error:
-        raise _cannot_open(path, error) from None
+    if path.is_file() and not h5py.is_hdf5(path):
+        raise FileError(f"{path}: {_NOT_A_SWEEP}")
+    with reading(path) as file:
+        found = dict(file.attrs)
     schema = str(found.get("schema", ""))
     if not schema.startswith(SCHEMA.rstrip("1")):
         raise FileError(f"{path}: {_NOT_A_SWEEP}")
@@ -154,7 +154,7 @@ def attributes_of(path: Path) -> dict[str, Any]:
 def axes_of(path: Path) -> dict[str, Array]:
     """The axes of a sweep's file in order: path -> SI values."""
     names = json.loads(attributes_of(path)["axes"])
-    with h5py.File(path, "r") as file:
+    with reading(path) as file:
         return {name: file[name][...] for name in names}
 
 
@@ -164,13 +164,3 @@ def _fit(text: str, length: int) -> bytes:
     if len(raw) > length:
         raw = raw[: length - 3].decode(errors="ignore").encode() + "…".encode()
     return raw.ljust(length, b"\0")
-
-
-def _cannot_open(path: Path, error: OSError) -> FileError:
-    if isinstance(error, FileNotFoundError):
-        why = "there is no such file"
-    elif isinstance(error, PermissionError):
-        why = "no permission to open it"
-    else:
-        why = _NOT_A_SWEEP
-    return FileError(f"{path}: {why}")

@@ -47,6 +47,8 @@ def read(
     """
     path = Path(path)
     recorder = Recorder(path, strict=strict)
+    if not path.name:
+        raise recorder.error("file", f"{path} is a folder", "name a file")
     if mapping is None and not group and find_mapping(path) is None and is_trace_file(path):
         return read_trace(path, recorder)
     mapping = _mapping(path, mapping)
@@ -129,7 +131,7 @@ def _ignored(table: Table, mapping: TraceMap, recorder: Recorder) -> set[str]:
     for pattern in mapping.file.ignore:
         if "*" in pattern or "?" in pattern:
             ignored |= {name for name in table.columns if fnmatchcase(name, pattern)}
-        else:
+        elif pattern not in table.unused:
             ignored.add(find_column(table, pattern, recorder, why="file.ignore"))
     return ignored
 

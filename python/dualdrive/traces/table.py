@@ -38,6 +38,7 @@ class Table:
     constants: dict[str, float] = field(default_factory=dict)
     layout: dict[str, str] = field(default_factory=dict)
     ambiguous: frozenset[str] = frozenset()  # names that stand over more than one column
+    unused: frozenset[str] = frozenset()  # names of what is in the file and no column
 
     def take(self, mask: NDArray[np.bool_]) -> None:
         """Keep the rows where `mask` is true."""
