@@ -16,6 +16,7 @@ import re
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from dualdrive.echo import shown
 from dualdrive.memory import excess
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ def _parsed(unit: str) -> Any:
     if text in ("%", "percent"):
         return _registry().Unit("percent")
     if len(unit) > _LONGEST or _FOREIGN.search(text) or _is_tower(text):
-        raise UnitError(f"{_shown(unit)} is not a unit")
+        raise UnitError(f"{shown(unit)} is not a unit")
     try:
         return _registry().parse_units(text, as_delta=False)
     except Exception as error:  # the library raises many kinds, some not its own
@@ -124,11 +125,6 @@ def _is_tower(text: str) -> bool:
     if not all(exponents) or any(e and e[0] == e.string for e in exponents[:-1]):
         return True
     return math.prod(max(1, int(e[1] or e[2])) for e in exponents if e) > _HIGHEST
-
-
-def _shown(text: str) -> str:
-    """A text between quotation marks, its end left out where it is long."""
-    return repr(text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…")
 
 
 def is_unit(text: str) -> bool:
@@ -205,11 +201,11 @@ def parse(
     if isinstance(value, bool):
         raise UnitError(f"{key} = {value}: must be a number; {_example(unit)}")
     if not isinstance(value, str):
-        return _finite(float(value), value, unit, key)
+        return _finite(_plain_number(value, unit, key), value, unit, key)
     match = _QUANTITY.fullmatch(value.replace("−", "-"))
     if match is None or match[2].startswith(","):
         hint = "; the decimal sign is a point" if "," in value else ""
-        raise UnitError(f"{key} = {value!r}: not a number with a unit{hint}; {_example(unit)}")
+        raise UnitError(f"{key} = {shown(value)}: not a number with a unit{hint}; {_example(unit)}")
     number, given = float(match[1]), match[2]
     if not given:
         return _finite(number, value, unit, key)
@@ -218,23 +214,33 @@ def parse(
     try:
         scale, offset = conversion(given, unit)
     except UnitError as error:
-        raise UnitError(f"{key} = {value!r}: {error}; {_example(unit)}") from None
+        raise UnitError(f"{key} = {shown(value)}: {error}; {_example(unit)}") from None
     if offset:
         rule = "a temperature on a scale with its own zero is ambiguous"
-        raise UnitError(f"{key} = {value!r}: {rule}; {_example(unit)}")
+        raise UnitError(f"{key} = {shown(value)}: {rule}; {_example(unit)}")
     return _finite(number * scale, value, unit, key)
+
+
+def _plain_number(value: object, unit: str, key: str) -> float:
+    try:
+        return float(value)  # type: ignore[arg-type]  # whatever a file or a caller has there
+    except (TypeError, ValueError):
+        rule = "must be a number or text with a unit"
+    except OverflowError:
+        rule = "must be finite"
+    raise UnitError(f"{key} = {shown(value)}: {rule}; {_example(unit)}")
 
 
 def _percent(number: float, value: str, unit: str, key: str, reference: float | None) -> float:
     if reference is None and unit:
         rule = "no rated value that a percentage could refer to"
-        raise UnitError(f"{key} = {value!r}: {rule}; {_example(unit)}")
+        raise UnitError(f"{key} = {shown(value)}: {rule}; {_example(unit)}")
     return number / 100.0 * (1.0 if reference is None else reference)
 
 
 def _finite(number: float, value: str | float, unit: str, key: str) -> float:
     if not math.isfinite(number):
-        raise UnitError(f"{key} = {value!r}: must be finite; {_example(unit)}")
+        raise UnitError(f"{key} = {shown(value)}: must be finite; {_example(unit)}")
     return number
 
 
@@ -262,19 +268,19 @@ def parse_values(
     if ":" not in text:
         parts = text.split(",")
         if not all(part.strip() for part in parts):
-            raise UnitError(f"{key} = {text!r}: an empty value in the list; write a,b,c")
+            raise UnitError(f"{key} = {shown(text)}: an empty value in the list; write a,b,c")
         return np.array([one(part) for part in parts])
     parts = [part.strip() for part in text.split(":")]
     if len(parts) != 3 or not re.fullmatch(r"[0-9]{1,18}", parts[2]) or int(parts[2]) < 1:
         rule = "a range is start:stop:count with a whole count of at least 1"
-        raise UnitError(f"{key} = {text!r}: {rule}; write e.g. 0:1e-3:20")
+        raise UnitError(f"{key} = {shown(text)}: {rule}; write e.g. 0:1e-3:20")
     start, stop, count = one(parts[0]), one(parts[1]), int(parts[2])
     if too_much := excess(_BYTES_OF_ONE * count):
         rule = f"a range of {count} values {too_much}"
-        raise UnitError(f"{key} = {_shown(text)}: {rule}; give a smaller count")
+        raise UnitError(f"{key} = {shown(text)}: {rule}; give a smaller count")
     if count == 1 and start != stop:
         rule = "one point cannot include both ends"
-        raise UnitError(f"{key} = {text!r}: {rule}; give a count of 2 or more, or one value")
+        raise UnitError(f"{key} = {shown(text)}: {rule}; give a count of 2 or more, or one value")
     return np.linspace(start, stop, count)
 
 

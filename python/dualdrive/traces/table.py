@@ -114,6 +114,8 @@ def numbers(column: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.bool_
             continue
         try:
             values[i] = float(cell)
+            bad[i] = "_" in cell  # 1_0 is a number to Python alone
         except ValueError:
             bad[i] = True
+    values[bad] = np.nan
     return values, bad
