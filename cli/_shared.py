@@ -8,29 +8,23 @@ from __future__ import annotations
 
 import functools
 import json
-import os
 import shlex
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NoReturn, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import click
 from rich.console import Console
 
-from dualdrive.files import WriteError, write_atomically
+from dualdrive.files import write_atomically
 from dualdrive.machine import DEFAULT, Machine
+from dualdrive_cli._failures import FAILED as FAILED
+from dualdrive_cli._failures import STOPPED, end_with, give_up
+from dualdrive_cli._failures import USAGE as USAGE
 
 P = ParamSpec("P")
 R = TypeVar("R")
-
-FAILED, USAGE, STOPPED = 1, 2, 130
-
-
-def give_up(message: object, code: int) -> NoReturn:
-    """End the command with one line on stderr."""
-    click.echo(f"dualdrive: {' '.join(str(message).split())}", err=True)
-    raise SystemExit(code)
 
 
 def verb(function: Callable[P, R]) -> Callable[P, R]:
@@ -42,19 +36,10 @@ def verb(function: Callable[P, R]) -> Callable[P, R]:
             result = function(*args, **kwargs)
             sys.stdout.flush()  # here, where a full disk can still be told
             return result
-        except BrokenPipeError:  # the reader, `head` say, has seen enough
-            sys.stdout = None
-            raise SystemExit(0) from None
-        except OSError as error:
-            # what is still buffered would fail again at the end, with an exit code of its own
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            give_up(f"standard output cannot be written: {error.strerror}", FAILED)
         except KeyboardInterrupt:
             give_up("stopped", STOPPED)
-        except (WriteError, RuntimeError) as error:  # a fit that can't be done, among others
-            give_up(error, FAILED)
-        except (ValueError, KeyError) as error:
-            give_up(error.args[0] if error.args else error, USAGE)
+        except Exception as error:
+            end_with(error)
 
     return guarded
 

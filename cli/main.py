@@ -9,6 +9,7 @@ import click
 
 import dualdrive
 import dualdrive_cli
+from dualdrive.echo import shorten
 
 
 class Verbs(click.Group):
@@ -25,6 +26,14 @@ class Verbs(click.Group):
             return None
         command: click.Command = import_module(f"dualdrive_cli.{name}").command
         return command
+
+    def invoke(self, ctx: click.Context) -> object:
+        """The verb; what it says of a command line repeats no more of it than a line holds."""
+        try:
+            return super().invoke(ctx)
+        except click.ClickException as error:
+            error.message = shorten(error.message)
+            raise
 
 
 @click.command(cls=Verbs, context_settings={"help_option_names": ["-h", "--help"]})

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
-__all__ = ["excess", "free", "in_words"]
+__all__ = ["excess", "free", "in_words", "room"]
 
 #: A result is read, copied and drawn besides being there, and others use the machine too.
 _SHARE: Final = 0.5
@@ -20,10 +20,15 @@ def free() -> float:
     return max(0.0, min(_of_machine(), _of_control_group(), _of_limits()))
 
 
+def room() -> float:
+    """Bytes that one computation may take."""
+    return _SHARE * free()
+
+
 def excess(needed: float) -> str:
     """Say by how much `needed` bytes are more than may be taken; empty where they fit."""
     there = free()
-    if needed <= _SHARE * there:
+    if needed <= _SHARE * there:  # as in `room`
         return ""
     return f"takes about {in_words(needed)} of memory, and {in_words(there)} are free"
 
