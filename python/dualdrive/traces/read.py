@@ -65,11 +65,12 @@ def read(
     wanted = [name for name in table.columns if name not in {clock, *ignored}]
     for name in table.ambiguous.intersection(wanted, CHANNELS):
         find_column(table, name, recorder, why="channel")  # refuses
-    found = (
-        read_channel(table, name, rules.get(name, ColumnRule()), mapping.file, recorder)
-        for name in wanted
-    )
-    channels = [channel for channel in found if channel is not None]
+    channels: list[Channel] = []
+    for name in wanted:
+        rule = rules.get(name, ColumnRule())
+        if channel := read_channel(table, name, rule, mapping.file, recorder):
+            channels.append(channel)
+        del table.columns[name]  # a long recording is not held twice
     _check_channels(channels, recorder)
     trace = assemble(path.stem, table, seconds, set_back, channels, mapping.time, recorder)
     source = Source(path.name, table.layout, mapping.as_dict(), mapping.origin, start)
