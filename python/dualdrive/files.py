@@ -46,8 +46,9 @@ def read_text(path: Path) -> str:
         raise FileError(f"{path}: not a text file in UTF-8") from None
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror}") from None
-    except ValueError as error:  # a name that no file can have: "embedded null byte"
-        raise FileError(f"{str(path)!r}: cannot be read: {error}") from None
+    except ValueError:
+        rule = "cannot be read: no file has the character NUL in its name"
+        raise FileError(f"{str(path)!r}: {rule}") from None
 
 
 def refuse_existing(path: Path, *, overwrite: bool) -> None:

@@ -66,22 +66,24 @@ def numbers_to_read(item: Any) -> int:
     return max(item.size or 0, math.prod(item.chunks or (0,)))
 
 
-def _objects(group: Any, above: str = "", seen: set[int] | None = None) -> Iterator[Any]:
+def _objects(group: Any) -> Iterator[tuple[str, Any]]:
     """(path, object) of all groups and datasets, once each, and of links that are not hard."""
     import h5py
 
-    seen = {h5py.h5o.get_info(group.id).addr} if seen is None else seen
-    for name in group:
-        path, link = above + name, group.get(name, getlink=True)
-        item = group[name] if isinstance(link, h5py.HardLink) else link
-        if isinstance(item, h5py.Group):
-            place = h5py.h5o.get_info(item.id).addr
-            if place in seen:
-                continue
-            seen.add(place)
-        yield path, item
-        if isinstance(item, h5py.Group):
-            yield from _objects(item, f"{path}/", seen)
+    seen = {h5py.h5o.get_info(group.id).addr}
+    waiting = [("", group)]
+    while waiting:
+        above, group = waiting.pop()
+        for name in group:
+            path, link = above + name, group.get(name, getlink=True)
+            item = group[name] if isinstance(link, h5py.HardLink) else link
+            if isinstance(item, h5py.Group):
+                place = h5py.h5o.get_info(item.id).addr
+                if place in seen:
+                    continue
+                seen.add(place)
+                waiting.append((f"{path}/", item))
+            yield path, item
 
 
 def _refuse_foreign(called: str, name: str, item: Any) -> None:

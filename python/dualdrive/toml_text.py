@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Iterator
 from typing import Any, Final
@@ -9,6 +10,7 @@ from typing import Any, Final
 __all__ = ["TomlError", "parse_toml"]
 
 _DEEPEST: Final = 20  # tables and lists within each other; a machine file has four
+_LONG_KEY: Final = re.compile(rf"(?<![\w-])(?:[\w-]++\s*+\.\s*+){{{_DEEPEST + 1}}}")
 _INTEGERS: Final = range(-(2**63), 2**63)  # what TOML itself asks a reader to keep exactly
 
 
@@ -18,14 +20,16 @@ class TomlError(ValueError):
 
 def parse_toml(text: str) -> dict[str, Any]:
     """Return the tables of a TOML text. Raises TomlError: place, rule and way out."""
+    if _LONG_KEY.search(text):  # the library's time and memory go with the square of its length
+        raise TomlError(f"a key of more than {_DEEPEST} names; write it flatter")
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise TomlError(f"not valid TOML: {error}; correct that line") from None
     except RecursionError:
         raise TomlError(f"nested deeper than {_DEEPEST} levels; write it flatter") from None
-    except ValueError as error:  # an integer of thousands of digits
-        raise TomlError(f"not valid TOML: {error}; write a smaller number") from None
+    except ValueError:  # Python's own limit, 4300 digits
+        raise TomlError("an integer of thousands of digits; write it as 1e20") from None
     for key, value, depth in _items(content):
         if depth > _DEEPEST:
             raise TomlError(f"{key}: nested deeper than {_DEEPEST} levels; write it flatter")
