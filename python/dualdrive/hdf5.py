@@ -7,6 +7,7 @@ datasets). Such a reference would make any file of the computer a channel, so it
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -71,9 +72,9 @@ def _objects(group: Any) -> Iterator[tuple[str, Any]]:
     import h5py
 
     seen = {h5py.h5o.get_info(group.id).addr}
-    waiting = [("", group)]
+    waiting = deque([("", group)])
     while waiting:
-        above, group = waiting.pop()
+        above, group = waiting.popleft()
         for name in group:
             path, link = above + name, group.get(name, getlink=True)
             item = group[name] if isinstance(link, h5py.HardLink) else link

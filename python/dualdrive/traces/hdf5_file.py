@@ -39,7 +39,8 @@ def _group(file: Any, wanted: str, time: str, recorder: Recorder) -> Any:
             return file[wanted]
         way_out = f"the file has: {', '.join(_names(file, h5py.Group)) or 'no group'}"
         raise recorder.error("file", f"no group {wanted!r}", way_out)
-    groups = [name for name in ["/", *_names(file, h5py.Group)] if time in file[name]]
+    clocks = [name for name in datasets(file) if f"/{name}".endswith(f"/{time}")]
+    groups = [name.removesuffix(time).rstrip("/") or "/" for name in clocks]
     if len(groups) == 1:
         return file[groups[0]]
     if groups:
