@@ -52,7 +52,8 @@ def console(*, err: bool = False) -> Console:
 
 def command_line() -> str:
     """The command as it was typed, for histories and result files."""
-    return shlex.join(["dualdrive", *sys.argv[1:]])
+    typed = shlex.join(["dualdrive", *sys.argv[1:]])
+    return typed.encode("utf-8", "backslashreplace").decode("utf-8")  # names may be any bytes
 
 
 def write_json(destination: str | None, content: Any) -> None:

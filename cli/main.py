@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import sys
 from importlib import import_module
 from pkgutil import iter_modules
 
@@ -29,6 +31,9 @@ class Verbs(click.Group):
 
     def invoke(self, ctx: click.Context) -> object:
         """The verb; what it says of a command line repeats no more of it than a line holds."""
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, io.TextIOWrapper):  # a name may be any bytes, a terminal old
+                stream.reconfigure(errors="backslashreplace")
         try:
             return super().invoke(ctx)
         except click.ClickException as error:

@@ -101,7 +101,7 @@ def command(
     """
     _check(output, table_to, plot, overwrite)
     m = load(machine, settings)
-    test = parse_motion(motion) if motion else None
+    test = parse_motion(motion) if motion is not None else None
     given = read_drive_parameters(parameters, m) if parameters else None
     seen = _measured(measured, tolerance_db, tolerance_deg)
     quiet = json_to == "-"

@@ -62,7 +62,7 @@ VALUES: Final = (
     "sine:1e308,f=1e308",
     "step:,at=",
 )
-NO_NUMBERS: Final = ("nan", "NaN", "-nan", "inf", "-inf", "infinity")
+NO_NUMBERS: Final = ("nan", "NaN", "-nan", "+nan")
 NUMBERS: Final = (click.FloatRange, click.IntRange, click.types.FloatParamType, click.types.IntParamType)
 #: options whose honest value may take minutes, or talks to a network
 LEFT_OUT: Final = {"budget", "scheduler", "tables", "jobs", "starts", "most"}

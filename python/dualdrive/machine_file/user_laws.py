@@ -108,6 +108,10 @@ def _add_expression(
 ) -> str:
     parameters = _formula_parameters(entry, where)
     formula = expect(entry.get("formula"), str, where, "formula", "text, e.g. 'c*omega_m'")
+    for name, _, _ in parameters:
+        if name in known:
+            rule = "is a signal of this machine or a recorded column; choose another name"
+            raise MachineError(f"{where}: parameters.{name}: {rule}")
     known |= {name: unit for name, unit, _ in parameters}
     names = set(_core.formula_names(formula))
     for name in sorted(names):

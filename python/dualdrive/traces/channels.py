@@ -139,7 +139,11 @@ def _to_si(
     target = CHANNELS[name].unit if name in CHANNELS else None
     if given in ("%", "percent"):
         return _percent(column, rule, target)
+    if rule.of:
+        raise UnitError(f"of = {rule.of!r} says what 100 % are, and the unit is {given or 'SI'}")
     given, kind = current_kind(given)
+    if rule.current and (target or given) not in ("A", "mA", "kA"):
+        raise UnitError(f"current = {rule.current!r} is of a phase current, in A")
     kind = rule.current or kind
     factor = 1.0
     if kind and name in ("I_1", "I_2"):

@@ -79,9 +79,9 @@ def is_trace_file(path: Path) -> bool:
     """Tell whether `path` was written by `Trace.to_hdf5`."""
     import h5py
 
-    if not path.is_file() or not h5py.is_hdf5(path):
-        return False
     try:
+        if not path.is_file() or not h5py.is_hdf5(path):
+            return False
         with h5py.File(path, "r") as file:
             return bool(file.attrs.get("schema") == SCHEMA)
     except Exception:  # a damaged file: the reader for all HDF5 files says so
