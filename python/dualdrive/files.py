@@ -40,7 +40,7 @@ def read_text(path: Path) -> str:
         if len(data) > _LONGEST_TEXT:
             raise FileError(f"{path}: longer than {_LONGEST_TEXT / 1e6:.0f} MB")
         return data.decode("utf-8-sig").replace("\r\n", "\n")
-    except FileNotFoundError:
+    except (FileNotFoundError, FileError):
         raise
     except UnicodeDecodeError:
         raise FileError(f"{path}: not a text file in UTF-8") from None
