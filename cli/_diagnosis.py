@@ -100,7 +100,7 @@ def how(
     """Keywords that diagnose and improve take alike."""
     return {
         "mode": mode,
-        "motion": parse_motion(motion, axis=machine.axis) if motion else None,
+        "motion": parse_motion(motion, axis=machine.axis) if motion is not None else None,
         "start": start,
         "interpolation": interpolation,
         "tolerance": tolerance_of(tolerances),

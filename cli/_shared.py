@@ -8,18 +8,20 @@ from __future__ import annotations
 
 import functools
 import json
-import os
 import shlex
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NoReturn, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import click
 from rich.console import Console
 
-from dualdrive.files import WriteError, write_atomically
+from dualdrive.files import write_atomically
 from dualdrive.machine import DEFAULT, Machine
+from dualdrive_cli._failures import FAILED as FAILED
+from dualdrive_cli._failures import USAGE as USAGE
+from dualdrive_cli._failures import end_with, give_up
 from dualdrive_cli._files import JSON, MACHINE, Files
 from dualdrive_cli._keys import SETTING
 from dualdrive_cli._stop import STOPPED as STOPPED
@@ -27,14 +29,6 @@ from dualdrive_cli._stop import guard
 
 P = ParamSpec("P")
 R = TypeVar("R")
-
-FAILED, USAGE = 1, 2
-
-
-def give_up(message: object, code: int) -> NoReturn:
-    """End the command with one line on stderr."""
-    click.echo(f"dualdrive: {' '.join(str(message).split())}", err=True)
-    raise SystemExit(guard.code if code == STOPPED else code)
 
 
 def verb(function: Callable[P, R]) -> Callable[P, R]:
@@ -54,7 +48,7 @@ def verb(function: Callable[P, R]) -> Callable[P, R]:
         except Exception as error:
             if guard.pressed:  # what Ctrl-C broke fails in words of its own
                 give_up(_kept(files), STOPPED)
-            _end_with(error)
+            end_with(error)
         except KeyboardInterrupt:
             give_up(_kept(files), STOPPED)
         finally:
@@ -71,23 +65,6 @@ def _kept(files: Files | None) -> str:
     return f"stopped; written before: {written}" if written else "stopped; nothing was written"
 
 
-def _end_with(error: Exception) -> NoReturn:
-    """One line and an exit code, or the error again where it is none that a verb may raise."""
-    match error:
-        case BrokenPipeError():  # the reader, `head` say, has seen enough
-            sys.stdout = None
-            raise SystemExit(0) from None
-        case OSError():
-            # what is still buffered would fail again at the end, with an exit code of its own
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            give_up(f"standard output cannot be written: {error.strerror}", FAILED)
-        case WriteError() | RuntimeError():  # a fit that can't be done, among others
-            give_up(error, FAILED)
-        case ValueError() | KeyError():
-            give_up(error.args[0] if error.args else error, USAGE)
-    raise error
-
-
 def console(*, err: bool = False) -> Console:
     """A console; wide where no terminal cuts the lines."""
     screen = Console(stderr=err, highlight=False)
@@ -96,7 +73,8 @@ def console(*, err: bool = False) -> Console:
 
 def command_line() -> str:
     """The command as it was typed, for histories and result files."""
-    return shlex.join(["dualdrive", *sys.argv[1:]])
+    typed = shlex.join(["dualdrive", *sys.argv[1:]])
+    return typed.encode("utf-8", "backslashreplace").decode("utf-8")  # names may be any bytes
 
 
 def write_json(destination: str | None, content: Any) -> None:

@@ -181,7 +181,7 @@ def replay_options(
 ) -> dict[str, Any]:
     """Keywords that compare and fit take alike."""
     return {
-        "motion": parse_motion(motion, axis=machine.axis) if motion else None,
+        "motion": parse_motion(motion, axis=machine.axis) if motion is not None else None,
         "start": start,
         "offsets": offsets,
         "interpolation": interpolation,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +69,7 @@ def _axes(curves: tuple[str, ...]) -> dict[str, list[Any]]:
     for curve in curves:
         name, equals, rest = curve.partition("=")
         low, high, knots, *periodic = [*rest.split(":"), "", ""][: max(3, rest.count(":") + 1)]
-        if not (equals and knots.isdecimal() and periodic in ([], ["periodic"])):
+        if not (equals and re.fullmatch("[0-9]{1,18}", knots) and periodic in ([], ["periodic"])):
             raise ValueError(
                 f"--curve {curve}: write NAME=LOW:HIGH:KNOTS, or with :periodic behind"
             )

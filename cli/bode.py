@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,12 @@ from rich.table import Table
 from dualdrive import linear
 from dualdrive.files import write_atomically
 from dualdrive.machine import Machine
+from dualdrive.memory import excess
 from dualdrive.units import parse, parse_values
 from dualdrive_cli._files import OUTPUT, PICTURE, Reads
 from dualdrive_cli._shared import analysis, console, load, write_json
+
+_BYTES_OF_ONE = 2000.0  # of a frequency: the matrices of its response, and points of its curves
 
 
 @click.command(
@@ -119,8 +123,10 @@ def _frequencies(text: str | None) -> Any:
         return sorted(parse_values(text, "Hz", key="--frequencies").tolist())
     start, stop, count = text.split(":")
     low, high = (parse(part, "Hz", key="--frequencies") for part in (start, stop))
-    if not (0 < low < high and count.isdigit() and int(count) > 1):
+    if not (0 < low < high and re.fullmatch("[0-9]{1,18}", count) and int(count) > 1):
         raise ValueError(f"--frequencies {text}: needs 0 < start < stop and a count above 1")
+    if too_much := excess(_BYTES_OF_ONE * int(count)):
+        raise ValueError(f"--frequencies {text}: {too_much}; give a smaller count")
     return linear.spaced(low, high, int(count))
 
 

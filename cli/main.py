@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import sys
 from difflib import get_close_matches
 from importlib import import_module
 from pkgutil import iter_modules
@@ -10,6 +12,7 @@ import click
 
 import dualdrive
 import dualdrive_cli
+from dualdrive.echo import shorten
 from dualdrive_cli._stop import guard
 
 #: what the verbs are for -> their names, in the order in which they are used
@@ -58,9 +61,18 @@ class Verbs(click.Group):
                 formatter.write_dl([(n, first_sentence(c.help)) for n, c in commands if c])
 
     def invoke(self, ctx: click.Context) -> object:
-        """The verb; a Ctrl-C that comes while another one is answered ends no differently."""
+        """The verb; what it says of a command line repeats no more of it than a line holds.
+
+        A Ctrl-C that comes while another one is answered ends no differently.
+        """
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, io.TextIOWrapper):  # a name may be any bytes, a terminal old
+                stream.reconfigure(errors="backslashreplace")
         try:
             return super().invoke(ctx)
+        except click.ClickException as error:
+            error.message = shorten(error.message)
+            raise
         except KeyboardInterrupt:
             guard.running = False
             click.echo("dualdrive: stopped", err=True)

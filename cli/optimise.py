@@ -75,7 +75,7 @@ def command(
     m = load(machine, settings)
     cases = _cases(m, spread, no_corners)
     grid = {path: _values(m, path, text) for path, text in pairs(over)} or None
-    duty = parse_motion(motion) if motion else None
+    duty = parse_motion(motion) if motion is not None else None
     with console(err=True).status("optimising") as status:
 
         def show(done: int, total: int) -> None:

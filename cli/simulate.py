@@ -81,8 +81,8 @@ def command(
     with console(err=True).status("simulating"):
         run = simulate(
             m,
-            parse_motion(motion, axis=m.axis) if motion else None,
-            end=parse(end, "s", key="--end") if end else None,
+            parse_motion(motion, axis=m.axis) if motion is not None else None,
+            end=parse(end, "s", key="--end") if end is not None else None,
             load=_load(m, load_torque),
             initial={state: parse(value, key=state) for state, value in pairs(initial)},
             sensitivities=sensitivities,
@@ -102,7 +102,7 @@ def command(
 
 
 def _load(m: Machine, text: str | None) -> float | None:
-    return parse(text, m.unit_of("T_load", "N*m"), key="--load") if text else None
+    return parse(text, m.unit_of("T_load", "N*m"), key="--load") if text is not None else None
 
 
 def _draw(run: Run, path: Path) -> None:

@@ -106,7 +106,7 @@ def command(
     and jerk. Exit code 1 where it stops before its end; it says at which step and why.
     """
     m = load(machine, settings)
-    test = parse_motion(motion) if motion else None
+    test = parse_motion(motion) if motion is not None else None
     given = read_drive_parameters(parameters, m) if parameters else None
     seen = _measured(measured, tolerance_db, tolerance_deg)
     quiet = json_to == "-"

@@ -9,12 +9,14 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Final
 
 __all__ = [
     "FileError",
     "WriteError",
     "claim",
     "make_folder",
+    "read_text",
     "refuse_existing",
     "refuse_replacing",
     "refuse_unwritable",
@@ -23,6 +25,8 @@ __all__ = [
     "write_atomically",
 ]
 
+_LONGEST_TEXT: Final = 10**8  # bytes; a drive's file has some 10^4, a device has no end
+
 
 class FileError(ValueError):
     """A file that can't be read or written. The message is one line."""
@@ -30,6 +34,28 @@ class FileError(ValueError):
 
 class WriteError(FileError):
     """A file that can't be written; what stood there is untouched."""
+
+
+def read_text(path: Path) -> str:
+    """Text of a file in UTF-8, with or without a byte order mark.
+
+    Raises FileNotFoundError where there is none, else FileError naming file and rule.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(_LONGEST_TEXT + 1)
+        if len(data) > _LONGEST_TEXT:
+            raise FileError(f"{path}: longer than {_LONGEST_TEXT / 1e6:.0f} MB")
+        return data.decode("utf-8-sig").replace("\r\n", "\n")
+    except (FileNotFoundError, FileError):
+        raise
+    except UnicodeDecodeError:
+        raise FileError(f"{path}: not a text file in UTF-8") from None
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror}") from None
+    except ValueError:
+        rule = "cannot be read: no file has the character NUL in its name"
+        raise FileError(f"{str(path)!r}: {rule}") from None
 
 
 def refuse_existing(path: Path, *, overwrite: bool) -> None:

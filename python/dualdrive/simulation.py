@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualdrive import _core
 from dualdrive.machine import Machine, MachineError
+from dualdrive.memory import excess, room
 from dualdrive.motion import Motion, default_motion
 from dualdrive.recorder import AsRecorded, delays, own_paths, reading_times
 from dualdrive.run import Run
@@ -72,6 +73,8 @@ def simulate(
     if end is None:
         end = points[-1] if points else _end_of(motion)
     late = delays(machine.core)
+    width = (1 + len(signals or machine.core.signals())) * (1 + len(sensitivities))
+    _refuse_excess(machine, len(points), end - start, output_step, width)
     if signals:
         late = {name: delay for name, delay in late.items() if name in signals}
     own = own_paths(machine.core, sensitivities)
@@ -114,6 +117,27 @@ def simulate(
         else trajectory
     )
     return Run.of(seen, machine.copy(), motion)
+
+
+def _refuse_excess(
+    machine: Machine, points: int, duration: float, output_step: float, width: int
+) -> None:
+    """Raise MachineError where the samples of a run, `width` numbers each, would not fit."""
+    if not points and not (math.isfinite(duration) and output_step > 0):
+        return  # the core says what is wrong with them
+    rows = points or duration / output_step
+    size = np.dtype(np.float64).itemsize * width
+    if too_much := excess(rows * size):
+        step = _round_up(duration / (room() / size))
+        way_out = f"--output-step {step:g}s (output_step = {step:g}) would do, or fewer signals"
+        rule = f"{rows:.3g} samples of {width} numbers: {too_much}"
+        raise MachineError(f"{machine.name}: {rule}; {way_out}")
+
+
+def _round_up(value: float) -> float:
+    """The next of 1, 2, 5, 10, ... times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return next(power * digit for digit in (1, 2, 5, 10) if power * digit >= value)
 
 
 def _outputs(points: Sequence[float], start: float, end: float, step: float) -> Array:

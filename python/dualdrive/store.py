@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.files import FileError, refuse_existing, write_atomically
+from dualdrive.hdf5 import datasets, numbers_to_read, reading
 from dualdrive.machine import Machine
+from dualdrive.memory import excess
 from dualdrive.motion import Motion, parse_motion, sampled
 
 if TYPE_CHECKING:
@@ -148,20 +150,15 @@ def _write_motion(group: h5py.Group, motion: Motion | None) -> None:
 
 def read_fields(path: Path) -> dict[str, Any]:
     """Read what makes a dualdrive.Run. Raises FileError naming file, rule and way out."""
-    import h5py
-
-    try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("schema") != SCHEMA or "run" not in file:
-                rule = f"holds no run of the form {SCHEMA!r}"
-                raise FileError(f"{path}: {rule}; name a file that 'dualdrive simulate' wrote")
-            machine = Machine.from_toml(file.attrs["machine"], f"{path}: machine")
-            return fields_of(file["run"], machine)
-    except FileNotFoundError:
-        raise FileError(f"{path}: no such file; name a result file") from None
-    except OSError as error:
-        reason = str(error).splitlines()[0]
-        raise FileError(f"{path}: cannot be read as HDF5: {reason}") from None
+    with reading(path) as file:
+        if file.attrs.get("schema") != SCHEMA or "run" not in file:
+            rule = f"holds no run of the form {SCHEMA!r}"
+            raise FileError(f"{path}: {rule}; name a file that 'dualdrive simulate' wrote")
+        numbers = sum(map(numbers_to_read, filter(None, datasets(file["run"]).values())))
+        if too_much := excess(np.dtype(np.float64).itemsize * float(numbers)):
+            raise FileError(f"{path}: reading it {too_much}; simulate with a larger output step")
+        machine = Machine.from_toml(file.attrs["machine"], f"{path}: machine")
+        return fields_of(file["run"], machine)
 
 
 def fields_of(group: h5py.Group, machine: Machine) -> dict[str, Any]:

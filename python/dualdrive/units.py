@@ -16,6 +16,9 @@ import re
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from dualdrive.echo import shown
+from dualdrive.memory import excess
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -43,7 +46,7 @@ class Conversion(NamedTuple):
     offset: float
 
 
-_NUMBER: Final = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_NUMBER: Final = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _QUANTITY: Final = re.compile(rf"\s*({_NUMBER})\s*(.*?)\s*", re.DOTALL)
 
 # What an engineer would write instead, for the end of an error message.
@@ -82,6 +85,13 @@ _SPELLINGS: Final = (
     (re.compile(r"\*(?=$|[*/ ])"), ""),
 )
 
+_FOREIGN: Final = re.compile(r"[0-9⁰¹²³⁴-⁹]{2,}|[0-9]\.|[^\w/*^°µμΩ%() .+-]")
+_POWER: Final = re.compile(r"\^|\*\*")
+_EXPONENT: Final = re.compile(r"\s*(?:[+-]?\.?([0-9])(?![0-9.])|\([+-]?([0-9])\))\s*")
+_LONGEST: Final = 100  # characters; the longest of a catalogue has some twenty
+_BYTES_OF_ONE: Final = 64.0  # of a range: in an array, and as a number of a list
+_HIGHEST: Final = 100  # product of all exponents; N*m*s^2/rad^2 has 4
+
 # Units that count an angle with something other than the radian.
 _TURNING: Final = re.compile(r"(degree|arcminute|arcsecond|turn|grade|gradian)$")
 _TURNING_RATE: Final = re.compile(r"revolutions_per_(minute|second|hour)$")
@@ -111,15 +121,24 @@ def _spell(unit: str) -> str:
 @lru_cache(maxsize=512)
 def _parsed(unit: str) -> Any:
     """The library's unit for a text, or UnitError when it is none."""
-    text = _spell(unit)
+    text = _spell(unit) if len(unit) <= _LONGEST else ""
     if text in ("%", "percent"):
         return _registry().Unit("percent")
-    if re.search(r"\d{2,}|[0-9]\.|[^\w/*^°µμΩ%() .+-]", text):
-        raise UnitError(f"{unit!r} is not a unit")
+    if len(unit) > _LONGEST or _FOREIGN.search(text) or _is_tower(text):
+        raise UnitError(f"{shown(unit)} is not a unit")
     try:
         return _registry().parse_units(text, as_delta=False)
     except Exception as error:  # the library raises many kinds, some not its own
         raise UnitError(f"{unit!r} is not a unit") from error
+
+
+def _is_tower(text: str) -> bool:
+    """Whether a power is more than one digit, or powers pile up: kg^9^9^9^9 would be computed."""
+    _, *rest = _POWER.split(text)
+    exponents = [_EXPONENT.match(part) for part in rest]
+    if not all(exponents) or any(e and e[0] == e.string for e in exponents[:-1]):
+        return True
+    return math.prod(max(1, int(e[1] or e[2])) for e in exponents if e) > _HIGHEST
 
 
 def is_unit(text: str) -> bool:
@@ -174,6 +193,8 @@ def conversion(given: str, declared: str) -> Conversion:
         one = float(quantity(1.0, unit).to(to).magnitude)
     except TypeError as error:  # the library's, for a scale with its own zero inside a product
         raise UnitError(f"{given}: a temperature on a scale with its own zero; write K") from error
+    except (ArithmeticError, ValueError):  # of a size beyond all numbers, or a logarithm
+        raise UnitError(f"{given} can't be converted to {declared or 'a ratio'}") from None
     return Conversion(one - zero, zero)
 
 
@@ -236,11 +257,11 @@ def parse(
     if isinstance(value, bool):
         raise UnitError(f"{key} = {value}: must be a number; {_example(unit)}")
     if not isinstance(value, str):
-        return _finite(float(value), value, unit, key)
+        return _finite(_plain_number(value, unit, key), value, unit, key)
     match = _QUANTITY.fullmatch(value.replace("−", "-"))
     if match is None or match[2].startswith(","):
         hint = "; the decimal sign is a point" if "," in value else ""
-        raise UnitError(f"{key} = {value!r}: not a number with a unit{hint}; {_example(unit)}")
+        raise UnitError(f"{key} = {shown(value)}: not a number with a unit{hint}; {_example(unit)}")
     number, given = float(match[1]), match[2]
     if not given:
         return _finite(number, value, unit, key)
@@ -249,23 +270,33 @@ def parse(
     try:
         scale, offset = conversion(given, unit)
     except UnitError as error:
-        raise UnitError(f"{key} = {value!r}: {error}; {_example(unit)}") from None
+        raise UnitError(f"{key} = {shown(value)}: {error}; {_example(unit)}") from None
     if offset:
         rule = "a temperature on a scale with its own zero is ambiguous"
-        raise UnitError(f"{key} = {value!r}: {rule}; {_example(unit)}")
+        raise UnitError(f"{key} = {shown(value)}: {rule}; {_example(unit)}")
     return _finite(number * scale, value, unit, key)
+
+
+def _plain_number(value: object, unit: str, key: str) -> float:
+    try:
+        return float(value)  # type: ignore[arg-type]  # whatever a file or a caller has there
+    except (TypeError, ValueError):
+        rule = "must be a number or text with a unit"
+    except OverflowError:
+        rule = "must be finite"
+    raise UnitError(f"{key} = {shown(value)}: {rule}; {_example(unit)}")
 
 
 def _percent(number: float, value: str, unit: str, key: str, reference: float | None) -> float:
     if reference is None and unit:
         rule = "no rated value that a percentage could refer to"
-        raise UnitError(f"{key} = {value!r}: {rule}; {_example(unit)}")
+        raise UnitError(f"{key} = {shown(value)}: {rule}; {_example(unit)}")
     return number / 100.0 * (1.0 if reference is None else reference)
 
 
 def _finite(number: float, value: str | float, unit: str, key: str) -> float:
     if not math.isfinite(number):
-        raise UnitError(f"{key} = {value!r}: must be finite; {_example(unit)}")
+        raise UnitError(f"{key} = {shown(value)}: must be finite; {_example(unit)}")
     return number
 
 
@@ -293,16 +324,19 @@ def parse_values(
     if ":" not in text:
         parts = text.split(",")
         if not all(part.strip() for part in parts):
-            raise UnitError(f"{key} = {text!r}: an empty value in the list; write a,b,c")
+            raise UnitError(f"{key} = {shown(text)}: an empty value in the list; write a,b,c")
         return np.array([one(part) for part in parts])
     parts = [part.strip() for part in text.split(":")]
-    if len(parts) != 3 or not re.fullmatch(r"\d+", parts[2]) or int(parts[2]) < 1:
+    if len(parts) != 3 or not re.fullmatch(r"[0-9]{1,18}", parts[2]) or int(parts[2]) < 1:
         rule = "a range is start:stop:count with a whole count of at least 1"
-        raise UnitError(f"{key} = {text!r}: {rule}; write e.g. 0:1e-3:20")
+        raise UnitError(f"{key} = {shown(text)}: {rule}; write e.g. 0:1e-3:20")
     start, stop, count = one(parts[0]), one(parts[1]), int(parts[2])
+    if too_much := excess(_BYTES_OF_ONE * count):
+        rule = f"a range of {count} values {too_much}"
+        raise UnitError(f"{key} = {shown(text)}: {rule}; give a smaller count")
     if count == 1 and start != stop:
         rule = "one point cannot include both ends"
-        raise UnitError(f"{key} = {text!r}: {rule}; give a count of 2 or more, or one value")
+        raise UnitError(f"{key} = {shown(text)}: {rule}; give a count of 2 or more, or one value")
     return np.linspace(start, stop, count)
 
 

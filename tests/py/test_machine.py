@@ -299,7 +299,7 @@ def test_a_file_that_is_not_there_names_near_presets(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="cannot be read: Is a directory"):
         Machine.load(tmp_path)
     (tmp_path / "scope.bin").write_bytes(b"\xff\xfe\x00\x81")
-    with pytest.raises(MachineError, match="not a text file"):
+    with pytest.raises(FileError, match="not a text file"):
         Machine.load(tmp_path / "scope.bin")
 
 

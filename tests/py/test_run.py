@@ -256,7 +256,7 @@ def test_files_that_are_no_run(run: Run, tmp_path: Path) -> None:
         load_run(tmp_path / "none.h5")
     text = tmp_path / "text.h5"
     text.write_text("no HDF5 at all")
-    with pytest.raises(FileError, match=r"text\.h5: cannot be read as HDF5"):
+    with pytest.raises(FileError, match=r"text\.h5: not a readable HDF5 file"):
         load_run(text)
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file["x"] = [1, 2]
@@ -266,7 +266,7 @@ def test_files_that_are_no_run(run: Run, tmp_path: Path) -> None:
     run.save(whole)
     half = tmp_path / "half.h5"
     half.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
-    with pytest.raises(FileError, match=r"half\.h5: cannot be read as HDF5"):
+    with pytest.raises(FileError, match=r"half\.h5: not a readable HDF5 file"):
         load_run(half)
 
 

@@ -44,7 +44,7 @@ def refused(tmp_path: Path, text: str) -> str:
         ("[time]\ngap = '5 m'", "does not measure s"),
         ("[time]\ngap = '-5 s'", "must be positive"),
         ("[time]\nzero = 1", "must be true or false"),
-        ("[time]\nwrap = 'x'", "must be a number"),
+        ("[time]\nwrap = 'x'", "must be a finite number"),
         ("time = 3", "must be a table"),
         ("columns = 3", "must be tables"),
         ("[columns.a]\nsign = 2", "write 1 or -1"),
@@ -57,7 +57,7 @@ def refused(tmp_path: Path, text: str) -> str:
         ("[columns.a]\nchannel = 'T_1'\n[columns.b]\nchannel = 'T_1'", "both give T_1"),
         ("[rows]\nkeep = [1]", "list of texts"),
         ("[file]\nmissing = ['a']", "list of numbers"),
-        ("[file", "not a TOML file"),
+        ("[file", "not valid TOML"),
     ],
 )
 def test_mistakes_are_named(tmp_path: Path, text: str, mention: str) -> None:
@@ -65,7 +65,7 @@ def test_mistakes_are_named(tmp_path: Path, text: str, mention: str) -> None:
 
 
 def test_missing_mapping_file(tmp_path: Path) -> None:
-    with pytest.raises(TraceError, match="cannot be read"):
+    with pytest.raises(TraceError, match="there is no such file"):
         read_mapping(tmp_path / "none.toml")
 
 

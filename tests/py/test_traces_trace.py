@@ -210,7 +210,7 @@ def test_pandas_and_xarray(trace: Trace) -> None:
     assert trace.without("mode").extra == ()
 
 
-numbers = st.floats(allow_nan=False, allow_infinity=False, allow_subnormal=False)
+numbers = st.floats(-1e150, 1e150, allow_subnormal=False)
 names = st.text("abcXYZ_ Ω°(),;\"'#/[]", min_size=1, max_size=8).map(str.strip).filter(bool)
 
 

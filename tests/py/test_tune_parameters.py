@@ -162,10 +162,10 @@ def test_refused(heavy: Machine, tmp_path: Path, text: str, said: str) -> None:
 
 
 def test_files_that_are_none(heavy: Machine, tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="cannot be read"):
+    with pytest.raises(FileError, match="there is no such file"):
         read_drive_parameters(tmp_path / "none.toml", heavy)
     for name, text, said in (
-        ("broken.toml", "37264 = = 3", "not TOML"),
+        ("broken.toml", "37264 = = 3", "not valid TOML"),
         ("broken.json", "{", "not JSON"),
     ):
         (tmp_path / name).write_text(text)

@@ -182,3 +182,59 @@ def test_plain_numbers_load_no_unit_library() -> None:
         "import sys, dualdrive.units as u; u.parse('1e-3', 'rad'); sys.exit('pint' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize(
+    "tower",
+    [
+        "kg^9^9^9^9",
+        "kg**9**9**9**9",
+        "kg^(9^9^9)",
+        "kg^(9)^9^9^9",
+        "(((((km^9)^9)^9)^9)^9)^9",
+        "km^(9*9*9*9*9*9*9*9*9*9*9*9*9)",
+        "9^9^9^9*kg",
+        "km⁹⁹⁹⁹⁹⁹⁹⁹⁹",
+        "kg*" * 5000 + "kg",
+    ],
+)
+def test_powers_of_powers_are_no_unit(tower: str) -> None:
+    """In a process of its own that has 20 s of the processor: the library would compute them."""
+    code = f"""
+import resource
+resource.setrlimit(resource.RLIMIT_CPU, (20, 20))
+from dualdrive.units import UnitError, conversion, is_unit, parse
+assert not is_unit({tower!r})
+for use in (lambda: conversion({tower!r}, "kg"), lambda: parse("1 " + {tower!r}, "kg")):
+    try:
+        use()
+    except UnitError as error:
+        assert len(str(error)) < 300
+    else:
+        raise SystemExit("accepted")
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("unit", ["kg^(9)", "(m/s)^2", "N*m*s^2/rad^2", "m^-1", "m^.5", "1/s^2"])
+def test_plain_powers_are_units(unit: str) -> None:
+    assert is_unit(unit)
+
+
+def test_a_range_that_does_not_fit_is_refused() -> None:
+    with pytest.raises(UnitError, match=r"takes about 64 TB of memory, .*give a smaller count"):
+        parse_values("0:1:1000000000000", key="--targets")
+    with pytest.raises(UnitError, match="a whole count"):
+        parse_values("0:1:" + "9" * 5000, key="--targets")
+
+
+@pytest.mark.parametrize("value", [10**400, {}, [], None, object()])
+def test_what_is_no_number_is_refused_in_words(value: object) -> None:
+    with pytest.raises(UnitError, match=r"^gap = .*: must be .*; write"):
+        parse(value, "rad", key="gap")  # type: ignore[arg-type]
+
+
+def test_digits_are_ascii_without_joints() -> None:
+    for text in ("1_0", "١٠", "1_0 mm"):
+        with pytest.raises(UnitError):
+            parse(text, "m")

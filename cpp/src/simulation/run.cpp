@@ -14,6 +14,8 @@ namespace {
 constexpr long interrupt_period = 16;  // steps between questions whether to stop
 constexpr long stall_period = 20'000;  // so many steps must bring the run on by stall_progress of its length
 constexpr double stall_progress = 1e-5;
+constexpr long pace_period = 500'000;  // steps by whose pace the rest of the run is reckoned
+constexpr double pace_doubt = 2.0;     // the pace may still change: so many times max_steps are too many
 
 }  // namespace
 
@@ -104,7 +106,7 @@ Trajectory Simulation::run() {
 
 void Simulation::loop() {
     long steps = 0;
-    double stalled_since = options_.start;
+    double stalled_since = options_.start, paced_since = options_.start;
     while (solver_->time() < options_.end - instant(options_.end)) {
         record_until(solver_->time() + instant(solver_->time()));  // with the state itself, no interpolant
         if (out_.status != Status::success) return;
@@ -125,6 +127,17 @@ void Simulation::loop() {
                     "no headway: " + std::to_string(stall_period) + " steps for " + text(t - stalled_since) +
                         " s; try method = bdf, a larger rtol, or look for a gain or stiffness that is far too large");
             stalled_since = t;
+        }
+        if (steps % pace_period == 0) {
+            const double needed = static_cast<double>(steps) +
+                                  static_cast<double>(pace_period) * (options_.end - t) / (t - paced_since);
+            if (needed > pace_doubt * static_cast<double>(options_.max_steps))
+                return fail(Status::too_many_steps,
+                            "at this pace some " + text(needed) +
+                                " steps to the end, max_steps = " + std::to_string(options_.max_steps) +
+                                "; look for a gain, stiffness or frequency that is far too large, shorten the run, "
+                                "or raise max_steps");
+            paced_since = t;
         }
         record_until(t - instant(t));
         if (history_) remember(solver_->previous_time(), t);

@@ -8,7 +8,6 @@ The first contains the wind-up under the load; the second is what play and frict
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dualdrive.files import FileError, read_text
+from dualdrive.toml_text import parse_toml
 from dualdrive.traces.log import Recorder
 from dualdrive.traces.mapping import TraceMap
 from dualdrive.traces.read import read_table
@@ -149,12 +150,14 @@ def read_lost_motion(path: str | Path, layout: str | Path) -> list[LostMotion]:
 
 def _layout(path: Path) -> tuple[list[str], dict[str, float], int, list[Pull]]:
     try:
-        given = tomllib.loads(path.read_text("utf-8"))
+        given = parse_toml(read_text(path))
         pulls = [Pull(**pull) for pull in given["pulls"]]
         return list(given["shafts"]), dict(given["hold"]), int(given.get("least", 1)), pulls
-    except OSError as error:
-        raise IndexingError(f"{path}: cannot be read: {error.strerror}; check its name") from None
-    except (tomllib.TOMLDecodeError, TypeError, KeyError, ValueError) as error:
+    except FileNotFoundError:
+        raise IndexingError(f"{path}: there is no such file; check its name") from None
+    except FileError as error:
+        raise IndexingError(str(error)) from None
+    except (TypeError, KeyError, ValueError) as error:
         raise IndexingError(
             f"{path}: {error}: it takes shafts, hold, least and two [[pulls]] with command, "
             "position, pulled, rest, reached, at_rest"

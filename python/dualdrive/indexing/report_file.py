@@ -12,6 +12,8 @@ import re
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from dualdrive.files import read_text
+
 from .iso230 import Iso230, evaluate
 from .rules import IndexingError
 
@@ -71,7 +73,7 @@ class Report(NamedTuple):
 def is_report(path: str | Path) -> bool:
     """Whether a file holds the positions of such a test."""
     path = Path(path)
-    return path.suffix in (".dat", ".txt") and bool(_TARGET.search(path.read_text("utf-8")))
+    return path.suffix in (".dat", ".txt") and bool(_TARGET.search(read_text(path)))
 
 
 def read_report(path: str | Path) -> Report:
@@ -80,7 +82,7 @@ def read_report(path: str | Path) -> Report:
     The report of ``x_ISO230.dat`` is ``x``. Raises IndexingError naming file, rule and way out.
     """
     path = Path(path)
-    text = path.read_text("utf-8")
+    text = read_text(path)
     settings = dict(_SETTING.findall(text))
     scale = _METRES.get(settings.get("UNIT", "mm"))
     if scale is None:
@@ -89,7 +91,7 @@ def read_report(path: str | Path) -> Report:
     beside = path.with_name(path.name.removesuffix("_ISO230.dat"))
     if beside == path or not beside.is_file():
         return Report(result, {}, [], None)
-    report = beside.read_text("utf-8")
+    report = read_text(beside)
     printed = {
         letter + _LETTERS[way]: float(value) * _METRES[unit]
         for letter, way, value, unit in _PRINTED.findall(report)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any, Final
@@ -85,7 +86,7 @@ def spoken_choice(value: str | bool | int) -> str | bool | int:
         return value
     if value in ("true", "false"):
         return value == "true"
-    return int(value) if value.isdigit() else value
+    return int(value) if re.fullmatch("[0-9]{1,9}", value) else value
 
 
 def _read_section(s: Structure, name: str, section: Mapping[str, Any], where: str) -> None:

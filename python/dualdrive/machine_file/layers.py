@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -10,7 +9,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
-from dualdrive.files import FileError
+from dualdrive.files import FileError, read_text
+from dualdrive.toml_text import TomlError, parse_toml
 
 __all__ = [
     "DEFAULT",
@@ -66,9 +66,9 @@ def read_layers(source: str | Path, folder: Path = Path()) -> list[Layer]:
 def parse_layer(where: str, text: str) -> Layer:
     """Read TOML text and check what stands at its top. Raises MachineError."""
     try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise MachineError(f"{where}: not valid TOML: {error}; correct that line") from None
+        data = parse_toml(text)
+    except TomlError as error:
+        raise MachineError(f"{where}: {error}") from None
     schema = data.get("schema")
     if schema is None:
         raise MachineError(f"{where}: schema is missing; begin the file with schema = {SCHEMA}")
@@ -86,15 +86,13 @@ def _text(source: str | Path, folder: Path) -> tuple[str, str]:
         return name, (files("dualdrive") / "presets" / f"{name}.toml").read_text("utf-8")
     path = folder / name
     try:
-        return str(path), path.read_text("utf-8")
-    except UnicodeDecodeError:
-        raise MachineError(f"{path}: not a text file in UTF-8; name a machine file") from None
+        return str(path), read_text(path)
     except FileNotFoundError:
         near = get_close_matches(name, preset_names(), 3, 0.5)
         hint = f"did you mean {' or '.join(near)}?" if near else f"presets: {_some_presets()}"
         raise FileError(f"{path}: no such file, and no preset of that name; {hint}") from None
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror}; name a machine file") from None
+    except FileError as error:
+        raise FileError(f"{error}; name a machine file") from None
 
 
 def _some_presets() -> str:

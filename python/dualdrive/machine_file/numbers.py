@@ -71,7 +71,7 @@ def _number(core: _core.Machine, s: Structure, path: str, value: Any) -> float:
             value, key=path, axis=s.axis, ratio=lambda what: _ratio_beside(core, path, what)
         )
     if not isinstance(value, bool) and isinstance(value, SupportsFloat):
-        number = value = float(value)  # NumPy's own numbers too
+        number = value = parse(value, key=path) if isinstance(value, int) else float(value)
         if math.isinf(number):
             return number  # "no limit"; the core knows where that makes sense
     if not isinstance(value, bool | float | str):

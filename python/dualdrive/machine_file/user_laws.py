@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from itertools import chain
-from math import isfinite
 from typing import Any, Final
 
 from dualdrive import _core
+from dualdrive.echo import shown
+from dualdrive.memory import excess
 from dualdrive.units import UnitError, coherent, parse
 
 from .frames import unit_on_axis
@@ -41,6 +43,7 @@ LAW_KEYS: Final[dict[str, dict[str, str]]] = {
 OWN_KEYS: Final = {law: set(keys) for law, keys in LAW_KEYS.items()}
 USER_LAWS: Final = tuple(OWN_KEYS)
 _NUMBER: Final = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+_BYTES_OF_ONE: Final = 1000.0  # of a knot: it is a parameter with a name
 _USUAL: Final = "300 N*m"  # size of a curve whose author names none: that of dry friction
 
 
@@ -120,6 +123,10 @@ def _add_expression(
 ) -> str:
     parameters = _formula_parameters(entry, where)
     formula = expect(entry.get("formula"), str, where, "formula", "text, e.g. 'c*omega_m'")
+    for name, _, _ in parameters:
+        if name in known:
+            rule = "is a signal of this machine or a recorded column; choose another name"
+            raise MachineError(f"{where}: parameters.{name}: {rule}")
     known |= {name: unit for name, unit, _ in parameters}
     names = set(_core.formula_names(formula))
     for name in sorted(names):
@@ -215,7 +222,10 @@ def _knots(entry: Mapping[str, Any], where: str) -> tuple[int, ...]:
     """
     if "values" not in entry:
         counts = _per_axis(entry.get("knots"), "knots", where)
-        return tuple(expect(n, int, where, "knots", "a whole number of knots") for n in counts)
+        shape = tuple(expect(n, int, where, "knots", "a whole number of knots") for n in counts)
+        if too_much := excess(_BYTES_OF_ONE * math.prod(map(float, shape))):
+            raise MachineError(f"{where}: knots = {shown(shape)}: {too_much}; give fewer")
+        return shape
     values = _plain(entry["values"])
     if not isinstance(values, list) or not values:
         raise MachineError(f"{where}: values = {values!r}: must be a list, or a list of lists")
@@ -263,6 +273,6 @@ def _of_axis(entry: Mapping[str, Any], key: str, axis: int, axes: int, where: st
     if len(values) not in (1, axes):
         raise MachineError(f"{where}: {key}: give one value, or one per coordinate")
     value = values[axis if len(values) == axes else 0]
-    if isinstance(value, float) and not isfinite(value):
+    if isinstance(value, float) and not math.isfinite(value):
         raise MachineError(f"{where}: {key} = {value}: must be finite")
     return value

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dualdrive import _core
+from dualdrive.memory import excess
 
 __all__ = [
     "BUILDERS",
@@ -26,6 +27,11 @@ __all__ = [
     "sine",
     "step",
 ]
+
+
+#: bytes of a harmonic, and of a move with its seven phases, while they are put together
+_LINE: Final = 100
+_MOVE: Final = 1000
 
 
 class MotionError(ValueError):
@@ -59,6 +65,11 @@ class Motion:
 
     def __hash__(self) -> int:
         return hash((self.kind, self.text))
+
+
+def _refuse_excess(kind: str, name: str, count: int, size: int) -> None:
+    if too_much := excess(float(count) * size):
+        raise MotionError(f"{kind}: {name} = {count}: {too_much}; give a smaller number")
 
 
 def _motion(
@@ -128,6 +139,7 @@ def cycle(
     targets: angles in rad, shape (n,); limits and errors as for `move`.
     """
     places = _floats(targets)
+    _refuse_excess("cycle", "repeats", int(repeats), _MOVE * len(places))
     arguments = {
         "targets": places,
         "v": v,
@@ -229,6 +241,7 @@ def multisine(
         "levels": factors,
         "end": end,
     }
+    _refuse_excess("multisine", "lines", int(lines), _LINE * len(factors))
     if not factors or (len(factors) > 1 and periods != int(periods)):
         rule = "several levels need whole periods" if factors else "give at least one"
         raise MotionError(f"multisine: levels = {factors}, periods = {periods:g}: {rule}")

@@ -20,6 +20,7 @@ import numpy as np
 
 from dualdrive.ensembles import Outcome
 from dualdrive.files import FileError, WriteError
+from dualdrive.hdf5 import reading
 
 from .layout import PENDING, SCHEMA
 
@@ -43,7 +44,7 @@ class GridFile:
     def __init__(self, path: Path) -> None:
         attributes_of(path)
         self.path = path
-        with h5py.File(path, "r") as file:
+        with reading(path) as file:
             self._runs = int(np.prod(file["status"].shape[:-1]))
             self._places = {
                 name: _Place(item.id.get_offset(), item.nbytes // self._runs)
@@ -163,11 +164,10 @@ def _neighbours(outcomes: Iterable[Outcome]) -> Iterator[list[Outcome]]:
 
 def attributes_of(path: Path) -> dict[str, Any]:
     """The root attributes of a sweep's file. Raises FileError when it is none of this version."""
-    try:
-        with h5py.File(path, "r") as file:
-            found = dict(file.attrs)
-    except OSError as error:
-        raise _cannot_open(path, error) from None
+    if path.is_file() and not h5py.is_hdf5(path):
+        raise FileError(f"{path}: {_NOT_A_SWEEP}")
+    with reading(path) as file:
+        found = dict(file.attrs)
     schema = str(found.get("schema", ""))
     if not schema.startswith(SCHEMA.rstrip("1")):
         raise FileError(f"{path}: {_NOT_A_SWEEP}")
@@ -182,7 +182,7 @@ def attributes_of(path: Path) -> dict[str, Any]:
 def axes_of(path: Path) -> dict[str, Array]:
     """The axes of a sweep's file in order: path -> SI values."""
     names = json.loads(attributes_of(path)["axes"])
-    with h5py.File(path, "r") as file:
+    with reading(path) as file:
         return {name: file[name][...] for name in names}
 
 
@@ -192,13 +192,3 @@ def _fit(text: str, length: int) -> bytes:
     if len(raw) > length:
         raw = raw[: length - 3].decode(errors="ignore").encode() + "…".encode()
     return raw.ljust(length, b"\0")
-
-
-def _cannot_open(path: Path, error: OSError) -> FileError:
-    if isinstance(error, FileNotFoundError):
-        why = "there is no such file"
-    elif isinstance(error, PermissionError):
-        why = "no permission to open it"
-    else:
-        why = _NOT_A_SWEEP
-    return FileError(f"{path}: {why}")

@@ -30,6 +30,7 @@ _SI: Final = (
 # Model current of a synchronous motor over its phase current: I = sqrt(3) I_rms, because the model
 # sets K_d = C_e = k_T / sqrt(3), which keeps torque and energy right (docs/theory).
 _CURRENT: Final = {"rms": math.sqrt(3.0), "peak": math.sqrt(1.5)}
+_LARGEST: Final = math.sqrt(np.finfo(np.float64).max)  # what can still be squared
 _SMALLEST: Final = float(np.finfo(np.float64).tiny)
 
 
@@ -85,7 +86,11 @@ def read_channel(
     except UnitError as error:
         way_out = f'correct the unit in the header or in [columns."{column}"]'
         raise recorder.error("unit", f"{column} -> {name}: {error}", way_out) from None
-    values = to_si(rule.sign * (scale * raw + rule.offset))
+    with np.errstate(over="ignore", invalid="ignore"):  # told below
+        values = to_si(rule.sign * (scale * raw + rule.offset))
+    if (np.abs(values) > _LARGEST).any() or np.isnan(values[~np.isnan(raw)]).any():
+        rule_text = f"{column} -> {name}: in {unit or 'SI'} beyond {_LARGEST:.0e}"
+        raise recorder.error("unit", rule_text, "correct scale, offset or unit")
     long_name = rule.long_name or table.long_names.get(column, "")
     if not long_name:
         long_name = CHANNELS[name].long_name if name in CHANNELS else column
@@ -102,9 +107,10 @@ def _clean(
     raw = raw.copy()
     for stand_in in layout.missing:
         raw[raw == stand_in] = np.nan
-    infinite = np.isinf(raw)
+    infinite = np.abs(raw) > _LARGEST
     if infinite.any():
-        recorder.add("not_finite", f"{column}: infinite, taken as missing", rows[infinite])
+        message = f"{column}: infinite or beyond {_LARGEST:.0e}, taken as missing"
+        recorder.add("not_finite", message, rows[infinite])
         raw[infinite] = np.nan
     denormal = (raw != 0) & (np.abs(raw) < _SMALLEST)
     if denormal.any():
@@ -133,7 +139,11 @@ def _to_si(
     target = CHANNELS[name].unit if name in CHANNELS else None
     if given in ("%", "percent"):
         return _percent(column, rule, target)
+    if rule.of:
+        raise UnitError(f"of = {rule.of!r} says what 100 % are, and the unit is {given or 'SI'}")
     given, kind = current_kind(given)
+    if rule.current and (target or given) not in ("A", "mA", "kA"):
+        raise UnitError(f"current = {rule.current!r} is of a phase current, in A")
     kind = rule.current or kind
     factor = 1.0
     if kind and name in ("I_1", "I_2"):

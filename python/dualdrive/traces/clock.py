@@ -75,6 +75,9 @@ def _seconds(table: Table, rule: TimeRule, column: str, recorder: Recorder) -> t
     values, bad = numbers(table.columns[column])
     if np.count_nonzero(bad) > len(bad) // 2:
         return _dates(table.columns[column], rule, column, recorder)
+    if rule.format:
+        rule_text = f"time.format = {rule.format!r} is of texts, and {column} holds numbers"
+        raise recorder.error("mapping", rule_text, "state [time] unit instead")
     unit = rule.unit or table.units.get(column, "") or "s"
     try:
         return values * conversion(unit, "s").scale, ""

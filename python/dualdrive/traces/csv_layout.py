@@ -6,6 +6,7 @@ import codecs
 import csv
 import re
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Final
 
@@ -13,9 +14,10 @@ from .log import Recorder
 from .mapping import FileLayout
 from .table import split_header
 
-__all__ = ["Layout", "count_columns", "decode", "find_layout", "split_line"]
+__all__ = ["LOOK", "Layout", "count_columns", "find_layout", "measure_text", "split_line"]
 
-_LOOK: Final = 400  # lines looked at
+LOOK: Final = 400  # lines looked at
+_BLOCK: Final = 2**20  # characters
 _BOMS: Final = (
     (codecs.BOM_UTF8, "utf-8-sig"),
     (codecs.BOM_UTF16_LE, "utf-16"),
@@ -39,25 +41,37 @@ class Layout:
     first: int  # first line of data
     header: int  # line of the header, -1 when the names were given
     width: int
+    ends_with_delimiter: bool  # every line does
 
 
-def decode(data: bytes, encoding: str, recorder: Recorder) -> tuple[str, str]:
-    """Return the text and its encoding. Tried: byte order mark, UTF-16 by its zeros, UTF-8, cp1252.
+def measure_text(path: Path, encoding: str, recorder: Recorder) -> tuple[str, int]:
+    """Return the encoding of a text, and its lines up to the last that isn't blank.
 
-    cp1252 accepts nearly anything, so it comes last.
+    Tried: byte order mark, UTF-16 by its zeros, UTF-8, cp1252, which accepts nearly anything.
     """
+    with path.open("rb") as file:
+        head = file.read(400)
     if not encoding:
-        encoding = next((name for bom, name in _BOMS if data.startswith(bom)), "")
-    if not encoding and b"\0" in data[:400]:
-        encoding = "utf-16-le" if data[1:400:2].count(0) > data[0:400:2].count(0) else "utf-16-be"
+        encoding = next((name for bom, name in _BOMS if head.startswith(bom)), "")
+    if not encoding and b"\0" in head:
+        encoding = "utf-16-le" if head[1::2].count(0) > head[0::2].count(0) else "utf-16-be"
     for candidate in (encoding,) if encoding else ("utf-8", "cp1252"):
         try:
-            text = data.decode(candidate)
-        except (UnicodeDecodeError, LookupError):
+            return candidate, _count_lines(path, candidate)
+        except (UnicodeError, LookupError):
             continue
-        return text.replace("\r\n", "\n").replace("\r", "\n"), candidate
     tried = encoding or "UTF-8 or Windows-1252"
     raise recorder.error("file", f"not text in {tried}", "state [file] encoding in the mapping")
+
+
+def _count_lines(path: Path, encoding: str) -> int:
+    ends = filled = 0
+    with path.open("r", encoding=encoding) as file:
+        while block := file.read(_BLOCK):
+            if within := block.rstrip():
+                filled = ends + within.count("\n") + 1
+            ends += block.count("\n")
+    return filled
 
 
 def split_line(line: str, delimiter: str) -> list[str]:
@@ -69,7 +83,7 @@ def split_line(line: str, delimiter: str) -> list[str]:
 
 def find_layout(lines: list[str], wanted: FileLayout, recorder: Recorder) -> Layout:
     """Find the table in the lines of a text; what `wanted` states is taken as it is."""
-    looked = [(i, line) for i, line in enumerate(lines[:_LOOK]) if line.strip()]
+    looked = [(i, line) for i, line in enumerate(lines) if line.strip()]
     if not looked:
         raise recorder.error("file", "the file is empty", "export the recording again")
     delimiter = _delimiter(looked, wanted)
@@ -78,22 +92,23 @@ def find_layout(lines: list[str], wanted: FileLayout, recorder: Recorder) -> Lay
     first, header = _first_rows(cells, wanted, decimal, recorder)
     width = len(dict(cells)[first])
     names, units = _header(dict(cells), header, first, wanted, recorder)
-    if width == len(names) + 1 and not dict(cells)[first][-1]:
-        width -= 1  # a delimiter at the end of each line
+    closed = delimiter != _SPACES and width == len(names) + 1 and not dict(cells)[first][-1]
+    width -= closed
     if len(names) > width and not any(names[width:]):
         names = names[:width]
     if len(names) != width:
         rule = f"the header names {len(names)} columns, the first row has {width}"
         way_out = "correct the header, or state [file] header_line or names in the mapping"
         raise recorder.error("column", rule, way_out, [first + 1])
-    return Layout(delimiter, decimal, names, units, first, header, width)
+    return Layout(delimiter, decimal, names, units, first, header, width, closed)
 
 
 def count_columns(path: Path, recorder: Recorder) -> int:
     """How many columns the rows of a text table have, with or without a header."""
-    text, _ = decode(path.read_bytes(), "", recorder)
-    looked = [(i, line) for i, line in enumerate(text.split("\n")[:_LOOK]) if line.strip()]
-    row = split_line(looked[-1][1], _delimiter(looked, FileLayout()))
+    encoding, _ = measure_text(path, "", recorder)
+    with path.open(encoding=encoding) as file:
+        looked = [(i, line) for i, line in enumerate(islice(file, LOOK)) if line.strip()]
+    row = split_line(looked[-1][1].rstrip("\n"), _delimiter(looked, FileLayout()))
     return len(row) - (not row[-1])
 
 

@@ -10,7 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from dualdrive.hdf5 import datasets
+
 from .arrays import table_of
+from .hdf5_trace import opened
 from .log import Recorder
 from .mapping import FileLayout
 from .names import TIME
@@ -24,14 +27,8 @@ def read_hdf5(path: Path, wanted: FileLayout, recorder: Recorder, time: str = ""
 
     time: dataset that is the clock, ``t`` unless the mapping says otherwise
     """
-    import h5py
-
-    try:
-        with h5py.File(path, "r") as file:
-            group = _group(file, wanted.group, time or TIME, recorder)
-            return _table(group, recorder)
-    except OSError as error:
-        raise recorder.error("file", f"not a readable HDF5 file: {error}", "export again") from None
+    with opened(path) as file:
+        return _table(_group(file, wanted.group, time or TIME, recorder), wanted, recorder)
 
 
 def _group(file: Any, wanted: str, time: str, recorder: Recorder) -> Any:
@@ -42,7 +39,8 @@ def _group(file: Any, wanted: str, time: str, recorder: Recorder) -> Any:
             return file[wanted]
         way_out = f"the file has: {', '.join(_names(file, h5py.Group)) or 'no group'}"
         raise recorder.error("file", f"no group {wanted!r}", way_out)
-    groups = [name for name in ["/", *_names(file, h5py.Group)] if time in file[name]]
+    clocks = [name for name in datasets(file) if f"/{name}".endswith(f"/{time}")]
+    groups = [name.removesuffix(time).rstrip("/") or "/" for name in clocks]
     if len(groups) == 1:
         return file[groups[0]]
     if groups:
@@ -60,21 +58,21 @@ def _names(file: Any, kind: type) -> list[str]:
     return found
 
 
-def _table(group: Any, recorder: Recorder) -> Table:
-    import h5py
-
-    datasets = {name: group[name] for name in _names(group, h5py.Dataset)}
-    leaves = [name.rsplit("/", 1)[-1] for name in datasets]
-    short = {
-        name: leaf if leaves.count(leaf) == 1 else name.replace("/", ".")
-        for name, leaf in zip(datasets, leaves, strict=True)
+def _table(group: Any, wanted: FileLayout, recorder: Recorder) -> Table:
+    found = datasets(group)
+    leaves = [name.rsplit("/", 1)[-1] for name in found]
+    named = {
+        leaf if leaves.count(leaf) == 1 else name.replace("/", "."): item
+        for (name, item), leaf in zip(found.items(), leaves, strict=True)
     }
+    there = {name: item.attrs for name, item in named.items() if item is not None}
     return table_of(
-        {short[name]: item[()] for name, item in datasets.items() if item.dtype.kind in "fiubSO"},
+        named,
         recorder,
-        units={short[name]: _text(item.attrs, "unit", "units") for name, item in datasets.items()},
-        long_names={short[name]: _text(item.attrs, "long_name") for name, item in datasets.items()},
+        units={name: _text(attributes, "unit", "units") for name, attributes in there.items()},
+        long_names={name: _text(attributes, "long_name") for name, attributes in there.items()},
         layout={"format": "hdf5", "group": group.name},
+        ignore=wanted.ignore,
     )
 
 

@@ -7,18 +7,24 @@ any HDF5 tool shows them; ``trace_rows``, ``trace_breaks``; the rest as JSON in 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from .log import Issue, Log, Recorder
+from dualdrive.files import FileError
+from dualdrive.hdf5 import datasets, numbers_to_read, reading
+
+from .arrays import refuse_excess
+from .log import Issue, Log, Recorder, TraceError
 from .names import TIME
 
 if TYPE_CHECKING:
     from .trace import Trace
 
-__all__ = ["is_trace_file", "read_trace", "write_trace"]
+__all__ = ["is_trace_file", "opened", "read_trace", "write_trace"]
 
 SCHEMA: Final = "dualdrive trace 1"
 _OWN: Final = ("trace_rows", "trace_breaks")
@@ -59,26 +65,46 @@ def _story(trace: Trace) -> dict[str, Any]:
     }
 
 
+@contextmanager
+def opened(path: Path) -> Iterator[Any]:
+    """An HDF5 file that is being read; what is amiss with it comes as a TraceError."""
+    try:
+        with reading(path, path.name) as file:
+            yield file
+    except FileError as error:
+        raise TraceError(str(error), kind="file") from None
+
+
 def is_trace_file(path: Path) -> bool:
     """Tell whether `path` was written by `Trace.to_hdf5`."""
     import h5py
 
-    if not path.is_file() or not h5py.is_hdf5(path):
-        return False
     try:
+        if not path.is_file() or not h5py.is_hdf5(path):
+            return False
         with h5py.File(path, "r") as file:
             return bool(file.attrs.get("schema") == SCHEMA)
-    except OSError:  # a damaged file: the reader for all HDF5 files says so
+    except Exception:  # a damaged file: the reader for all HDF5 files says so
         return False
+
+
+@contextmanager
+def _named(recorder: Recorder) -> Iterator[None]:
+    """What a trace says of its own parts, with the name of the file that they were read from."""
+    try:
+        yield
+    except TraceError as error:
+        if str(error).startswith(f"{recorder.path.name}: "):
+            raise
+        raise recorder.error("file", f"damaged: {error}", "export it again") from None
 
 
 def read_trace(path: Path, recorder: Recorder) -> Trace:
     """Read what `write_trace` wrote. In strict mode a trace that was repaired is refused."""
-    import h5py
-
     from .trace import Source, Trace
 
-    with h5py.File(path, "r") as file:
+    with opened(path) as file, _named(recorder):
+        refuse_excess(sum(map(numbers_to_read, filter(None, datasets(file).values()))), recorder)
         story = json.loads(file.attrs["trace"])
         items = {n.replace(_SLASH, "/"): file[n] for n in file if n not in (TIME, *_OWN)}
         log = Log(tuple(Issue(kind, text, tuple(rows)) for kind, text, rows in story["log"]))

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import difflib
-import tomllib
-from collections.abc import Iterable, Mapping
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
+from dualdrive.echo import shown
+from dualdrive.files import FileError, read_text
+from dualdrive.toml_text import TomlError, parse_toml
 from dualdrive.units import UnitError, parse
 
 from .atomic import write_atomically
@@ -31,6 +35,26 @@ _CHOICES: Final[dict[str, tuple[object, ...]]] = {
     "columns.missing": ("drop", "interpolate", "hold"),
 }
 _DURATIONS: Final = ("sample_time", "gap", "settle", "min_time")
+_PATTERN: Final = re.compile(r"[^%]*(%[aAbBcdfHIjmMpSuUwWxXyYzZ%][^%]*)+")
+#: key -> rule, way out, test of what means something only in one form
+_FORMS: Final[dict[str, tuple[str, str, Callable[[Any], bool]]]] = {
+    "file.delimiter": (
+        "must be one character that is in no number",
+        'write e.g. ";" or "\\t"',
+        lambda text: len(text) == 1 and not text.isalnum() and text not in "\"'+-.\r\n\0_",
+    ),
+    "time.format": (
+        "no pattern of a time",
+        'write iso, or e.g. "%d.%m.%Y %H:%M:%S,%f"',
+        lambda text: text == "iso" or bool(_PATTERN.fullmatch(text)),
+    ),
+    "columns.sign_bit": (
+        "must be the number of a bit, 0 to 52",
+        "write e.g. 15, or leave it out",
+        lambda bit: 0 <= bit <= 52,  # what a float64 counts exactly
+    ),
+    "file.header_line": ("must be a line, 1 for the first", "write e.g. 3", lambda line: line >= 1),
+}
 _Rule = TypeVar("_Rule", FileLayout, TimeRule, ColumnRule, RowRule, SplitRule)
 
 
@@ -48,14 +72,15 @@ def read_mapping(path: str | Path) -> TraceMap:
     """Read a mapping file. Raises TraceError naming file, key, value, rule and way out."""
     path = Path(path)
     try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        message = f"{path}: cannot be read: {reason}; check the name given as mapping"
+        tables = parse_toml(read_text(path))
+    except FileNotFoundError:
+        message = f"{path}: there is no such file; check the name given as mapping"
         raise TraceError(message, kind="mapping") from None
-    except tomllib.TOMLDecodeError as error:
-        message = f"{path.name}: not a TOML file: {error}; correct that line"
+    except FileError as error:
+        message = f"{error}; check the name given as mapping"
         raise TraceError(message, kind="mapping") from None
+    except TomlError as error:
+        raise TraceError(f"{path.name}: {error}", kind="mapping") from None
     return mapping_from(tables, origin=path.name)
 
 
@@ -81,7 +106,7 @@ def mapping_from(tables: Mapping[str, Any], origin: str = "mapping") -> TraceMap
 
 
 def _bad(origin: str, key: str, value: object, rule: str, way_out: str) -> TraceError:
-    return TraceError(f"{origin}: {key} = {value!r}: {rule}; {way_out}", kind="mapping")
+    return TraceError(f"{origin}: {key} = {shown(value)}: {rule}; {way_out}", kind="mapping")
 
 
 def _known(table: Mapping[str, Any], names: Iterable[str], origin: str, key: str) -> None:
@@ -108,7 +133,8 @@ def _rule(kind: type[_Rule], table: Any, origin: str, key: str) -> _Rule:
 
 def _value(value: Any, standard: Any, origin: str, key: str, name: str) -> Any:
     """Check one value against the type of its default and the choices there are."""
-    choice = _CHOICES.get(f"{key.partition('.')[0]}.{name}")
+    place = f"{key.partition('.')[0]}.{name}"
+    choice = _CHOICES.get(place)
     if choice is not None and (isinstance(value, bool) or value not in choice):
         choices = " or ".join(map(str, choice))
         raise _bad(origin, key, value, "not one of the choices", f"write {choices}")
@@ -121,14 +147,18 @@ def _value(value: Any, standard: Any, origin: str, key: str, name: str) -> Any:
     number = isinstance(value, int | float) and not isinstance(value, bool)
     fits = {
         bool: isinstance(value, bool),
-        int: number and value == int(value),
-        float: number,
+        int: number and float(value).is_integer(),
+        float: number and math.isfinite(value),
         str: isinstance(value, str),
     }
     kind = type(standard)
     if not fits[kind]:
-        what = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}[kind]
-        raise _bad(origin, key, value, f"must be {what}", "correct the value")
+        what = {bool: "true or false", int: "a whole number", float: "a finite number"}
+        raise _bad(origin, key, value, f"must be {what.get(kind, 'text')}", "correct the value")
+    if place in _FORMS and value != "":
+        rule, way_out, fits_form = _FORMS[place]
+        if not fits_form(value):
+            raise _bad(origin, key, value, rule, way_out)
     if name in _DURATIONS:
         duration(value, f"{origin}: {key}")
     return kind(value)
@@ -155,10 +185,10 @@ def _wrap(value: Any, origin: str, key: str) -> bool | float:
 def _scale(value: Any, origin: str, key: str) -> float | str:
     try:
         number = float(Fraction(value)) if isinstance(value, str) else float(value)
-    except (ValueError, TypeError, ZeroDivisionError):
+    except (ValueError, TypeError, ArithmeticError):
         number = 0.0
-    if number == 0 or isinstance(value, bool):
-        rule = "must be a number other than zero, or a fraction"
+    if number == 0 or not math.isfinite(number) or isinstance(value, bool) or "_" in str(value):
+        rule = "must be a finite number other than zero, or a fraction"
         raise _bad(origin, key, value, rule, 'write e.g. 0.001 or "1/4096"')
     return value if isinstance(value, str) else number
 

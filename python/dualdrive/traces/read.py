@@ -48,6 +48,8 @@ def read(
     """
     path = Path(path)
     recorder = Recorder(path, strict=strict)
+    if not path.name:
+        raise recorder.error("file", f"{path} is a folder", "name a file")
     if mapping is None and not group and find_mapping(path) is None and is_trace_file(path):
         return read_trace(path, recorder)
     mapping = _mapping(path, mapping)
@@ -64,11 +66,12 @@ def read(
     wanted = [name for name in table.columns if name not in {clock, *ignored}]
     for name in table.ambiguous.intersection(wanted, CHANNELS):
         find_column(table, name, recorder, why="channel")  # refuses
-    found = (
-        read_channel(table, name, rules.get(name, ColumnRule()), mapping.file, recorder)
-        for name in wanted
-    )
-    channels = [channel for channel in found if channel is not None]
+    channels: list[Channel] = []
+    for name in wanted:
+        rule = rules.get(name, ColumnRule())
+        if channel := read_channel(table, name, rule, mapping.file, recorder):
+            channels.append(channel)
+        del table.columns[name]  # a long recording is not held twice
     _check_channels(channels, recorder)
     _name_unmapped(channels, rules, recorder)
     trace = assemble(path.stem, table, seconds, set_back, channels, mapping.time, recorder)
@@ -131,7 +134,7 @@ def _ignored(table: Table, mapping: TraceMap, recorder: Recorder) -> set[str]:
     for pattern in mapping.file.ignore:
         if "*" in pattern or "?" in pattern:
             ignored |= {name for name in table.columns if fnmatchcase(name, pattern)}
-        else:
+        elif pattern not in table.unused:
             ignored.add(find_column(table, pattern, recorder, why="file.ignore"))
     return ignored
 

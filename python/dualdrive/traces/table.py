@@ -38,6 +38,7 @@ class Table:
     constants: dict[str, float] = field(default_factory=dict)
     layout: dict[str, str] = field(default_factory=dict)
     ambiguous: frozenset[str] = frozenset()  # names that stand over more than one column
+    unused: frozenset[str] = frozenset()  # names of what is in the file and no column
 
     def take(self, mask: NDArray[np.bool_]) -> None:
         """Keep the rows where `mask` is true."""
@@ -113,6 +114,8 @@ def numbers(column: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.bool_
             continue
         try:
             values[i] = float(cell)
+            bad[i] = "_" in cell  # 1_0 is a number to Python alone
         except ValueError:
             bad[i] = True
+    values[bad] = np.nan
     return values, bad

@@ -7,13 +7,13 @@ import io
 import json
 import math
 import re
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from dualdrive.files import FileError
+from dualdrive.files import FileError, read_text
 from dualdrive.machine import Machine
+from dualdrive.toml_text import TomlError, parse_toml
 from dualdrive.tune.errors import TuneError
 from dualdrive.tune.known import KNOWN, SLAVE, Base, DriveParameter
 from dualdrive.tune.parameters import DriveTable, Entry
@@ -90,9 +90,11 @@ def read_drive_parameters(path: str | Path, machine: Machine) -> DriveTable:
     path = Path(path)
     try:
         given = _given(path)
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, json.JSONDecodeError, UnicodeDecodeError) as error:
+    except FileNotFoundError:
+        raise FileError(f"{path}: there is no such file; check its name") from None
+    except TomlError as error:
+        raise FileError(f"{path}: {error}") from None
+    except (json.JSONDecodeError, csv.Error, RecursionError) as error:
         raise FileError(f"{path}: not {path.suffix[1:].upper()}: {error}") from None
     base = Base(machine)
     entries = {}
@@ -113,9 +115,9 @@ def _given(path: Path) -> dict[str, dict[str, Any]]:
     if kind == ".csv":
         return _from_csv(path)
     if kind == ".toml":
-        content = tomllib.loads(path.read_text("utf-8"))
+        content = parse_toml(read_text(path))
     elif kind == ".json":
-        content = json.loads(path.read_text("utf-8"))
+        content = json.loads(read_text(path))
     else:
         raise TuneError(f"{path}: ends in {kind or 'nothing'}; must end in .toml, .csv or .json")
     if not isinstance(content, dict):
@@ -128,8 +130,7 @@ def _given(path: Path) -> dict[str, dict[str, Any]]:
 
 
 def _from_csv(path: Path) -> dict[str, dict[str, Any]]:
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        rows = list(csv.DictReader(file))
+    rows = list(csv.DictReader(io.StringIO(read_text(path), newline="")))
     columns = set(rows[0]) if rows else set()
     if "number" not in columns or not columns & {"value", "master", "slave"}:
         raise TuneError(
