@@ -28,7 +28,7 @@ _SMOOTH_KNOT = 5e-4
 
 @dataclass(frozen=True)
 class Agreement:
-    """rms of what lies between two courses of a channel over the rms of its noise, the worst one."""
+    """rms of what lies between two courses of a channel over that of its noise, the worst one."""
 
     effect: str
     place: str
@@ -45,7 +45,8 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--seed", type=int, default=0)
     told = parser.parse_args(arguments)
     print(
-        f"{'effect':28s} {'place':12s} {'motion':14s} {'worst':8s} {'apart':>10s} {'without it':>12s}"
+        f"{'effect':28s} {'place':12s} {'motion':14s} {'worst':8s} "
+        f"{'apart':>10s} {'without it':>12s}"
     )
     worst = 0.0
     for name in told.effects:
@@ -102,7 +103,7 @@ def _agreement(effect: str, rng: np.random.Generator) -> Agreement:
 def distances(
     one: Mapping[str, Array], other: Mapping[str, Array], of: Recorder
 ) -> dict[str, float]:
-    """By channel: rms of the difference over that of the noise, constants apart but of the table."""
+    """By channel: rms of the difference over that of the noise, constants apart but table's."""
     made = {}
     for name, values in other.items():
         change = values - one[name]

@@ -22,7 +22,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Task:
-    """One case: where it lies, where its result goes, the command before its files, its end in s."""
+    """One case: where it lies, where its result goes, the command before its files, its end, s."""
 
     folder: Path
     result: Path

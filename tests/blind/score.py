@@ -1,4 +1,4 @@
-"""python -m tests.blind score DIR [--results RESULTS] [--json figures.json] [--plot reliability.png]"""
+"""python -m tests.blind score DIR [--results RESULTS] [--json FILE] [--plot reliability.png]"""
 
 from __future__ import annotations
 

@@ -71,9 +71,9 @@ def drawn(drives: int, clocked: bool) -> dict[str, float]:
         numbers = machines.draw(np.random.default_rng([3, seed]))
         tense = drives == 1 or numbers.get("controller.T_ten", 0.0) > 0
         calm = 2 < numbers["controller.K_v"] < 20
-        if numbers["drives"] == drives and tense and calm:
-            if ("controller.speed_sample" in numbers) == clocked:
-                return numbers
+        ticks = ("controller.speed_sample" in numbers) == clocked
+        if numbers["drives"] == drives and tense and calm and ticks:
+            return numbers
     raise AssertionError("no such machine")
 
 

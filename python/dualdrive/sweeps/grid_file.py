@@ -55,7 +55,7 @@ class GridFile:
         try:
             self._file = os.open(path, os.O_RDWR | os.O_CLOEXEC)
         except OSError as error:
-            raise _cannot_open(path, error) from None
+            raise FileError(f"{path}: cannot be opened: {error.strerror}") from None
         if not _locked(self._file) or not _is(path, self._file):
             os.close(self._file)
             raise FileError(f"{path}: another sweep is filling it; wait for it, or stop it")

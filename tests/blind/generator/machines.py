@@ -1,7 +1,7 @@
 """Machines drawn wide: one to four drives, ratios of inertia and stiffness over three decades.
 
 A machine is its numbers by the keys of machine files. Beside those, `drives`, and the effects that
-its sheet states: `mesh_damping`, `dry_table`, `dry_pinions`; `equaliser` is who gets the correction.
+its sheet states: `mesh_damping`, `dry_table`, `dry_pinions`; `equaliser`: who is corrected.
 """
 
 from __future__ import annotations

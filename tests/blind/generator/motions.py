@@ -76,7 +76,7 @@ Course = Callable[[Array], Array]
 
 
 def _ramp_time(limits: Limits, speed: float) -> float:
-    """Time to take up a speed gently: within the acceleration, and not faster than the loop answers."""
+    """Time to take up a speed gently: within the acceleration, no faster than the loop answers."""
     return max(1.6 * speed / limits.acceleration, 1.0 / limits.answer)
 
 

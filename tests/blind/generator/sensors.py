@@ -1,4 +1,4 @@
-"""What a recorder adds: noise of any colour, steps of the converter, a zero that drifts, late stamps.
+"""What a recorder adds: noise of any colour, a converter's steps, a drifting zero, late stamps.
 
 Noise is a linear state model driven by white numbers, so that its covariance is known: `whiten`
 is the exact steady-state innovations filter of what `Sensor.read` adds (rounding counts as white).
@@ -124,7 +124,7 @@ class Recorder:
     def read(
         self, truth: Mapping[str, Array], channels: tuple[str, ...], dt: float, rng: Rng
     ) -> dict[str, Array]:
-        """Recorded columns: stamps, the command where it is among the channels, what sensors read."""
+        """Recorded columns: stamps, the command if it is a channel, what sensors read."""
         late = rng.normal(scale=self.jitter or 1.0, size=len(truth["t"]))
         most = 0.2 * dt
         jittered = truth["t"] + np.clip(late, -most, most)
@@ -137,7 +137,7 @@ class Recorder:
 
 
 def draw(machine: Mapping[str, float], dt: float, rng: Rng) -> Recorder:
-    """Sensors of one quality throughout, good or bad, on a clock that jitters in half of the cases."""
+    """Sensors of one quality throughout, good or bad; the clock jitters in half of the cases."""
     drives = int(machine["drives"])
     i, rated = machine["gearboxes.ratio"], machine["motors.T_rated"]
     twist = rated * i / machine["meshes.stiffness"]  # what rated torque bends a mesh by

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -192,7 +193,7 @@ def trust(cases: Sequence[Judged]) -> dict[str, Any]:
 def reliability(claims: Sequence[tuple[float, bool]]) -> list[dict[str, Any]]:
     """Claimed against true, in bins of what was claimed."""
     table = []
-    for low, high in zip(_BINS, _BINS[1:], strict=False):
+    for low, high in pairwise(_BINS):
         last = high == _BINS[-1]
         own = [(p, right) for p, right in claims if low <= p and (p < high or last)]
         if own:
