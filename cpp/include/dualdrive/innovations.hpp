@@ -32,8 +32,9 @@ struct SensorNoise {
 };
 
 struct NoiseModel {
-    std::vector<SensorNoise> sensors;     // per channel
-    std::map<std::string, double> torque;  // body -> s.d. of a torque that is constant over a sample, N·m in its own frame
+    std::vector<SensorNoise> sensors;  // per channel
+    std::map<std::string, double>
+        torque;  // body -> s.d. of a torque that is constant over a sample, N·m in its own frame
 };
 
 // A stretch of a record: times about evenly spaced, what was commanded, and what the sensors said.
@@ -46,7 +47,8 @@ class SampledRecord {
 
     // measured: times × channels, row-major. Throws std::invalid_argument for lengths that differ, fewer than two samples,
     // or times that do not increase.
-    SampledRecord(Inputs inputs, std::vector<double> times, std::vector<Channel> channels, std::vector<double> measured);
+    SampledRecord(Inputs inputs, std::vector<double> times, std::vector<Channel> channels,
+                  std::vector<double> measured);
 
     const Inputs& inputs() const { return inputs_; }
     const exact::Generator& generator() const { return *generator_; }
@@ -92,15 +94,15 @@ struct PredictionOptions {
 };
 
 struct Prediction {
-    std::vector<double> residuals;     // samples × channels, whitened
-    double log_det = 0.0;              // Σ log det S over the samples
-    bool finite = true;                // false: from some sample on the state was lost, and residuals are `lost`
-    long switches = 0;                 // of modes
-    std::vector<std::string> states;   // names
-    std::vector<double> trajectory;    // samples × states, corrected; where asked for
-    std::vector<double> corrections;   // samples × states: K e
-    std::vector<double> innovations;   // samples × channels: e, in the channels' units
-    std::vector<int> pattern;          // contact pattern per sample
+    std::vector<double> residuals;    // samples × channels, whitened
+    double log_det = 0.0;             // Σ log det S over the samples
+    bool finite = true;               // false: from some sample on the state was lost, and residuals are `lost`
+    long switches = 0;                // of modes
+    std::vector<std::string> states;  // names
+    std::vector<double> trajectory;   // samples × states, corrected; where asked for
+    std::vector<double> corrections;  // samples × states: K e
+    std::vector<double> innovations;  // samples × channels: e, in the channels' units
+    std::vector<int> pattern;         // contact pattern per sample
     static constexpr double lost = 300.0;
 };
 

@@ -135,8 +135,8 @@ Frozen Flow::prepare(const exact::Laws<double>& laws) const {
 Frozen& Flow::frozen() {
     auto& known = known_[modes_];
     if (!known) {
-        known = std::make_unique<Frozen>(prepare(affine_ ? reader_.read(modes_)
-                                                         : reader_.tangent(modes_, cell_.low, y_.data())));
+        known = std::make_unique<Frozen>(
+            prepare(affine_ ? reader_.read(modes_) : reader_.tangent(modes_, cell_.low, y_.data())));
         known->pattern = pattern_of(modes_);
     }
     return *known;
@@ -156,8 +156,8 @@ Frozen Flow::tangent(unsigned pattern, double speed) {
             const auto e = static_cast<std::size_t>(contacts_[c]);
             const auto connection = static_cast<std::size_t>(layout_.switches[e].index);
             modes[e] = flank::front;
-            const auto p = read_component<Connection<double>>(machine_.values().data() +
-                                                              machine_.connections()[connection].first);
+            const auto p =
+                read_component<Connection<double>>(machine_.values().data() + machine_.connections()[connection].first);
             z[static_cast<std::size_t>(layout_.twist[connection])] = 1.5 * p.gap + 1e-4;
         }
     Frozen f = prepare(affine_ ? reader_.read(modes) : reader_.tangent(modes, 0.0, z.data()));
@@ -297,8 +297,7 @@ void Flow::propagate(const double* from, const double* n0, const double* slope, 
 
 bool Flow::all_guards(double t, const double* y, double* g) {
     if (affine_) {
-        Eigen::Map<Eigen::VectorXd>(g, now_->guards.rows()) =
-            now_->guards * Eigen::Map<const Eigen::VectorXd>(y, n_);
+        Eigen::Map<Eigen::VectorXd>(g, now_->guards.rows()) = now_->guards * Eigen::Map<const Eigen::VectorXd>(y, n_);
         return true;
     }
     evaluate(t, y);
@@ -340,8 +339,9 @@ bool Flow::through_switches(double t, double length) {
             remainder(t, y_.data(), n0_.data());
             propagate(y_.data(), n0_.data(), nullptr, left, trial_.data());
             remainder(t + left, trial_.data(), n1_.data());
-            for (int k = 0; k < n_; ++k) slope_[static_cast<std::size_t>(k)] =
-                n1_[static_cast<std::size_t>(k)] - n0_[static_cast<std::size_t>(k)];
+            for (int k = 0; k < n_; ++k)
+                slope_[static_cast<std::size_t>(k)] =
+                    n1_[static_cast<std::size_t>(k)] - n0_[static_cast<std::size_t>(k)];
             n0 = n0_.data();
             slope = slope_.data();
         }
@@ -463,15 +463,14 @@ void Flow::stop_or_slide(double t, int element) {
     const double v = y_[g];
     const Mode way = v > 0 ? stick::forward : stick::backward;
     evaluate(t, y_.data());
-    const double brake = model_.friction_limit(static_cast<int>(g), way) -
-                         way * model_.group_torque(static_cast<int>(g));
+    const double brake =
+        model_.friction_limit(static_cast<int>(g), way) - way * model_.group_torque(static_cast<int>(g));
     const double rest = brake > 0 ? std::abs(v) * model_.group_inertia(static_cast<int>(g)) / brake
                                   : std::numeric_limits<double>::infinity();
     if (rest < record_.step()) {
         modes_[e] = way;
         const Eigen::VectorXd column = frozen().A.col(static_cast<Eigen::Index>(g));
-        for (int k = layout_.groups; k < states(); ++k)
-            y_[static_cast<std::size_t>(k)] += column(k) * 0.5 * v * rest;
+        for (int k = layout_.groups; k < states(); ++k) y_[static_cast<std::size_t>(k)] += column(k) * 0.5 * v * rest;
         y_[g] = 0.0;
         modes_[e] = stick::stuck;
     } else {
@@ -483,8 +482,7 @@ void Flow::outputs(double* out) const {
     if (at_end_) {
         std::copy_n(out_.data() + n_, outputs_, out);
     } else {
-        Eigen::Map<Eigen::VectorXd>(out, outputs_) =
-            now_->outputs * Eigen::Map<const Eigen::VectorXd>(y_.data(), n_);
+        Eigen::Map<Eigen::VectorXd>(out, outputs_) = now_->outputs * Eigen::Map<const Eigen::VectorXd>(y_.data(), n_);
     }
 }
 
@@ -546,7 +544,8 @@ void Flow::settle(std::size_t sample) {
             }
             evaluate(t, y_.data());
             if (s.kind == SwitchKind::limiter && modes_[e] != limiter::linear &&
-                model_.guard(static_cast<int>(e), 0, nullptr) >= 0 && model_.guard(static_cast<int>(e), 1, nullptr) >= 0)
+                model_.guard(static_cast<int>(e), 0, nullptr) >= 0 &&
+                model_.guard(static_cast<int>(e), 1, nullptr) >= 0)
                 continue;  // saturated and content
             const bool parted = s.kind == SwitchKind::flank && !flank::carries(modes_[e]) && modes_[e] != flank::gap;
             if (parted && model_.guard(static_cast<int>(e), 0, nullptr) >= 0 &&

@@ -18,12 +18,12 @@ namespace dualdrive::innovations {
 // One set of modes, prepared. y = (states, generator of the inputs, 1).
 struct Frozen {
     Eigen::MatrixXd A, outputs, guards;
-    Eigen::MatrixXd phi1, phi2;  // of a substep, for what is not affine
-    std::vector<double> packed;  // A, column-major, padded rows
-    double bound = 0.0;          // on its spectral radius, 1/s
-    std::vector<double> step;    // [e^{A h}; C e^{A h}; G e^{A h}] of a substep, column-major, padded rows
-    int rows = 0;                // of `step`
-    unsigned pattern = 0;        // contacts that carry
+    Eigen::MatrixXd phi1, phi2;      // of a substep, for what is not affine
+    std::vector<double> packed;      // A, column-major, padded rows
+    double bound = 0.0;              // on its spectral radius, 1/s
+    std::vector<double> step;        // [e^{A h}; C e^{A h}; G e^{A h}] of a substep, column-major, padded rows
+    int rows = 0;                    // of `step`
+    unsigned pattern = 0;            // contacts that carry
     std::vector<double> guard_gain;  // G K of the steady gain, column-major; empty until it is first asked for
 };
 
@@ -85,7 +85,7 @@ class Flow final {
     const bool affine_;
     const int n_;  // of y
     int outputs_, substeps_;
-    double h_;  // substep
+    double h_;                            // substep
     std::vector<int> contacts_, sticks_;  // elements: flanks; bodies with dry friction
     Modes modes_;
     std::map<Modes, std::unique_ptr<Frozen>> known_;

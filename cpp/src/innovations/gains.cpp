@@ -15,8 +15,8 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr int short_while = 100;   // samples within which a state's typical size is reached
-constexpr double unknown = 100.0;  // of that size: what is not known of the first state
+constexpr int short_while = 100;      // samples within which a state's typical size is reached
+constexpr double unknown = 100.0;     // of that size: what is not known of the first state
 constexpr double white_floor = 1e-3;  // of a sensor's drive: no reading is exact, and R has an inverse
 
 }  // namespace
@@ -78,7 +78,8 @@ KalmanGains::Set StateSpace::steady(const VectorXd& reached) const {
     const auto scaled = [&](const MatrixXd& M) -> MatrixXd {
         return s.cwiseInverse().asDiagonal() * M * s.asDiagonal();
     };
-    if (reached.head(F.rows() - C.rows()).isZero(0)) {  // a simulation: nothing but the sensors' own noise is to be learned
+    if (reached.head(F.rows() - C.rows())
+            .isZero(0)) {  // a simulation: nothing but the sensors' own noise is to be learned
         MatrixXd P = MatrixXd::Zero(F.rows(), F.rows());
         for (Eigen::Index j = F.rows() - C.rows(), k = 0; j < F.rows(); ++j, ++k) {
             const double f = F(j, j), q = Q(j, j), r = R(k, k), b = r * (1.0 - f * f) - q;
@@ -90,8 +91,7 @@ KalmanGains::Set StateSpace::steady(const VectorXd& reached) const {
     const MatrixXd own = outputs.cwiseInverse().asDiagonal();
     const MatrixXd inverse = s.cwiseInverse().asDiagonal();
     const Steady found = steady_covariance(scaled(F), inverse * Q * inverse, own * C * s.asDiagonal(), own * R * own);
-    if (!found.converged)
-        throw std::domain_error("kalman_gains: no steady gain; a state grows that no sensor sees");
+    if (!found.converged) throw std::domain_error("kalman_gains: no steady gain; a state grows that no sensor sees");
     return gain(s.asDiagonal() * found.P * s.asDiagonal());
 }
 

@@ -16,10 +16,10 @@ struct StateSpace {
     StateSpace(const Frozen& frozen, Flow& flow, const Machine& machine, const SampledRecord& record,
                const NoiseModel& noise);
 
-    Eigen::VectorXd scale() const;                                 // typical size of each state within a short while
-    KalmanGains::Set gain(const Eigen::MatrixXd& P) const;         // from the covariance before a measurement
-    KalmanGains::Set steady(const Eigen::VectorXd& scale) const;   // throws std::domain_error
-    Eigen::MatrixXd start(const Eigen::VectorXd& scale) const;     // covariance of what is not known at first
+    Eigen::VectorXd scale() const;                                // typical size of each state within a short while
+    KalmanGains::Set gain(const Eigen::MatrixXd& P) const;        // from the covariance before a measurement
+    KalmanGains::Set steady(const Eigen::VectorXd& scale) const;  // throws std::domain_error
+    Eigen::MatrixXd start(const Eigen::VectorXd& scale) const;    // covariance of what is not known at first
     Eigen::MatrixXd next(const Eigen::MatrixXd& P, const KalmanGains::Set& set) const;
 };
 

@@ -11,8 +11,8 @@ namespace dualdrive {
 
 namespace {
 
-constexpr int most_first = 1000;         // samples with gains of their own
-constexpr double settled_gain = 1e-3;    // relative difference of log det S per channel: the steady gain takes over
+constexpr int most_first = 1000;       // samples with gains of their own
+constexpr double settled_gain = 1e-3;  // relative difference of log det S per channel: the steady gain takes over
 
 // What becomes of a signal on its way into the record; the delay's whole samples shift the record, the rest goes along the
 // signal's own slope and curvature, so that a residual is smooth in it.
@@ -90,7 +90,8 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
             const Vector rate = now->A * y, curvature = now->A * rate;
             const Vector slopes = now->outputs * rate, bends = now->outputs * curvature;
             for (Eigen::Index j = 0; j < m; ++j)
-                output(j) = readings[static_cast<std::size_t>(j)].read(record.times()[k], output(j), slopes(j), bends(j));
+                output(j) =
+                    readings[static_cast<std::size_t>(j)].read(record.times()[k], output(j), slopes(j), bends(j));
         }
         for (Eigen::Index j = 0; j < m; ++j) {
             const std::size_t row = k + readings[static_cast<std::size_t>(j)].shift();
@@ -99,8 +100,7 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
         const KalmanGains::Set* set = &gains.steady.at(now->pattern);
         if (learning) {
             auto& known = spaces[now];
-            if (!known)
-                known = std::make_unique<innovations::StateSpace>(*now, flow, machine, record, gains.noise);
+            if (!known) known = std::make_unique<innovations::StateSpace>(*now, flow, machine, record, gains.noise);
             const innovations::StateSpace& space = *known;
             gains.first.push_back(space.gain(P));
             P = space.next(P, gains.first.back());

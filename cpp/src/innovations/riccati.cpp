@@ -10,7 +10,7 @@ using Eigen::MatrixXd;
 
 namespace {
 
-constexpr int most_doublings = 40;    // a horizon of 10¹² samples
+constexpr int most_doublings = 40;      // a horizon of 10¹² samples
 constexpr double converged_at = 1e-11;  // relative change of P
 
 }  // namespace

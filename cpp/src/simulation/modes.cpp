@@ -69,9 +69,7 @@ Mode Simulation::next_limiter_mode(std::size_t b, Mode from, int which) {
         return integrates && std::abs(side * block.raw - block.limit) < at_limit * block.limit && inward &&
                side * (held + block.gain * block.integrand) > 0;
     };
-    const auto saturated = [&](int side) {
-        return integrates ? saturated_mode(block, side) : static_cast<Mode>(side);
-    };
+    const auto saturated = [&](int side) { return integrates ? saturated_mode(block, side) : static_cast<Mode>(side); };
     const int side = from == limiter::linear ? (which == 0 ? 1 : -1) : limiter::side(from);
     if (from == limiter::linear) return rides(side, side * held < 0) ? static_cast<Mode>(3 * side) : saturated(side);
     if (limiter::riding(from)) return which == 0 ? static_cast<Mode>(side) : limiter::linear;
