@@ -25,7 +25,7 @@ def end_with(error: Exception) -> NoReturn:
     """End the command as this error asks for; one that no verb may raise is raised again."""
     match error:
         case BrokenPipeError():  # the reader, `head` say, has seen enough
-            sys.stdout = None  # type: ignore[assignment]
+            sys.stdout = None
             raise SystemExit(0) from None
         case OSError(filename=str() | bytes() as name):
             give_up(f"{os.fsdecode(name)}: {error.strerror}; name another file", USAGE)

@@ -21,7 +21,8 @@ from dualdrive.files import write_atomically
 from dualdrive.machine import DEFAULT, Machine
 from dualdrive_cli._failures import FAILED as FAILED
 from dualdrive_cli._failures import USAGE as USAGE
-from dualdrive_cli._failures import end_with, give_up
+from dualdrive_cli._failures import end_with
+from dualdrive_cli._failures import give_up as give_up
 from dualdrive_cli._files import JSON, MACHINE, Files
 from dualdrive_cli._keys import SETTING
 from dualdrive_cli._stop import STOPPED as STOPPED

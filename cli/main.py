@@ -18,7 +18,7 @@ from dualdrive_cli._stop import guard
 #: what the verbs are for -> their names, in the order in which they are used
 TASKS = {
     "Model a machine": ("machine", "effects", "add", "simulate", "sweep", "bode", "cycles"),
-    "Measure": ("compare", "fit", "play", "indexing"),
+    "Measure": ("map", "compare", "fit", "play", "indexing"),
     "Diagnose": ("demo", "diagnose", "improve", "report"),
     "Commission": ("tune", "optimise"),
     "Reproduce the source paper": ("paper",),
@@ -71,7 +71,7 @@ class Verbs(click.Group):
         try:
             return super().invoke(ctx)
         except click.ClickException as error:
-            error.message = shorten(error.message)
+            object.__setattr__(error, "message", shorten(error.message))
             raise
         except KeyboardInterrupt:
             guard.running = False

@@ -9,13 +9,13 @@ from typing import Any
 import click
 from rich.table import Table
 
-from dualdrive.files import refuse_existing, write_atomically
+from dualdrive.files import write_atomically
 from dualdrive.traces import ColumnGuess, Proposal, propose, write_mapping
+from dualdrive_cli._files import OUTPUT, PICTURE, TRACE
 from dualdrive_cli._shared import (
     console,
     json_option,
     overwrite_option,
-    picture,
     verb,
     write_json,
 )
@@ -25,9 +25,9 @@ from dualdrive_cli._shared import (
     "map",
     epilog="Example: dualdrive map scope.csv -o scope.map.toml --plot scope.png",
 )
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=Path, metavar="MAP.toml", help="Write the mapping here.")
-@click.option("--plot", type=Path, callback=picture, help="Draw every channel as it is read.")
+@click.argument("file", type=TRACE)
+@click.option("-o", "--output", type=OUTPUT, metavar="MAP.toml", help="Write the mapping here.")
+@click.option("--plot", type=PICTURE, help="Draw every channel as it is read.")
 @click.option(
     "--drives",
     metavar="N[,N]",
@@ -42,7 +42,7 @@ def command(
     plot: Path | None,
     drives: str | None,
     json_to: str | None,
-    overwrite: bool,
+    **_: Any,
 ) -> None:
     """Propose which column of FILE is which channel, in which unit, and why.
 
@@ -51,8 +51,6 @@ def command(
     has the reasons as comments and is read by every verb that takes traces (`--map`, or by itself
     beside the recording as NAME.map.toml).
     """
-    for path in filter(None, (output, plot)):
-        refuse_existing(path, overwrite=overwrite)
     proposal = propose(file, _numbers(drives))
     write_json(json_to, _figures(proposal))
     if output is not None:

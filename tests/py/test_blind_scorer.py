@@ -24,7 +24,12 @@ def truth(group: str, *hidden: tuple[str, str, str], **more: Any) -> dict[str, A
         {"effect": e, "place": p, "equation": q, "family": "friction", "parameters": {"phase": 3.0}}
         for e, p, q in hidden
     ]
-    own = {"case": "develop-00000", "group": group, "loop": "known", "effects": effects}
+    own: dict[str, Any] = {
+        "case": "develop-00000",
+        "group": group,
+        "loop": "known",
+        "effects": effects,
+    }
     own |= {"floor": 0.02, "real": {}, "sheet": {}, "machine": {"gearboxes.ratio": 10.0}}
     own |= {"detectability": 500.0, "told": 40.0, "rival": "none"} if hidden else {}
     traits = {"colour": "pink", "drives": 2, "rate": 1000, "sampled": False}

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import numpy.typing as npt
 import pytest
 from scipy.io import savemat
 
@@ -18,7 +19,7 @@ from dualdrive.run import load_run
 from dualdrive.sweeps import load_sweep
 from dualdrive.traces import FileLayout, Trace, TraceError, TraceMap, read
 
-T = np.arange(20) * 0.01
+T: npt.NDArray[np.float64] = np.arange(20, dtype=np.float64) * 0.01
 SECRET = np.arange(100.0, 120.0)
 
 

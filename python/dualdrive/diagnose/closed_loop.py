@@ -84,7 +84,7 @@ def nominal_unknowns(core: Any, tolerance: float | Mapping[str, float] | None) -
         ValueError: a tolerance for a number that is not among them.
 
     """
-    paths = []
+    paths: list[str] = []
     for path in default_free(core):
         paths += core.members(path) if path.endswith(".gap") else [path]
     electric = [f"{motor}.K_d" for motor in core.motors] + ["motors.R"]
@@ -230,7 +230,7 @@ def added(core: Any, f: Fitted) -> list[tuple[str, str]]:
     """(effect, place) as they were put in: a group's members where each has its own numbers."""
     known = {e["label"] for e in core.effects}
     labels = [e["label"] for e in f.variant.grown.effects if e["label"] not in known]
-    return [tuple(label.split("@", 1)) for label in labels]  # type: ignore[misc]
+    return [tuple(label.split("@", 1)) for label in labels]
 
 
 def simulated_error(core: Any, played: Sequence[Record]) -> float:
@@ -395,7 +395,7 @@ def _plan(
     job: Job,
 ) -> Experiment | None:
     """The experiment that tells the possible names apart, None where there is none."""
-    rivals, noise = [], dict[str, float]()
+    rivals, noise = list[tuple[str, Any]](), dict[str, float]()
     for f, _ in decision.ranked:
         if f.variant.label in decision.group and f.variant.label not in {n for n, _ in rivals}:
             rivals.append((f.variant.label, machine_at(machine, grey, f)))

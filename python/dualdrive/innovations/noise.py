@@ -166,23 +166,25 @@ def maximum_likelihood(
         J = np.stack([(m[0] - r) / _STEP if m else np.zeros_like(r) for m in moved])
         slope = np.array([(m[1] - det) / _STEP if m else 0.0 for m in moved])
         g, H = 2.0 * (J @ r) + slope, 2.0 * (J @ J.T)
-        better = None
+        better: tuple[Array, tuple[Array, float], float] | None = None
         for _ in range(3):
             d = -np.linalg.solve(H + damping * np.diag(np.diag(H)) + 1e-9 * np.eye(len(x)), g)
             d *= min(1.0, _LONGEST / max(float(np.max(np.abs(d))), 1e-300))
             trials = [x + a * d for a in (1.0, 0.5)]
-            found = evaluate([own.at(t) for t in trials])
-            costs = [float(f[0] @ f[0]) + f[1] if f else np.inf for f in found]
-            k = int(np.argmin(costs))
-            if costs[k] < cost:
-                better = trials[k], found[k], costs[k]
+            tried = [
+                (t, f, float(f[0] @ f[0]) + f[1])
+                for t, f in zip(trials, evaluate([own.at(t) for t in trials]), strict=True)
+                if f
+            ]
+            best = min(tried, key=lambda t: t[2], default=None)
+            if best and best[2] < cost:
+                better = best
                 break
             damping *= 30.0
         if better is None:
             break
         fall = cost - better[2]
-        x, cost = better[0], better[2]
-        r, det = better[1]
+        x, (r, det), cost = better
         damping = max(1e-4, damping / 10.0)
         if fall < _ENOUGH:
             break

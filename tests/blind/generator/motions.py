@@ -46,7 +46,7 @@ def draw(kind: str, end: float, sample: float, limits: Limits, rng: Rng) -> Moti
     if kind in ("ramps", "steps"):
         return _straight(kind, _CORNERED[kind](end, limits, rng), end, sample)
     angle = _SMOOTH[kind](end, limits, rng)
-    t = np.arange(round(end / KNOT) + 1) * KNOT
+    t: Array = np.arange(round(end / KNOT) + 1, dtype=np.float64) * KNOT
     return _smooth(kind, angle(t), end)
 
 
@@ -60,8 +60,9 @@ def _smooth(kind: str, angle: Array, end: float) -> Motion:
 
 def _straight(kind: str, corners: list[tuple[float, float]], end: float, sample: float) -> Motion:
     """Straight lines between set-points at the recorder's samples."""
-    t = np.arange(round(end / sample) + 1) * sample
-    angle = np.interp(t, *zip(*corners, strict=True)) if kind == "ramps" else _held(t, corners)
+    t: Array = np.arange(round(end / sample) + 1, dtype=np.float64) * sample
+    at, value = np.array(corners, dtype=np.float64).T
+    angle = np.interp(t, at, value) if kind == "ramps" else _held(t, corners)
     speed = np.diff(angle) / sample
     pieces = np.stack([angle[:-1], speed, angle[1:], speed], axis=1)
     return Motion(kind, pieces, sample, end)

@@ -111,7 +111,8 @@ def _whitener(
     size = float((C @ P @ C.T)[0, 0] + R)
     gain = (A @ P @ C.T + S) / size
     zeros, poles = np.linalg.eigvals(A), np.linalg.eigvals(A - gain @ C)
-    return zpk2sos(zeros, poles, 1.0), float(np.sqrt(size))
+    sections = zpk2sos(zeros.tolist(), poles.tolist(), 1.0)
+    return np.asarray(sections, np.float64), float(np.sqrt(size))
 
 
 @dataclass(frozen=True)

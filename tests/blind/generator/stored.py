@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
 import h5py
@@ -24,7 +25,7 @@ def write(case: Case, folder: Path) -> None:
     """machine.toml, case.json and one file per record, in a new folder."""
     folder.mkdir(parents=True)
     (folder / "machine.toml").write_text(case.machine)
-    files = {}
+    files: dict[str, str] = {}
     for plan in case.plans:
         columns = case.recorded[plan.name]
         if case.form == "hdf5":
@@ -34,13 +35,13 @@ def write(case: Case, folder: Path) -> None:
             files[plan.name] = f"{plan.name}.csv"
             _csv(folder / files[plan.name], columns, other=case.form == "csv in other units")
     settings = {files[p.name]: {"controller.T_ten": p.T_ten} for p in case.plans}
-    known = {"machine": "machine.toml", "records": list(files.values())}
+    known: dict[str, object] = {"machine": "machine.toml", "records": list(files.values())}
     if "[controller]" in case.machine and "T_ten" in case.machine:
         known["settings"] = settings
     (folder / "case.json").write_text(json.dumps(known, indent=1) + "\n")
 
 
-def _csv(path: Path, columns: dict[str, Array], other: bool) -> None:
+def _csv(path: Path, columns: Mapping[str, Array], other: bool) -> None:
     units = {name: _unit(name, other) for name in columns}
     header = ",".join(f"{name} [{unit}]" for name, (unit, _) in units.items())
     table = np.stack([columns[name] * size for name, (_, size) in units.items()], axis=1)
@@ -54,7 +55,7 @@ def _unit(name: str, other: bool) -> tuple[str, float]:
     return _SI[kind], 1.0
 
 
-def _hdf5(path: Path, columns: dict[str, Array]) -> None:
+def _hdf5(path: Path, columns: Mapping[str, Array]) -> None:
     with h5py.File(path, "w") as file:
         for name, values in columns.items():
             made = file.create_dataset(name, data=values)

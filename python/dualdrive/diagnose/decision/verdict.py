@@ -87,7 +87,7 @@ def _moved(grey: GreyBox, f: Fitted) -> bool:
     """Whether the data sheet's numbers had to move beyond doubt, by the fall of -2 log L."""
     [nominal] = grey.points([f.variant], [grey.start(f.variant)], f.gains)
     fall = (nominal.chi2 - f.point.chi2) / f.inflation
-    return fall > threshold("gain") + len(f.point.theta) * np.log(grey.samples)
+    return bool(fall > threshold("gain") + len(f.point.theta) * np.log(grey.samples))
 
 
 def missing_torque(core: Any, grey: GreyBox, f: Fitted) -> dict[str, MissingTorque]:
