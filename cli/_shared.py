@@ -40,7 +40,10 @@ def verb(function: Callable[P, R]) -> Callable[P, R]:
         files = None
         try:
             guard.running = True
-            files = Files(click.get_current_context())
+            context = click.get_current_context(silent=True)
+            if context is None:  # called as a function
+                return function(*args, **kwargs)
+            files = Files(context)
             with files:
                 guard.release = files.release
                 result = function(*args, **kwargs)

@@ -19,20 +19,25 @@ if TYPE_CHECKING:  # for editors and type checkers: what _HOMES says; a test com
     from dualdrive import describe as describe
     from dualdrive import diagnose as diagnose
     from dualdrive import distributed as distributed
+    from dualdrive import echo as echo
     from dualdrive import ensembles as ensembles
     from dualdrive import figures as figures
     from dualdrive import files as files
+    from dualdrive import hdf5 as hdf5
     from dualdrive import identify as identify
     from dualdrive import indexing as indexing
+    from dualdrive import innovations as innovations
     from dualdrive import interrupt as interrupt
     from dualdrive import linear as linear
     from dualdrive import machine as machine
     from dualdrive import machine_file as machine_file
     from dualdrive import mapper as mapper
+    from dualdrive import memory as memory
     from dualdrive import motion as motion
     from dualdrive import optimise as optimise
     from dualdrive import paper as paper
     from dualdrive import plots as plots
+    from dualdrive import readable as readable
     from dualdrive import recorder as recorder
     from dualdrive import replay as replay
     from dualdrive import report as report
@@ -40,6 +45,7 @@ if TYPE_CHECKING:  # for editors and type checkers: what _HOMES says; a test com
     from dualdrive import simulation as simulation
     from dualdrive import store as store
     from dualdrive import sweeps as sweeps
+    from dualdrive import toml_text as toml_text
     from dualdrive import traces as traces
     from dualdrive import tune as tune
     from dualdrive import units as units
@@ -88,20 +94,25 @@ _PARTS = (
     "describe",
     "diagnose",
     "distributed",
+    "echo",
     "ensembles",
     "figures",
     "files",
+    "hdf5",
     "identify",
     "indexing",
+    "innovations",
     "interrupt",
     "linear",
     "machine",
     "machine_file",
     "mapper",
+    "memory",
     "motion",
     "optimise",
     "paper",
     "plots",
+    "readable",
     "recorder",
     "replay",
     "report",
@@ -109,6 +120,7 @@ _PARTS = (
     "simulation",
     "store",
     "sweeps",
+    "toml_text",
     "traces",
     "tune",
     "units",

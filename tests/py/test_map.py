@@ -66,7 +66,7 @@ def test_nothing_is_written_unasked_nor_over_what_is_there(tmp_path: Path) -> No
     assert result.exit_code == 0
     assert "nothing written" in result.output
     assert sorted(tmp_path.iterdir()) == before
-    assert run(path, "-o", path).exit_code == 1
+    assert run(path, "-o", path).exit_code == 2
     assert path.read_text().startswith("t,theta_m")
 
 

@@ -142,7 +142,8 @@ class _Search:
             if best is leader or self._criterion(best) > self._criterion(leader) - _WORTH:
                 break
             leader = best
-        every = sorted(self.finals.values(), key=self._criterion)
+        own = (replace(f, criterion=self._criterion(f)) for f in self.finals.values())
+        every = sorted(own, key=lambda f: f.criterion)
         order = sorted(self.screened, key=lambda s: -np.nan_to_num(s[1].gain, nan=-np.inf))
         return Selection(base, every, order, self.tried, not self.grey.counter.stop())
 
@@ -161,7 +162,7 @@ class _Search:
         records become likelier; then all of the noise is estimated.
         """
         grey, variant = self.grey, point.variant
-        noise, _ = maximum_likelihood(noise, grey.under(variant, point.theta), steps=6)
+        noise, _ = maximum_likelihood(noise, grey.under(variant, point.theta), steps=self._steps(6))
         gains = grey.gains(variant, point.theta, noise)
         point = fit(grey, variant, point.theta, gains, steps=3, refresh=(0, 2))
         for _ in range(_LOWERINGS):
@@ -176,10 +177,14 @@ class _Search:
             if trial.lost or trial.minus_two_log > point.minus_two_log:
                 break
             noise, gains, point = lower, own, trial
-        noise, _ = maximum_likelihood(noise, grey.under(variant, point.theta), steps=8)
+        noise, _ = maximum_likelihood(noise, grey.under(variant, point.theta), steps=self._steps(8))
         gains = grey.gains(variant, point.theta, noise)
         point = fit(grey, variant, point.theta, gains, steps=4, refresh=(0, 2))
         return Fitted(point, noise, inflation(point), 0.0, gains)
+
+    def _steps(self, most: int) -> int:
+        """Iterations of an estimate; none once the search is stopped."""
+        return 0 if self.grey.counter.stop() else most
 
     def _base(self) -> Fitted:
         """Nothing is missing: numbers alone, from far."""
@@ -190,7 +195,8 @@ class _Search:
         theta = grey.start(nothing)
         point = fit(grey, nothing, theta, grey.gains(nothing, theta, wide), refresh=(0, 2, 4))
         # under so much unknown torque any machine follows: what is left is the sensors' own
-        wide, _ = maximum_likelihood(wide, grey.under(nothing, point.theta), torques=False)
+        under = grey.under(nothing, point.theta)
+        wide, _ = maximum_likelihood(wide, under, torques=False, steps=self._steps(10))
         self.trial = wide.with_torque(_TRIAL / _WIDE)
         return self._final(point, wide)
 
