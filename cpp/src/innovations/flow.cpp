@@ -17,11 +17,10 @@ namespace {
 
 // Switches within one sample that are located; what chatters faster than that slides on in its last mode till the sample
 // ends, where the record has its say.
-constexpr int most_switches = 6;
+constexpr int most_switches = 12;
 constexpr int most_settlings = 8;
 constexpr int most_secants = 8;
 constexpr int most_terms = 80;
-constexpr double widest = 16.0;  // of ‖A‖ s: beyond it a series loses digits and a squared exponential is cheaper
 constexpr double found = 1e-9;  // of the step: a switch is located
 
 std::vector<int> signals_of(const Layout& layout, const SampledRecord& record) {
@@ -275,15 +274,6 @@ void Flow::remainder(double t, const double* y, double* n) {
 // to = y after `length` of ẏ = A y + n0 + slope s/length, as a Taylor series of as many terms as the spectral radius asks for.
 void Flow::propagate(const double* from, const double* n0, const double* slope, double length, double* to) {
     const double theta = now_->bound * std::abs(length);
-    if (theta > widest) {  // a joint that is nearly rigid: too many terms
-        using Vector = Eigen::VectorXd;
-        const Exponentials e = exponentials(now_->A, length);
-        Vector sum = e.flow * Eigen::Map<const Vector>(from, n_);
-        if (n0) sum += e.phi1 * Eigen::Map<const Vector>(n0, n_);
-        if (slope) sum += e.phi2 * Eigen::Map<const Vector>(slope, n_);
-        std::copy_n(sum.data(), n_, to);
-        return;
-    }
     int order = 2;
     for (double term = theta; order < most_terms && (term > 1e-16 || order < theta); ++order) term *= theta / order;
     const int rows = exact::padded(n_);

@@ -15,7 +15,9 @@ from dualdrive.diagnose.axis import candidate_on, numbers_on, shape_on
 from dualdrive.diagnose.decision import Decision, MissingTorque, decide, objection
 from dualdrive.diagnose.experiment import next_experiment
 from dualdrive.diagnose.findings import equation_of
+from dualdrive.diagnose.loop import ClosedLoop
 from dualdrive.diagnose.result import Candidate, Diagnosis, Experiment, Interval
+from dualdrive.diagnose.search import records_alone
 from dualdrive.diagnose.selection import EFFORTS, Fitted, Selection, select
 from dualdrive.diagnose.sentences import paragraph
 from dualdrive.diagnose.shape import shapes
@@ -24,11 +26,8 @@ from dualdrive.identify.unknowns import Unknown, default_free, default_tolerance
 from dualdrive.innovations import Counter, GreyBox, flat, predictable
 from dualdrive.replay import (
     Record,
-    best_offsets,
     core_of,
-    errors,
     headline,
-    play_all,
 )
 from dualdrive.traces import Trace
 
@@ -234,15 +233,16 @@ def added(core: Any, f: Fitted) -> list[tuple[str, str]]:
 
 
 def simulated_error(core: Any, played: Sequence[Record]) -> float:
-    """Headline error of the loop simulated over the records; not a number where it does not run."""
+    """Headline error of the loop simulated over the records, the machine's numbers held.
+
+    Constants of sensors and initial states are the records' own, and fitted. Not a number where the
+    machine does not run there.
+    """
     try:
-        replays = play_all(core, played, rtol=1e-6)
+        c = ClosedLoop(core, played)
+        return c.headline(records_alone(c).left)
     except (ValueError, FitError):
         return float("nan")
-    if not all(r.ok for r in replays):
-        return float("nan")
-    channels = [c for r in played for c in r.channels]
-    return headline(errors(replays, best_offsets(replays)), channels)
 
 
 def noise_floor(grey: GreyBox, f: Fitted, played: Sequence[Record]) -> float:

@@ -38,9 +38,9 @@ THRESHOLDS = {
     "certain": Threshold(0.9, "probability from which one name is spoken alone"),
     "possible": Threshold(0.02, "probability from which a rival is counted to the group"),
     "temper": Threshold(
-        0.5,
-        "power of the likelihood ratio in probabilities: innovations of a model that is not quite "
-        "right count themselves",
+        1.0,
+        "power of the likelihood ratio in probabilities, beyond the inflation that already divides "
+        "it; smaller where innovations count themselves",
     ),
 }
 
