@@ -69,7 +69,7 @@ def cut(found: Diagnosis) -> list[str]:
     "words",
     [
         pytest.param("as it stands", marks=long),
-        "refitting the data sheet",
+        pytest.param("refitting the data sheet", marks=long),
         pytest.param("closing the torque balance", marks=long),
         pytest.param("score tests", marks=long),
         pytest.param("refitting with", marks=long),
@@ -91,7 +91,10 @@ def test_ctrl_c_ends_a_diagnosis_with_what_is_known(words: str) -> None:
 
 @pytest.mark.parametrize(
     "words",
-    ["score tests", pytest.param("holding the machine", marks=long)],
+    [
+        pytest.param("score tests", marks=long),
+        pytest.param("holding the machine", marks=long),
+    ],
 )
 def test_ctrl_c_ends_an_improvement_with_the_steps_so_far(words: str) -> None:
     order, told = hidden(), Watched(words)
@@ -138,6 +141,7 @@ def interrupted(verb: str, words: str, folder: Path) -> tuple[Mapping[str, Any],
     return json.loads((folder / "found.json").read_text()), out
 
 
+@long
 def test_ctrl_c_on_dualdrive_diagnose(tmp_path: Path) -> None:
     figures, out = interrupted("diagnose", "score tests", tmp_path)
     assert figures["error"]["nominal"] > 0

@@ -38,6 +38,7 @@ DRIFTS = verdicts.drifts(SEEDS) if ALL else [ordered.drifted("bench", 0, 1.25)]
 LOADS = verdicts.loads(SEEDS) if ALL else [ordered.loaded("heavy", 0, 0.3)]
 
 
+@long
 @pytest.mark.parametrize("order", DRIFTS, ids=ids(DRIFTS))
 def test_a_drifted_inertia_alone_is_called_parameters(order: Order) -> None:
     found = order.diagnosed(BUDGET, experiment=False)
@@ -47,6 +48,7 @@ def test_a_drifted_inertia_alone_is_called_parameters(order: Order) -> None:
     assert told.low - 0.02 * real <= real <= told.high + 0.02 * real, (told, real)
 
 
+@long
 @pytest.mark.parametrize("order", LOADS, ids=ids(LOADS))
 def test_a_load_that_sets_in_is_not_called_friction(order: Order) -> None:
     found = order.diagnosed(SHORT, experiment=False)
