@@ -23,7 +23,8 @@ from report import table
 from surroundings import ROOT
 
 sys.path.insert(0, str(ROOT))
-from tests.blind.generator import effects, machines, motion, records
+from tests.blind.generator import effects
+from tests.blind.shown import families, motion, records
 from tests.blind.shown.ordered import FAMILIES, Order
 
 SECONDS, RATE = 10.0, 1000.0
@@ -49,7 +50,7 @@ class Teller:
 def order(family: str, seed: int, effect: str) -> Order:
     """Ten seconds at 1 kHz; the sheet is 5 to 10 % off, and lacks the effect if one is named."""
     rng = np.random.default_rng([seed, 3])
-    sheet = machines.draw(family, rng)
+    sheet = families.draw(family, rng)
     plan = moves(family, sheet)
     hidden: tuple[effects.Hidden, ...] = ()
     if effect:
@@ -57,13 +58,13 @@ def order(family: str, seed: int, effect: str) -> Order:
         without = {path for one in hidden for path in one.without}
         sheet = {path: value for path, value in sheet.items() if path not in without}
     recorder = records.recorder(family, sheet["motors.K_d"], rng)
-    real = machines.drift(sheet, rng)
+    real = families.drift(sheet, rng)
     return Order(family, sheet, real, (plan,), recorder, {plan.name: hidden})
 
 
 def moves(family: str, machine: dict[str, float]) -> records.Plan:
     """Moves both ways at two speeds, with rests between, ten seconds in all."""
-    kind = machines.FAMILIES[family]
+    kind = families.FAMILIES[family]
     v, a, j = (float(np.mean(kind[key])) for key in ("v", "a", "j"))
     length = v * max(0.3, 1.5 - v / a)
     pieces = [(length, v, a, j), (-length, v, a, j), (length / 2, v / 2, a, j)]

@@ -15,10 +15,12 @@ from rich.table import Table
 
 from dualdrive.compare import Condition
 from dualdrive.diagnose import VERDICTS, Candidate, Diagnosis, Experiment, Interval, Ladder
+from dualdrive.diagnose.selection import EFFORTS
 from dualdrive.files import write_atomically
 from dualdrive.machine import Machine
 from dualdrive.motion import parse_motion
 from dualdrive.units import human
+from dualdrive_cli._numbers import Real
 from dualdrive_cli._shared import STOPPED, command_line, console, give_up
 from dualdrive_cli._traces import (
     interpolation_option,
@@ -38,16 +40,33 @@ set_for_option = click.option(
 )
 
 
-def budget_option(seconds: float) -> Callable[..., Any]:
-    """Time for computing, with its default."""
+def budget_option(balance: float) -> Callable[..., Any]:
+    """Time after which a search is stopped; balance: what a torque balance spends, s."""
     return click.option(
         "--budget",
-        type=click.FloatRange(0, min_open=True),
-        default=seconds,
-        show_default=True,
+        type=Real(0, min_open=True),
+        callback=lambda _ctx, _option, seconds: math.inf if seconds is None else seconds,
+        show_default=f"none; {balance:g} s for a torque balance",
         metavar="SECONDS",
-        help="Time for computing; what is not done then is told.",
+        help="Stop the search after so long; an answer that was cut is called unfinished.",
     )
+
+
+effort_option = click.option(
+    "--effort",
+    type=click.Choice(list(EFFORTS)),
+    default="normal",
+    show_default=True,
+    help="How much is tried, counted in replays: the same on a slow or busy computer.",
+)
+
+
+trust_option = click.option(
+    "--trust",
+    multiple=True,
+    metavar="RECORD",
+    help="Keep this record whatever the checks find in it.",
+)
 
 
 def confronting(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -59,6 +78,8 @@ def confronting(function: Callable[..., Any]) -> Callable[..., Any]:
         motion_option,
         start_option,
         interpolation_option,
+        effort_option,
+        trust_option,
     )
     for option in reversed(shared):
         function = option(function)
@@ -73,6 +94,8 @@ def how(
     start: str,
     interpolation: str,
     tolerances: tuple[str, ...],
+    effort: str,
+    trust: tuple[str, ...],
 ) -> dict[str, Any]:
     """Keywords that diagnose and improve take alike."""
     return {
@@ -81,6 +104,8 @@ def how(
         "start": start,
         "interpolation": interpolation,
         "tolerance": tolerance_of(tolerances),
+        "effort": effort,
+        "trust": trust,
     }
 
 

@@ -10,21 +10,22 @@ import click
 
 from dualdrive.echo import shorten
 from dualdrive.files import WriteError
+from dualdrive_cli._stop import STOPPED, guard
 
-FAILED, USAGE, STOPPED = 1, 2, 130
+FAILED, USAGE = 1, 2
 
 
 def give_up(message: object, code: int) -> NoReturn:
     """End the command with one line on stderr."""
     click.echo(f"dualdrive: {shorten(str(message))}", err=True)
-    raise SystemExit(code)
+    raise SystemExit(guard.code if code == STOPPED else code)
 
 
 def end_with(error: Exception) -> NoReturn:
     """End the command as this error asks for; one that no verb may raise is raised again."""
     match error:
         case BrokenPipeError():  # the reader, `head` say, has seen enough
-            sys.stdout = None  # type: ignore[assignment]
+            sys.stdout = None
             raise SystemExit(0) from None
         case OSError(filename=str() | bytes() as name):
             give_up(f"{os.fsdecode(name)}: {error.strerror}; name another file", USAGE)

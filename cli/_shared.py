@@ -1,7 +1,7 @@
 """What the verbs share: how they fail, how they write JSON, how they take a machine.
 
 Exit codes: 0 done; 1 a computation failed or a result could not be written; 2 the command line or
-an input file makes no sense, and nothing was computed; 130 stopped with Ctrl-C.
+an input file makes no sense, and nothing was computed; 130 stopped with Ctrl-C, 143 by SIGTERM.
 """
 
 from __future__ import annotations
@@ -20,28 +20,53 @@ from rich.console import Console
 from dualdrive.files import write_atomically
 from dualdrive.machine import DEFAULT, Machine
 from dualdrive_cli._failures import FAILED as FAILED
-from dualdrive_cli._failures import STOPPED, end_with, give_up
 from dualdrive_cli._failures import USAGE as USAGE
+from dualdrive_cli._failures import end_with
+from dualdrive_cli._failures import give_up as give_up
+from dualdrive_cli._files import JSON, MACHINE, Files
+from dualdrive_cli._keys import SETTING
+from dualdrive_cli._stop import STOPPED as STOPPED
+from dualdrive_cli._stop import guard
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 
 def verb(function: Callable[P, R]) -> Callable[P, R]:
-    """Turn what a verb can raise into one line and an exit code."""
+    """Hold the rule for files, and turn what a verb can raise into one line and an exit code."""
 
     @functools.wraps(function)
     def guarded(*args: P.args, **kwargs: P.kwargs) -> R:
+        files = None
         try:
-            result = function(*args, **kwargs)
-            sys.stdout.flush()  # here, where a full disk can still be told
-            return result
-        except KeyboardInterrupt:
-            give_up("stopped", STOPPED)
+            guard.running = True
+            context = click.get_current_context(silent=True)
+            if context is None:  # called as a function
+                return function(*args, **kwargs)
+            files = Files(context)
+            with files:
+                guard.release = files.release
+                result = function(*args, **kwargs)
+                sys.stdout.flush()  # here, where a full disk can still be told
+                return result
         except Exception as error:
+            if guard.pressed:  # what Ctrl-C broke fails in words of its own
+                give_up(_kept(files), STOPPED)
             end_with(error)
+        except KeyboardInterrupt:
+            give_up(_kept(files), STOPPED)
+        finally:
+            guard.running = False
 
     return guarded
+
+
+def _kept(files: Files | None) -> str:
+    """What a stopped verb leaves behind."""
+    if not files:
+        return "stopped"
+    written = ", ".join(str(path) for path in files.written())
+    return f"stopped; written before: {written}" if written else "stopped; nothing was written"
 
 
 def console(*, err: bool = False) -> Console:
@@ -87,23 +112,22 @@ def pairs(settings: tuple[str, ...]) -> list[tuple[str, str]]:
     return found
 
 
-def picture(_: click.Context, option: click.Parameter, path: Path | None) -> Path | None:
-    """Refuse a picture's file before anything is computed for it. Raises click.BadParameter."""
-    if path is not None and path.suffix.lower() not in (".png", ".pdf", ".svg"):
-        raise click.BadParameter(f"{path}: a picture ends in .png, .pdf or .svg", param=option)
-    return path
-
-
-machine_argument = click.argument("machine", default=DEFAULT)
+machine_argument = click.argument("machine", type=MACHINE, default=DEFAULT)
+machine_file_argument = click.argument("machine", type=MACHINE)
 set_option = click.option(
     "--set",
     "settings",
+    type=SETTING,
     multiple=True,
     metavar="KEY=VALUE",
     help="Change a parameter or choice; repeatable. Units welcome: --set meshes.gap=20arcsec",
 )
 json_option = click.option(
-    "--json", "json_to", metavar="FILE|-", help="Write the figures as JSON; - for standard output."
+    "--json",
+    "json_to",
+    type=JSON,
+    metavar="FILE|-",
+    help="Write the figures as JSON; - for standard output.",
 )
 engine_option = click.option(
     "--engine",

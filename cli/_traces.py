@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +13,17 @@ from dualdrive.identify import Processing, Standstill
 from dualdrive.machine import Machine
 from dualdrive.motion import parse_motion
 from dualdrive.traces import Trace, read_parts
+from dualdrive.traces.log import Issue
+from dualdrive_cli._files import TRACE, Reads
+from dualdrive_cli._keys import SETTING
+from dualdrive_cli._numbers import Real, Whole
 from dualdrive_cli._shared import pairs
 
-traces_argument = click.argument(
-    "traces", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="TRACE..."
-)
+traces_argument = click.argument("traces", nargs=-1, required=True, type=TRACE, metavar="TRACE...")
 map_option = click.option(
     "--map",
     "mapping",
-    type=click.Path(path_type=Path),
+    type=Reads(),
     help="How the columns become channels; the mapping beside a trace unless given.",
 )
 part_option = click.option(
@@ -34,6 +36,7 @@ part_option = click.option(
 tolerance_option = click.option(
     "--tolerance",
     "tolerances",
+    type=SETTING,
     multiple=True,
     metavar="SHARE|KEY=SHARE",
     help="One sigma about the nominal value, for all or one: 0.1, table.J=5%.",
@@ -74,13 +77,13 @@ interpolation_option = click.option(
 _BALANCE = (
     click.option(
         "--cutoff",
-        type=click.FloatRange(0, min_open=True),
+        type=Real(0, min_open=True),
         metavar="HZ",
         help="Balance: low-pass of angles and torques; a tenth of the sampling rate unless given.",
     ),
     click.option(
         "--decimate",
-        type=click.IntRange(1),
+        type=Whole(1),
         help="Balance: every n-th sample counts.  [default: 10]",
     ),
     click.option(
@@ -91,7 +94,7 @@ _BALANCE = (
     ),
     click.option(
         "--standstill-share",
-        type=click.FloatRange(0, 1),
+        type=Real(0, 1),
         metavar="SHARE",
         help="Balance: standstill is below this share of the highest speed.  [default: 0.01]",
     ),
@@ -132,13 +135,23 @@ def read_all(
 
 def _tell_repairs(parts: dict[str, Trace], most: int = 6) -> None:
     """On stderr, what was amiss in the recordings and how it was met."""
-    told = list(
-        dict.fromkeys(f"{name}: {issue}" for name, p in parts.items() for issue in p.log.troubles)
-    )
+    found: dict[str, dict[str, Issue]] = {}  # kind -> name of a part -> the first of that kind
+    for name, part in parts.items():
+        for issue in (*part.log.troubles, *part.log["unmapped"]):
+            found.setdefault(issue.kind, {}).setdefault(name, issue)
+    told = [_once(kind, issues) for kind, issues in found.items()]
     for line in told[:most]:
         click.echo(line, err=True)
     if len(told) > most:
         click.echo(f"... and {len(told) - most} more; see trace.log in Python", err=True)
+
+
+def _once(kind: str, issues: Mapping[str, Issue]) -> str:
+    """A kind of trouble in a line: the first part's in full, the others by name."""
+    (first, issue), *others = issues.items()
+    names = [name for name, _ in others[:3]] + (["..."] if len(others) > 3 else [])
+    more = f"; {kind} in {len(others)} more: {', '.join(names)}" if others else ""
+    return f"{first}: {issue}{more}"
 
 
 def _recorded_under(parts: dict[str, Trace], setting: str, value: str) -> dict[str, Trace]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from dualdrive_cli._files import MACHINE, OUTPUT
 from dualdrive_cli._shared import (
     command_line,
     load,
@@ -21,7 +22,7 @@ from dualdrive_cli._shared import (
 @click.command(
     epilog="Example: dualdrive add heavy-table-100t coulomb@motors --set torque=2N*m -o rig.toml",
 )
-@click.argument("machine")
+@click.argument("machine", type=MACHINE)
 @click.argument("effect", metavar="EFFECT[@PLACE]")
 @set_option
 @click.option("--formula", help="Of the effect 'expression': a torque over named signals.")
@@ -33,7 +34,7 @@ from dualdrive_cli._shared import (
     help="Of the effect 'spline': a coordinate, its range, its knots; ':periodic' behind; twice "
     "for a surface. All values are 0.",
 )
-@click.option("-o", "--output", type=Path, required=True, help="The new machine file.")
+@click.option("-o", "--output", type=OUTPUT, required=True, help="The new machine file.")
 @overwrite_option
 @verb
 def command(

@@ -10,11 +10,12 @@ import click
 from rich.table import Table
 
 from dualdrive import linear
-from dualdrive.files import refuse_existing, write_atomically
+from dualdrive.files import write_atomically
 from dualdrive.machine import Machine
 from dualdrive.memory import excess
 from dualdrive.units import parse, parse_values
-from dualdrive_cli._shared import analysis, console, load, picture, write_json
+from dualdrive_cli._files import OUTPUT, PICTURE, Reads
+from dualdrive_cli._shared import analysis, console, load, write_json
 
 _BYTES_OF_ONE = 2000.0  # of a frequency: the matrices of its response, and points of its curves
 
@@ -42,10 +43,10 @@ _BYTES_OF_ONE = 2000.0  # of a frequency: the matrices of its response, and poin
               "machine besides, with sines of this size, e.g. 20arcsec.")  # fmt: skip
 @click.option("--speed", default="0", show_default=True, help="Steady speed of the table while "
               "simulating, so that friction slides.")  # fmt: skip
-@click.option("--measured", "files", multiple=True, type=Path, metavar="CSV", help="Overlay a "
+@click.option("--measured", "files", multiple=True, type=Reads(), metavar="CSV", help="Overlay a "
               "measured response: frequency, magnitude, phase; repeatable.")  # fmt: skip
-@click.option("-o", "--output-file", "output_file", type=Path, help="Write the response as CSV.")
-@click.option("--plot", type=Path, callback=picture, help="Draw the Bode plot into a picture.")
+@click.option("-o", "--output-file", "output_file", type=OUTPUT, help="Write the response as CSV.")
+@click.option("--plot", type=PICTURE, help="Draw the Bode plot into a picture.")
 @analysis
 def command(
     machine: str,
@@ -68,16 +69,15 @@ def command(
     json_to: str | None,
     overwrite: bool,
 ) -> None:
-    """Frequency responses of a machine with its controller, around one state of its flanks.
+    """Compute frequency responses of a machine with its controller, around one state of its flanks.
 
     Small signals: the machine is linearised with its flanks as they are, delays exact, sampled
     loops approximated, and this is said. --simulate drives the machine with all its switches.
     """
-    for path in filter(None, (plot, output_file)):
-        refuse_existing(path, overwrite=overwrite)
     _refuse_two(open_loop, drives, poles)
     m = load(machine, settings)
     f = _frequencies(frequencies)
+    turning = parse(speed, m.unit_of("omega_m", "rad/s"), key="--speed")
     if poles:
         _poles(m, json_to)
         return
@@ -96,7 +96,7 @@ def command(
         if open_loop or cut:
             rule = "measures --input to --output with the loops closed (Omega_1: position open)"
             raise ValueError(f"--simulate: {rule}; leave --open-loop and --cut out")
-        found.append(_simulated(m, first, amplitude, speed, frequencies is not None))
+        found.append(_simulated(m, first, amplitude, turning, frequencies is not None))
     found += [linear.read_response(path, input=first.input, output=first.output) for path in files]
     margins = first.margins() if open_loop else None
     if plot:
@@ -131,7 +131,7 @@ def _frequencies(text: str | None) -> Any:
 
 
 def _simulated(
-    m: Machine, model: linear.FrequencyResponse, size: str, speed: str, as_given: bool
+    m: Machine, model: linear.FrequencyResponse, size: str, speed: float, as_given: bool
 ) -> linear.FrequencyResponse:
     """The same question put to the nonlinear machine, at 25 frequencies unless they were given."""
     from rich.progress import Progress
@@ -140,11 +140,10 @@ def _simulated(
     unit = {"theta_ref": "rad", "Omega_1": "rad/s"}.get(model.input, "N*m")
     name = {"theta_ref": "theta_ref", "Omega_1": "Omega_1"}.get(model.input, "T_load")
     amplitude = parse(size, m.unit_of(name, unit), key="--simulate")
-    turning = parse(speed, m.unit_of("omega_m", "rad/s"), key="--speed")
     with Progress(console=console(err=True), transient=True) as bar:
         task = bar.add_task("simulating", total=len(f))
         return linear.stepped_sine(
-            m, model.input, model.output, f, amplitude, speed=turning,
+            m, model.input, model.output, f, amplitude, speed=speed,
             progress=lambda done, _: bar.update(task, completed=done),
         )  # fmt: skip
 

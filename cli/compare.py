@@ -9,8 +9,9 @@ import click
 from rich.table import Table
 
 from dualdrive.compare import Comparison, compare
-from dualdrive.files import refuse_existing, write_atomically
+from dualdrive.files import write_atomically
 from dualdrive.identify import FitError
+from dualdrive_cli._files import MACHINE, OUTPUT, PICTURE
 from dualdrive_cli._shared import (
     FAILED,
     console,
@@ -18,7 +19,6 @@ from dualdrive_cli._shared import (
     json_option,
     load,
     overwrite_option,
-    picture,
     set_option,
     verb,
     write_json,
@@ -36,17 +36,16 @@ from dualdrive_cli._traces import (
 @click.command(
     epilog="Example: dualdrive compare machine.toml fit.csv held_out.csv --plot compare.png",
 )
-@click.argument("machine")
+@click.argument("machine", type=MACHINE)
 @traces_argument
 @map_option
 @part_option
 @set_option
 @replaying
-@click.option("-o", "--output", type=Path, help="Write measured and simulated channels as CSV.")
+@click.option("-o", "--output", type=OUTPUT, help="Write measured and simulated channels as CSV.")
 @click.option(
     "--plot",
-    type=Path,
-    callback=picture,
+    type=PICTURE,
     help="Draw measured and simulated channels (png, pdf, svg).",
 )
 @json_option
@@ -71,8 +70,6 @@ def command(
     state) is. Errors are RMS residual over RMS of the mean-free measured signal; the headline
     averages following error, currents or torques, and deflections.
     """
-    for path in filter(None, (output, plot)):
-        refuse_existing(path, overwrite=overwrite)
     m = load(machine, settings)
     recorded = read_all(traces, mapping, wanted)
     with console(err=True).status("comparing"):

@@ -10,10 +10,13 @@ from rich.progress import Progress
 from rich.table import Table
 
 from dualdrive import cycles, sweeps
-from dualdrive.files import refuse_existing, write_atomically
+from dualdrive.files import write_atomically
 from dualdrive.machine import Machine
 from dualdrive.units import human, parse
-from dualdrive_cli._shared import analysis, console, load, picture, write_json
+from dualdrive_cli._files import PICTURE
+from dualdrive_cli._keys import SETTING
+from dualdrive_cli._numbers import Whole
+from dualdrive_cli._shared import analysis, console, load, write_json
 from dualdrive_cli.sweep import Axes
 
 
@@ -27,11 +30,11 @@ from dualdrive_cli.sweep import Axes
 @click.option("--kick", default="1e-3", show_default=True, help="Speed of the table from which a "
               "simulation starts.")  # fmt: skip
 @click.option("--settle", default="60s", show_default=True, help="How long it may settle.")
-@click.option("--branch", metavar="PARAMETER=STOP", help="Follow the cycle as this number changes, "
-              "through folds.")  # fmt: skip
-@click.option("--points", type=click.IntRange(3, 1000), default=30, show_default=True,
+@click.option("--branch", type=SETTING, metavar="PARAMETER=STOP",
+              help="Follow the cycle as this number changes, through folds.")  # fmt: skip
+@click.option("--points", type=Whole(3, 1000), default=30, show_default=True,
               help="Orbits of a branch, at most.")  # fmt: skip
-@click.option("--plot", type=Path, callback=picture, help="Draw it into a picture.")
+@click.option("--plot", type=PICTURE, help="Draw it into a picture.")
 @analysis
 @click.pass_context
 def command(
@@ -53,8 +56,6 @@ def command(
     by shooting, with its Floquet multipliers. With --PARAMETER VALUES (start:stop:count or a,b,c;
     one or several) the orbits over a grid: --controller.K_v 2:10:9 --controller.T_ten 0:30:7.
     """
-    if plot:
-        refuse_existing(plot, overwrite=overwrite)
     m = load(machine, settings)
     start = {
         "kick": parse(kick, m.unit_of("omega_m", "rad/s"), key="--kick"),

@@ -9,15 +9,17 @@ from typing import TYPE_CHECKING
 import click
 
 from dualdrive.demo import sheet, shipped, tell
-from dualdrive.files import make_folder, write_atomically
+from dualdrive.files import write_atomically
 from dualdrive.interrupt import interrupt
 from dualdrive_cli._diagnosis import budget_option, end, save, save_page, show, show_ladder, told
+from dualdrive_cli._files import WritesInto
 from dualdrive_cli._shared import (
     FAILED,
     STOPPED,
     console,
     give_up,
     json_option,
+    overwrite_option,
     verb,
     write_json,
 )
@@ -29,20 +31,27 @@ MACHINE, REPORT = "improved.toml", "report.html"
 PICTURES = ("ladder", "refitted", "improved", "where_it_fails")
 
 
+def _kept(no_pictures: bool) -> list[str]:
+    return [MACHINE] if no_pictures else [MACHINE, REPORT, *(f"{p}.png" for p in PICTURES)]
+
+
 @click.command(epilog="Example: dualdrive demo -o demo --json demo/figures.json")
 @click.option(
     "-o",
     "--output",
-    type=Path,
-    default=Path("dualdrive-demo"),
+    type=WritesInto(lambda given: _kept(given["no_pictures"])),
+    default="dualdrive-demo",
     show_default=True,
     help="Folder for pictures, report and the improved machine file.",
 )
 @click.option("--no-pictures", is_flag=True, help="Tables only.")
 @budget_option(180)
 @json_option
+@overwrite_option
 @verb
-def command(output: Path, no_pictures: bool, budget: float, json_to: str | None) -> None:
+def command(
+    output: Path, no_pictures: bool, budget: float, json_to: str | None, overwrite: bool
+) -> None:
     """Compare a machine with its trace, find the missing effect, add it, watch the error fall.
 
     A heavy table was recorded; its data sheet is a few per cent off and one effect is missing. The
@@ -50,7 +59,6 @@ def command(output: Path, no_pictures: bool, budget: float, json_to: str | None)
     `dualdrive improve` and `dualdrive report` do with any machine and trace.
     """
     screen, began = console(), time.monotonic()
-    make_folder(output)
     with console(err=True).status("starting") as status, interrupt() as stop:
         found = tell(told(status), budget=budget)
         if not found.steps:
@@ -60,13 +68,13 @@ def command(output: Path, no_pictures: bool, budget: float, json_to: str | None)
             _draw(found, output)
             with shipped() as (_, *files):
                 save_page(output / REPORT, found.diagnoses[0], found, sheet(), files)
-    save(found.machine, output / MACHINE, "improved", known=sheet(), overwrite=True)
+    save(found.machine, output / MACHINE, "improved", known=sheet(), overwrite=overwrite)
     write_json(json_to, found.figures())
     if json_to != "-":
         show(found.diagnoses[0])
         show_ladder(found)
-        kept = [MACHINE] if no_pictures else [MACHINE, REPORT, *(f"{p}.png" for p in PICTURES)]
-        screen.print(f"\nIn {output}/: {', '.join(kept)}   ({time.monotonic() - began:.0f} s)")
+        kept = ", ".join(_kept(no_pictures))
+        screen.print(f"\nIn {output}/: {kept}   ({time.monotonic() - began:.0f} s)")
     end(stop)
 
 

@@ -9,7 +9,7 @@ import click
 
 from dualdrive import diagnose
 from dualdrive.diagnose import Diagnosis
-from dualdrive.files import refuse_existing, write_atomically
+from dualdrive.files import write_atomically
 from dualdrive.identify import FitError
 from dualdrive.interrupt import interrupt
 from dualdrive.machine import Machine
@@ -23,6 +23,7 @@ from dualdrive_cli._diagnosis import (
     show,
     told,
 )
+from dualdrive_cli._files import MACHINE, OUTPUT, PICTURE
 from dualdrive_cli._shared import (
     FAILED,
     STOPPED,
@@ -31,7 +32,6 @@ from dualdrive_cli._shared import (
     json_option,
     load,
     overwrite_option,
-    picture,
     set_option,
     verb,
     write_json,
@@ -47,7 +47,7 @@ from dualdrive_cli._traces import (
 @click.command(
     epilog="Example: dualdrive diagnose machine.toml fit.csv --budget 40 -o improved.toml",
 )
-@click.argument("machine")
+@click.argument("machine", type=MACHINE)
 @traces_argument
 @map_option
 @part_option
@@ -55,11 +55,9 @@ from dualdrive_cli._traces import (
 @confronting
 @budget_option(60)
 @click.option(
-    "-o", "--output", type=Path, help="The machine with the best explanation in it, fitted."
+    "-o", "--output", type=OUTPUT, help="The machine with the best explanation in it, fitted."
 )
-@click.option(
-    "--plot", type=Path, callback=picture, help="Draw what was found on one sheet (png, pdf, svg)."
-)
+@click.option("--plot", type=PICTURE, help="Draw what was found on one sheet (png, pdf, svg).")
 @json_option
 @overwrite_option
 @verb
@@ -84,8 +82,6 @@ def command(
     experiment that would. Ctrl-C ends the search with what is known so far,
     and exit code 130.
     """
-    for path in filter(None, (output, plot)):
-        refuse_existing(path, overwrite=overwrite)
     m = load(machine, settings)
     recorded = read_all(traces, mapping, wanted)
     own = settings_for(m, set_for, recorded)

@@ -8,7 +8,7 @@ import click
 from rich.table import Table
 
 from dualdrive import describe
-from dualdrive_cli._shared import console, json_option, verb, write_json
+from dualdrive_cli._shared import console, json_option, overwrite_option, verb, write_json
 
 
 @click.command(
@@ -16,8 +16,9 @@ from dualdrive_cli._shared import console, json_option, verb, write_json
 )
 @click.argument("name", required=False)
 @json_option
+@overwrite_option
 @verb
-def command(name: str | None, json_to: str | None) -> None:
+def command(name: str | None, json_to: str | None, overwrite: bool) -> None:
     """Show what can be added: equation, parameters, units, source, what it is confused with.
 
     Without a NAME all effects are listed. Add one with `dualdrive add`.

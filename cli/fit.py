@@ -8,9 +8,11 @@ from typing import Any
 import click
 
 from dualdrive.compare import compare
-from dualdrive.files import refuse_existing
 from dualdrive.identify import Fit, FitError, Progress, fit
 from dualdrive.machine import Machine
+from dualdrive_cli._files import MACHINE, OUTPUT, TRACE
+from dualdrive_cli._keys import KEY
+from dualdrive_cli._numbers import Real, Whole
 from dualdrive_cli._shared import (
     FAILED,
     STOPPED,
@@ -41,22 +43,22 @@ from dualdrive_cli._traces import (
     epilog="Example: dualdrive fit machine.toml fit.csv --held-out held_out.csv "
     "--free table.J,meshes.stiffness,coulomb@table.torque -o fitted.toml",
 )
-@click.argument("machine")
+@click.argument("machine", type=MACHINE)
 @traces_argument
-@click.option("--free", multiple=True, metavar="KEY,KEY", help="What to fit, groups welcome.")
-@tolerance_option
 @click.option(
-    "--held-out", type=click.Path(path_type=Path), multiple=True, help="A trace to test on."
+    "--free", type=KEY, multiple=True, metavar="KEY,KEY", help="What to fit, groups welcome."
 )
-@click.option("--starts", type=click.IntRange(1), default=1, show_default=True)
+@tolerance_option
+@click.option("--held-out", type=TRACE, multiple=True, help="A trace to test on.")
+@click.option("--starts", type=Whole(1), default=1, show_default=True)
 @scheduler_option
 @click.option("--channel", "channels", multiple=True, help="Fit these channels only.")
-@click.option("--confidence", type=click.FloatRange(0.5, 0.9999), default=0.95, show_default=True)
+@click.option("--confidence", type=Real(0.5, 0.9999), default=0.95, show_default=True)
 @map_option
 @part_option
 @set_option
 @replaying
-@click.option("-o", "--output", type=Path, help="The fitted machine file.")
+@click.option("-o", "--output", type=OUTPUT, help="The fitted machine file.")
 @json_option
 @overwrite_option
 @verb
@@ -84,8 +86,6 @@ def command(
     Without --free: inertias, viscous friction, stiffness, play, and every number of its effects.
     Ctrl-C keeps the best point so far. Ends with 1 if the fit did not converge.
     """
-    if output:
-        refuse_existing(output, overwrite=overwrite)
     m = load(machine, settings)
     recorded, unseen = read_all(traces, mapping, wanted), read_all(held_out, mapping)
     options = replay_options(m, **replay)

@@ -10,7 +10,7 @@ import click
 from dualdrive import diagnose
 from dualdrive.diagnose import Ladder
 from dualdrive.diagnose.improve import MOST
-from dualdrive.files import refuse_existing, write_atomically
+from dualdrive.files import write_atomically
 from dualdrive.identify import FitError
 from dualdrive.interrupt import interrupt
 from dualdrive_cli._diagnosis import (
@@ -23,6 +23,8 @@ from dualdrive_cli._diagnosis import (
     show_ladder,
     told,
 )
+from dualdrive_cli._files import MACHINE, OUTPUT, PICTURE, TRACE
+from dualdrive_cli._numbers import Whole
 from dualdrive_cli._shared import (
     FAILED,
     STOPPED,
@@ -31,7 +33,6 @@ from dualdrive_cli._shared import (
     json_option,
     load,
     overwrite_option,
-    picture,
     set_option,
     verb,
     write_json,
@@ -48,20 +49,18 @@ from dualdrive_cli._traces import (
     epilog="Example: dualdrive improve machine.toml fit.csv --held-out held_out.csv --budget 60 "
     "-o improved.toml",
 )
-@click.argument("machine")
+@click.argument("machine", type=MACHINE)
 @traces_argument
-@click.option(
-    "--held-out", type=click.Path(path_type=Path), multiple=True, help="A trace to test on."
-)
+@click.option("--held-out", type=TRACE, multiple=True, help="A trace to test on.")
 @click.option("--ambiguous", is_flag=True, help="Add the leader of a group that stays unparted.")
-@click.option("--most", type=click.IntRange(0), default=MOST, show_default=True, help="Effects.")
+@click.option("--most", type=Whole(0), default=MOST, show_default=True, help="Effects.")
 @map_option
 @part_option
 @set_option
 @confronting
 @budget_option(180)
-@click.option("-o", "--output", type=Path, help="The improved machine file.")
-@click.option("--plot", type=Path, callback=picture, help="Draw the ladder (png, pdf, svg).")
+@click.option("-o", "--output", type=OUTPUT, help="The improved machine file.")
+@click.option("--plot", type=PICTURE, help="Draw the ladder (png, pdf, svg).")
 @json_option
 @overwrite_option
 @verb
@@ -88,8 +87,6 @@ def command(
     those held out. Every step stands in the machine file's history and can be taken back. Ctrl-C
     ends with the steps so far and exit code 130.
     """
-    for path in filter(None, (output, plot)):
-        refuse_existing(path, overwrite=overwrite)
     m = load(machine, settings)
     recorded, unseen = read_all(traces, mapping, wanted), read_all(held_out, mapping)
     own = settings_for(m, set_for, [*recorded, *unseen])

@@ -10,12 +10,14 @@ from rich.table import Table
 
 from dualdrive import indexing
 from dualdrive.ensembles.runs import cores
-from dualdrive.files import refuse_existing, write_atomically
+from dualdrive.files import write_atomically
 from dualdrive.indexing import IndexingError, Iso230, LostMotion, TableRow
 from dualdrive.machine import Machine, presets
 from dualdrive.traces import read_parts
 from dualdrive.units import conversion, parse, parse_values
-from dualdrive_cli._shared import analysis, console, engine_option, load, picture, write_json
+from dualdrive_cli._files import PICTURE, Reads
+from dualdrive_cli._numbers import Whole
+from dualdrive_cli._shared import analysis, console, engine_option, load, write_json
 from dualdrive_cli._traces import map_option
 
 #: SI unit -> how targets and deviations are printed
@@ -29,7 +31,7 @@ _SHOWN = {"rad": ("deg", "arcsec"), "m": ("mm", "um"), "": ("", "")}
     "--targets", help="start:stop:count or a,b,c with units; eight round the circle unless given."
 )
 @click.option("--travel", help="Over which the axis is tested; else from first to last target.")
-@click.option("--repeats", type=click.IntRange(1), help="Approaches from each side.  [default: 5]")
+@click.option("--repeats", type=Whole(1), help="Approaches from each side.  [default: 5]")
 @click.option("--dwell", help="Stay at every target; of a trace, the shortest that is one.")
 @click.option("--window", help="End of the dwell over which the position is averaged.")
 @click.option("--still", help="By how much the table may move meanwhile: 1 arcsec, 1 µm.")
@@ -39,12 +41,10 @@ _SHOWN = {"rad": ("deg", "arcsec"), "m": ("mm", "um"), "": ("", "")}
 @click.option("--overrun", help="How far beyond the outer targets it turns back.")
 @click.option("--unit", default="", help="Of a measured file whose header names none: deg, mm.")
 @map_option
-@click.option(
-    "--pulls", type=click.Path(path_type=Path), help="Lost motion of a log, laid out as this says."
-)
+@click.option("--pulls", type=Reads(), help="Lost motion of a log, laid out as this says.")
 @click.option("--tables", is_flag=True, help="Tables 1 and 2 of the source paper; takes a minute.")
 @engine_option
-@click.option("-o", "--output", type=Path, callback=picture, help="Draw the chart (png, pdf, svg).")
+@click.option("-o", "--output", type=PICTURE, help="Draw the chart (png, pdf, svg).")
 @analysis
 def command(
     machine: str,
@@ -65,8 +65,6 @@ def command(
     Ends with 2, and gives no number, where a table hunts or has not settled, where a trace has no
     reversals, or where counts differ between targets.
     """
-    if output:
-        refuse_existing(output, overwrite=overwrite)
     if tables:
         return _tables(json_to)
     if pulls:
@@ -101,6 +99,8 @@ def _tested(
 
 
 def _simulated(machine: Machine, test: dict[str, Any]) -> Iso230:
+    if test["unit"]:
+        raise ValueError(f"--unit {test['unit']}: of a measured file; a machine has its own")
     angle = machine.unit_of("e", "rad")
     given = {
         name: _number(test[option], unit, option)

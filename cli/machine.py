@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 
 import click
@@ -9,7 +10,9 @@ from rich.console import Group
 from rich.table import Table
 
 from dualdrive import describe
+from dualdrive.files import claim
 from dualdrive.machine import DEFAULT, Machine, presets
+from dualdrive_cli._files import MACHINE, OUTPUT
 from dualdrive_cli._shared import (
     command_line,
     console,
@@ -30,8 +33,9 @@ def command() -> None:
 
 @command.command("list", epilog="Example: dualdrive machine list --json -")
 @json_option
+@overwrite_option
 @verb
-def list_(json_to: str | None) -> None:
+def list_(json_to: str | None, overwrite: bool) -> None:
     """Show the machines that come with dualdrive."""
     machines = [Machine.load(name) for name in presets()]
     keys = ("name", "title", "axis", "drive_train")
@@ -50,8 +54,11 @@ def list_(json_to: str | None) -> None:
 @set_option
 @click.option("--toml", is_flag=True, help="Print the machine file instead.")
 @json_option
+@overwrite_option
 @verb
-def show(machine: str, settings: tuple[str, ...], toml: bool, json_to: str | None) -> None:
+def show(
+    machine: str, settings: tuple[str, ...], toml: bool, json_to: str | None, overwrite: bool
+) -> None:
     """Show every number of a machine with its unit, meaning and bounds."""
     m = load(machine, settings)
     write_json(json_to, describe.machine(m))
@@ -76,17 +83,19 @@ def _page(m: Machine) -> Group:
     numbers = Table("parameter", "value", "SI", "bounds", "meaning", box=None)
     for p in describe.tied(m):
         si = f"{p.value:.10g} {p.unit}".rstrip()
-        numbers.add_row(p.path, describe.reading(p), si, describe.bounds(p), p.doc)
+        numbers.add_row(p.path, describe.reading(p), si, describe.bounds(p), describe.meaning(m, p))
     return Group(head, "", numbers)
 
 
 @command.command(
     epilog="Example: dualdrive machine new --preset bench --set table.J=0.3 -o rig.toml"
 )
-@click.option("--preset", default=DEFAULT, show_default=True, help="What to begin with.")
+@click.option(
+    "--preset", type=MACHINE, default=DEFAULT, show_default=True, help="What to begin with."
+)
 @click.option("--name", help="Name of the new machine; else the file's.")
 @set_option
-@click.option("-o", "--output", type=Path, required=True, help="The machine file to write.")
+@click.option("-o", "--output", type=OUTPUT, required=True, help="The machine file to write.")
 @overwrite_option
 @verb
 def new(
@@ -101,10 +110,11 @@ def new(
 
 
 @command.command(epilog="Example: dualdrive machine history rig.toml")
-@click.argument("machine")
+@click.argument("machine", type=MACHINE)
 @json_option
+@overwrite_option
 @verb
-def history(machine: str, json_to: str | None) -> None:
+def history(machine: str, json_to: str | None, overwrite: bool) -> None:
     """Show what was changed in a machine file, when and by which command, oldest first."""
     m = load(machine)
     write_json(json_to, list(m.history))
@@ -122,13 +132,15 @@ def history(machine: str, json_to: str | None) -> None:
 
 
 @command.command(epilog="Example: dualdrive machine undo rig.toml -o rig-before.toml")
-@click.argument("machine", type=Path)
-@click.option("-o", "--output", type=Path, help="Write here; else the file itself is replaced.")
+@click.argument("machine", type=MACHINE)
+@click.option("-o", "--output", type=OUTPUT, help="Write here; else the file itself is replaced.")
 @overwrite_option
 @verb
-def undo(machine: Path, output: Path | None, overwrite: bool) -> None:
+def undo(machine: str, output: Path | None, overwrite: bool) -> None:
     """Take back the last change of a machine file: numbers, effects and choices as they were."""
-    m = Machine.load(machine)
-    change = m.undo()
-    m.save(output or machine, overwrite=overwrite or output is None)
-    click.echo(f"{output or machine}: without {change!r}")
+    path = Path(machine)
+    with nullcontext() if output else claim(path):
+        m = Machine.load(path)
+        change = m.undo()
+        m.save(output or path, overwrite=overwrite or output is None)
+    click.echo(f"{output or path}: without {change!r}")

@@ -6,11 +6,13 @@ from pathlib import Path
 
 import click
 
-from dualdrive.files import refuse_existing, write_atomically
+from dualdrive.files import write_atomically
 from dualdrive.machine import Machine
 from dualdrive.motion import parse_motion
 from dualdrive.optimise import ACCURACY, Corner, Front, OptimiseError, corners, optimise
 from dualdrive.units import parse_values
+from dualdrive_cli._files import PICTURE
+from dualdrive_cli._keys import SETTING
 from dualdrive_cli._shared import (
     FAILED,
     analysis,
@@ -18,7 +20,6 @@ from dualdrive_cli._shared import (
     give_up,
     load,
     pairs,
-    picture,
     write_json,
 )
 
@@ -30,6 +31,7 @@ from dualdrive_cli._shared import (
 @click.option("--motion", help="Duty cycle; default: the machine's usual move, there and back.")
 @click.option(
     "--over",
+    type=SETTING,
     multiple=True,
     metavar="PATH=VALUES",
     help="Numbers to choose, start:stop:count or a,b,c; repeatable. Default: tension and gain.",
@@ -37,6 +39,7 @@ from dualdrive_cli._shared import (
 @click.option(
     "--corner",
     "spread",
+    type=SETTING,
     multiple=True,
     metavar="PATH=LOW:HIGH",
     help="What is not known or changes; repeatable; 80%:120% of the machine's own. Default: "
@@ -50,7 +53,7 @@ from dualdrive_cli._shared import (
     show_default=True,
     help="What stands for accuracy.",
 )
-@click.option("--plot", type=Path, callback=picture, help="Draw the front and the flanks' margin.")
+@click.option("--plot", type=PICTURE, help="Draw the front and the flanks' margin.")
 @analysis
 def command(
     machine: str,
@@ -69,8 +72,6 @@ def command(
     Every design on the grid makes the duty cycle at every corner and counts with its worst. Designs
     whose loop is unstable at a corner have no figures; exit code 1 where all are.
     """
-    if plot:
-        refuse_existing(plot, overwrite=overwrite)
     m = load(machine, settings)
     cases = _cases(m, spread, no_corners)
     grid = {path: _values(m, path, text) for path, text in pairs(over)} or None

@@ -4,21 +4,37 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 from rich.markup import escape
 from rich.table import Table as Grid
 
-from dualdrive.files import make_folder, refuse_existing, write_atomically
+from dualdrive.files import write_atomically
 from dualdrive.paper import EXHIBITS, Exhibit, Table, page, reproduce, shown
+from dualdrive_cli._files import OUTPUT, WritesInto
+from dualdrive_cli._numbers import Whole
 from dualdrive_cli._shared import console, json_option, overwrite_option, verb, write_json
+
+
+def _named(exhibits: Sequence[str]) -> list[str]:
+    return [name for name in EXHIBITS if name in exhibits or not exhibits or "all" in exhibits]
+
+
+def _pictures(given: Mapping[str, Any]) -> list[str]:
+    return [f"{name}.{given['kind']}" for name in _named(given["exhibits"])]
 
 
 @click.command(epilog="Example: dualdrive paper fig3 fig5 -o pictures")
 @click.argument("exhibits", nargs=-1, type=click.Choice(["all", *EXHIBITS]), metavar="[EXHIBIT]...")
 @click.option(
-    "-o", "--output", type=Path, metavar="DIR", help="Draw each into this folder, as NAME.png."
+    "-o",
+    "--output",
+    type=WritesInto(_pictures),
+    metavar="DIR",
+    help="Draw each into this folder, as NAME.png.",
 )
 @click.option(
     "--format",
@@ -29,9 +45,9 @@ from dualdrive_cli._shared import console, json_option, overwrite_option, verb, 
     help="Of the pictures.",
 )
 @click.option(
-    "--page", "page_to", type=Path, metavar="FILE", help="Write everything as Markdown; needs -o."
+    "--page", "page_to", type=OUTPUT, metavar="FILE", help="Write everything as Markdown; needs -o."
 )
-@click.option("--jobs", type=click.IntRange(1), help="Threads; default: all cores.")
+@click.option("--jobs", type=Whole(1), help="Threads; default: all cores.")
 @json_option
 @overwrite_option
 @verb
@@ -50,16 +66,10 @@ def command(
     the paper leaves open and was chosen here, what deviates and why, and which of the paper's
     sentences hold.
     """
-    names = [name for name in EXHIBITS if name in exhibits or not exhibits or "all" in exhibits]
-    pictures = _places(names, output, kind)
+    names = _named(exhibits)
+    pictures = {name: output / f"{name}.{kind}" for name in names} if output else {}
     if page_to and output is None:
         raise click.UsageError("--page shows pictures: say with -o where they go")
-    if page_to:
-        refuse_existing(page_to, overwrite=overwrite)
-    if output:
-        make_folder(output)
-    for path in pictures.values():
-        refuse_existing(path, overwrite=overwrite)
     begin = time.perf_counter()
     found = []
     for name in names:
@@ -75,10 +85,6 @@ def command(
         for path in [*pictures.values(), *filter(None, [page_to])]:
             click.echo(f"written: {path}")
         click.echo(f"{seconds:.1f} s")
-
-
-def _places(names: list[str], folder: Path | None, kind: str) -> dict[str, Path]:
-    return {} if folder is None else {name: folder / f"{name}.{kind}" for name in names}
 
 
 def _one(name: str, picture: Path | None, jobs: int) -> Exhibit:

@@ -6,15 +6,16 @@ from pathlib import Path
 
 import click
 
-from dualdrive.files import refuse_existing, write_atomically
+from dualdrive.files import write_atomically
 from dualdrive.identify import PlayEstimate, estimate_play, with_torques
 from dualdrive.machine import Machine
 from dualdrive.traces import Trace
+from dualdrive_cli._files import MACHINE, PICTURE
+from dualdrive_cli._numbers import Real, Whole
 from dualdrive_cli._shared import (
     json_option,
     load,
     overwrite_option,
-    picture,
     verb,
     write_json,
 )
@@ -27,30 +28,30 @@ from dualdrive_cli._traces import map_option, part_option, read_all, traces_argu
 @traces_argument
 @map_option
 @part_option
-@click.option("--drive", type=click.IntRange(1, 2), help="Mesh of this drive; of each unless told.")
+@click.option("--drive", type=Whole(1, 2), help="Mesh of this drive; of each unless told.")
 @click.option(
-    "--machine", help="Takes ratios and torque constants from it; its play is not looked at."
+    "--machine",
+    type=MACHINE,
+    help="Takes ratios and torque constants from it; its play is not looked at.",
 )
-@click.option("--mesh-ratio", type=float, help="Turns of the pinion per turn of the ring.")
-@click.option("--gear-ratio", type=float, help="Turns of the motor per turn of the pinion.")
+@click.option("--mesh-ratio", type=Real(), help="Turns of the pinion per turn of the ring.")
+@click.option("--gear-ratio", type=Real(), help="Turns of the motor per turn of the pinion.")
 @click.option(
     "--load",
-    type=click.FloatRange(0, min_open=True),
+    type=Real(0, min_open=True),
     metavar="N*m",
     help="Torque from which a flank counts as closed; 0.3 of the largest unless given.",
 )
 @click.option(
     "--settle",
-    type=click.FloatRange(0),
+    type=Real(0),
     default=0.3,
     show_default=True,
     metavar="S",
     help="So long the torque must have had one sign.",
 )
-@click.option("--confidence", type=click.FloatRange(0.5, 0.9999), default=0.95, show_default=True)
-@click.option(
-    "--plot", type=Path, callback=picture, help="Draw the loop in the trace and the interval."
-)
+@click.option("--confidence", type=Real(0.5, 0.9999), default=0.95, show_default=True)
+@click.option("--plot", type=PICTURE, help="Draw the loop in the trace and the interval.")
 @json_option
 @overwrite_option
 @verb
@@ -75,8 +76,6 @@ def command(
     pinion. Time skew of the two angles and compliance are fitted with it. A drive that was only
     ever loaded one way gives a lower bound.
     """
-    if plot:
-        refuse_existing(plot, overwrite=overwrite)
     m = _machine(machine)
     recorded = read_all(traces, mapping, wanted)
     if m is not None:

@@ -8,7 +8,6 @@ from typing import Any
 import click
 
 from dualdrive import diagnose
-from dualdrive.files import refuse_existing
 from dualdrive.identify import FitError
 from dualdrive.interrupt import interrupt
 from dualdrive_cli._diagnosis import (
@@ -20,6 +19,7 @@ from dualdrive_cli._diagnosis import (
     settings_for,
     told,
 )
+from dualdrive_cli._files import MACHINE, OUTPUT, TRACE
 from dualdrive_cli._shared import (
     FAILED,
     STOPPED,
@@ -44,11 +44,9 @@ from dualdrive_cli._traces import (
     epilog="Example: dualdrive report machine.toml fit.csv --held-out held_out.csv --budget 60 "
     "-o report.html",
 )
-@click.argument("machine")
+@click.argument("machine", type=MACHINE)
 @traces_argument
-@click.option(
-    "--held-out", type=click.Path(path_type=Path), multiple=True, help="A trace to test on."
-)
+@click.option("--held-out", type=TRACE, multiple=True, help="A trace to test on.")
 @click.option("--no-ladder", is_flag=True, help="Diagnose only: add nothing, diagnose not again.")
 @map_option
 @part_option
@@ -56,7 +54,7 @@ from dualdrive_cli._traces import (
 @confronting
 @budget_option(180)
 @click.option(
-    "-o", "--output", type=Path, default=Path("report.html"), show_default=True, help="The page."
+    "-o", "--output", type=OUTPUT, default="report.html", show_default=True, help="The page."
 )
 @json_option
 @overwrite_option
@@ -84,7 +82,6 @@ def command(
     is held out. Ctrl-C ends the search; the page tells what is known so far, and the exit code is
     130.
     """
-    refuse_existing(output, overwrite=overwrite)
     m = load(machine, settings)
     recorded, unseen = read_all(traces, mapping, wanted), read_all(held_out, mapping)
     own = settings_for(m, set_for, [*recorded, *unseen])

@@ -8,12 +8,15 @@ from pathlib import Path
 import click
 from rich.table import Table
 
-from dualdrive.files import refuse_existing, write_atomically
+from dualdrive.files import write_atomically
 from dualdrive.machine import Machine
 from dualdrive.motion import parse_motion
 from dualdrive.run import Run
 from dualdrive.simulation import simulate
 from dualdrive.units import human, parse
+from dualdrive_cli._files import OUTPUT, PICTURE
+from dualdrive_cli._keys import KEY
+from dualdrive_cli._numbers import Real
 from dualdrive_cli._shared import (
     FAILED,
     analysis,
@@ -24,7 +27,6 @@ from dualdrive_cli._shared import (
     load,
     method_option,
     pairs,
-    picture,
     write_json,
 )
 
@@ -39,16 +41,16 @@ from dualdrive_cli._shared import (
 @click.option("--end", help="When to stop, s; else the motion says.")
 @click.option("--load", "load_torque", help="Constant load on the table, against positive motion.")
 @click.option("--initial", multiple=True, metavar="STATE=VALUE", help="Start value of a state, SI.")
-@click.option("--sensitivity", "sensitivities", multiple=True, help="Derivatives by a parameter.")
+@click.option(
+    "--sensitivity", "sensitivities", type=KEY, multiple=True, help="Derivatives by a parameter."
+)
 @click.option("--signal", "signals", multiple=True, help="Record these signals only.")
 @click.option("--output-step", default="1ms", show_default=True, help="Time between samples.")
-@click.option("--rtol", type=float, help="Relative tolerance of the integrator.")
+@click.option("--rtol", type=Real(), help="Relative tolerance of the integrator.")
 @engine_option
 @method_option
-@click.option("-o", "--output", type=Path, help="Write the run as HDF5.")
-@click.option(
-    "--plot", type=Path, callback=picture, help="Draw the run into a picture (png, pdf, svg)."
-)
+@click.option("-o", "--output", type=OUTPUT, help="Write the run as HDF5.")
+@click.option("--plot", type=PICTURE, help="Draw the run into a picture (png, pdf, svg).")
 @analysis
 def command(
     machine: str,
@@ -75,8 +77,6 @@ def command(
     multisine:RMS,f=,lines=,seed=,levels=A;B; each takes end=. Numbers may carry units.
     Ends with 1 if the integration failed; what was computed is written and says so.
     """
-    for path in filter(None, (output, plot)):
-        refuse_existing(path, overwrite=overwrite)
     m = load(machine, settings)
     with console(err=True).status("simulating"):
         run = simulate(

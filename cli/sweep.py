@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import math
-import signal
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from difflib import get_close_matches
 from pathlib import Path
 
 import click
 from click.core import ParameterSource
+from click.shell_completion import CompletionItem
 from rich.table import Table
 
 from dualdrive import sweeps
-from dualdrive.files import refuse_existing, write_atomically
+from dualdrive.files import FileError, write_atomically
 from dualdrive.machine import Machine
 from dualdrive.units import human, parse
+from dualdrive_cli._files import PICTURE, Writes
+from dualdrive_cli._keys import keys
+from dualdrive_cli._numbers import Real, Whole
 from dualdrive_cli._shared import (
     FAILED,
     STOPPED,
@@ -30,7 +33,6 @@ from dualdrive_cli._shared import (
     load,
     method_option,
     pairs,
-    picture,
     scheduler_option,
     write_json,
 )
@@ -41,6 +43,8 @@ class Axes(click.Command):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Set the axes aside before the options are read: values such as -1:1:5 look like one."""
+        if ctx.resilient_parsing:  # the shell completes a line that is not finished
+            return super().parse_args(ctx, [word for word in args if not word.startswith("--")])
         own = {name for option in self.get_params(ctx) for name in option.opts}
         axes: dict[str, str] = {}
         rest: list[str] = []
@@ -60,6 +64,14 @@ class Axes(click.Command):
             axes[name.removeprefix("--")] = values
         ctx.obj = axes
         return super().parse_args(ctx, rest)
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Options, and every parameter as one."""
+        own = super().shell_complete(ctx, incomplete)
+        if not incomplete.startswith("--"):
+            return own
+        axes = (f"--{key}" for key in (*sweeps.ALIASES, *keys(ctx)))
+        return own + [CompletionItem(axis) for axis in axes if axis.startswith(incomplete)]
 
 
 def _check_axis(name: str, options: set[str]) -> None:
@@ -82,18 +94,16 @@ def _check_axis(name: str, options: set[str]) -> None:
 @click.option("--output-step", default="1ms", show_default=True, help="Time between samples.")
 @click.option("--keep", is_flag=False, flag_value="all", metavar="[NAME,NAME]", help="Store whole "
               "signals too: those named, or all.")  # fmt: skip
-@click.option("--rtol", type=float, default=1e-10, show_default=True, help="Relative tolerance.")
+@click.option("--rtol", type=Real(), default=1e-10, show_default=True, help="Relative tolerance.")
 @engine_option
 @method_option
 @click.option("--energy/--no-energy", default=True, help="Keep the balance of energy of every run.")
-@click.option("--max-steps", type=int, help="Give a run up after so many integration steps.")
-@click.option("--jobs", type=int, help="Threads; default: all cores.")
+@click.option("--max-steps", type=Whole(), help="Give a run up after so many integration steps.")
+@click.option("--jobs", type=Whole(), help="Threads; default: all cores.")
 @scheduler_option
-@click.option("-o", "--output", type=Path, default=Path("sweep.h5"), show_default=True)
+@click.option("-o", "--output", type=Writes(resumed=True), default="sweep.h5", show_default=True)
 @click.option("--resume", is_flag=True, help="Complete a sweep that was stopped.")
-@click.option(
-    "--plot", type=Path, callback=picture, help="Draw lines (one axis) or a map into a picture."
-)
+@click.option("--plot", type=PICTURE, help="Draw lines (one axis) or a map into a picture.")
 @analysis
 @click.pass_context
 def command(
@@ -129,12 +139,7 @@ def command(
     other; exit code 1 only if none succeeded.
     """
     axes: dict[str, str] = ctx.obj
-    if output.exists() and not (resume or overwrite):
-        ways = "--resume completes it, --overwrite replaces it, -o names another"
-        give_up(f"{output}: exists already; {ways}", FAILED)
-    if plot:
-        refuse_existing(plot, overwrite=overwrite or resume)
-    with _progress_bar() as progress, _stopped_by_ctrl_c(output):
+    with _progress_bar() as progress, _resumable(output):
         if resume and not axes:
             _refuse_anything_else(ctx)
             result = sweeps.resume(output, jobs=jobs, scheduler=scheduler, progress=progress)
@@ -193,19 +198,18 @@ def _refuse_double(m: Machine, settings: tuple[str, ...], axes: dict[str, str]) 
 
 
 @contextmanager
-def _stopped_by_ctrl_c(output: Path) -> Iterator[None]:
-    """Let a first Ctrl-C end the sweep in good order, a second one at once."""
-    before = signal.signal(signal.SIGINT, signal.SIG_DFL)  # a kill does the file no harm
+def _resumable(output: Path) -> Iterator[None]:
+    """Say, where Ctrl-C has left runs to be done, how they are done later."""
     try:
         yield
     except KeyboardInterrupt:
-        with sweeps.load_sweep(output) as partial:
-            total = math.prod(partial.shape)
-            done = total - partial.pending
-        again = f"'dualdrive sweep --resume -o {output}' completes it"
-        give_up(f"{output}: stopped with {done} of {total} runs done; {again}", STOPPED)
-    finally:
-        signal.signal(signal.SIGINT, before)
+        with suppress(FileError), sweeps.load_sweep(output) as partial:
+            total, left = math.prod(partial.shape), partial.pending
+            if left:
+                again = f"'dualdrive sweep --resume -o {output}' completes it"
+                done = f"{total - left} of {total} runs done"
+                give_up(f"{output}: stopped with {done}; {again}", STOPPED)
+        raise
 
 
 @contextmanager
@@ -240,12 +244,19 @@ def _report(result: sweeps.Sweep, json_to: str | None, plot: Path | None) -> Non
         about.add_row(path, f"{first} to {last}, {len(values)} values")
     for written in filter(None, (result.path, plot)):
         about.add_row("written", str(written))
+    steady = dict[str, str]()
     ranges = Table("figure", "lowest", "at", "highest", "at", box=None, pad_edge=False)
     for name in result.figures:
         if ends := result.range(name):
             low, high = (_extreme(result, name, run) for run in ends)
-            ranges.add_row(name, *low, *high)
-    console().print(about, ranges)
+            if low[0] == high[0]:  # in the digits that are shown
+                steady[name] = low[0]
+            else:
+                ranges.add_row(name, *low, *high)
+    console().print(about, *([ranges] if ranges.row_count else []))
+    if steady:
+        named = ", ".join(f"{name} {value}" for name, value in steady.items())
+        console().print(f"do not change over the grid: {named}", markup=False)
 
 
 def _extreme(result: sweeps.Sweep, figure: str, run: int) -> tuple[str, str]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 from rich.table import Table
 
-from dualdrive.files import make_folder, refuse_existing, write_atomically
+from dualdrive.files import write_atomically
 from dualdrive.linear import DriveComparison, differ, read_response
 from dualdrive.machine import Machine
 from dualdrive.motion import parse_motion
@@ -25,6 +25,8 @@ from dualdrive.tune import (
     tune,
 )
 from dualdrive.units import human
+from dualdrive_cli._files import OUTPUT, PICTURE, Reads, Writes, WritesInto
+from dualdrive_cli._numbers import Real, Whole
 from dualdrive_cli._shared import (
     FAILED,
     STOPPED,
@@ -33,11 +35,14 @@ from dualdrive_cli._shared import (
     console,
     give_up,
     load,
-    picture,
     write_json,
 )
 
 _GOOD = ("tuned", "in part")
+
+
+def _picture_of(step: int) -> str:
+    return f"step-{step}.png"
 
 
 @click.command(
@@ -47,33 +52,34 @@ _GOOD = ("tuned", "in part")
 @click.option("--motion", help="Test move that every step is judged by; default: one that suits.")
 @click.option(
     "--parameters",
-    type=Path,
+    type=Reads(),
     metavar="FILE",
     help="Drive parameters as read from the control (.toml, .csv, .json): compared, then set.",
 )
 @click.option(
     "--measured",
-    type=Path,
+    type=Reads(),
     nargs=2,
     metavar="MASTER SLAVE",
     help="Measured responses of both speed loops; step 3 judges them.",
 )
-@click.option("--tolerance-db", type=click.FloatRange(0, min_open=True), default=1.0,
+@click.option("--tolerance-db", type=Real(0, min_open=True), default=1.0,
               show_default=True, help="By how much the drives' responses may part.")  # fmt: skip
-@click.option("--tolerance-deg", type=click.FloatRange(0, min_open=True), default=5.0,
+@click.option("--tolerance-deg", type=Real(0, min_open=True), default=5.0,
               show_default=True)  # fmt: skip
-@click.option("--until", type=click.IntRange(0, 8), default=8, show_default=True,
+@click.option("--until", type=Whole(0, 8), default=8, show_default=True,
               help="Last step to do; 0 sets and writes drive parameters alone.")  # fmt: skip
 @click.option("--guided", is_flag=True, help="Ask after each step whether to keep it.")
-@click.option("-o", "--output", type=Path, help="Write the tuned machine, with its history.")
+@click.option("-o", "--output", type=OUTPUT, help="Write the tuned machine, with its history.")
 @click.option(
     "--table",
     "table_to",
-    type=Path,
+    type=Writes("table", (".txt", ".csv", ".json")),
     help="Write the drive parameters to type in: .txt, .csv or .json.",
 )
-@click.option("--plot", type=Path, callback=picture, help="Draw the test move before and after.")
-@click.option("--pictures", type=Path, metavar="FOLDER", help="Draw every step: step-1.png, ...")
+@click.option("--plot", type=PICTURE, help="Draw the test move before and after.")
+@click.option("--pictures", type=WritesInto(lambda _: map(_picture_of, range(9))), metavar="FOLDER",
+              help="Draw every step: step-1.png, ...")  # fmt: skip
 @analysis
 def command(
     machine: str,
@@ -99,7 +105,6 @@ def command(
     sets tension and torque equaliser until the torques are smooth, then feed-forward, acceleration
     and jerk. Exit code 1 where it stops before its end; it says at which step and why.
     """
-    _check(output, table_to, plot, overwrite)
     m = load(machine, settings)
     test = parse_motion(motion) if motion is not None else None
     given = read_drive_parameters(parameters, m) if parameters else None
@@ -135,14 +140,6 @@ def command(
         _report(done, table, guided, written)
     if done.status not in _GOOD:
         give_up(f"{m.name}: {done.reason}", FAILED)
-
-
-def _check(output: Path | None, table_to: Path | None, plot: Path | None, overwrite: bool) -> None:
-    """Refuse what could not be written before anything is computed for it."""
-    for path in filter(None, (output, table_to, plot)):
-        refuse_existing(path, overwrite=overwrite)
-    if table_to is not None and table_to.suffix not in (".txt", ".csv", ".json"):
-        raise click.BadParameter(f"{table_to}: a table ends in .txt, .csv or .json")
 
 
 def _measured(
@@ -204,10 +201,9 @@ def _write(
             plots.tuning(done).savefig(temporary)
         written.append(plot)
     if pictures is not None:
-        make_folder(pictures)
         for step in done.steps:
             if step.panels:
-                path = pictures / f"step-{step.number}.png"
+                path = pictures / _picture_of(step.number)
                 with write_atomically(path) as temporary:
                     plots.tuning_step(step).savefig(temporary)
         written.append(pictures)

@@ -15,5 +15,6 @@ void bind_machine(nb::module_& m);
 void bind_simulate(nb::module_& m);
 void bind_ensemble(nb::module_& m);
 void bind_linearise(nb::module_& m);
+void bind_innovations(nb::module_& m);
 
 }  // namespace dualdrive::python

@@ -14,4 +14,5 @@ NB_MODULE(_core, m) {
     bind_simulate(m);
     bind_ensemble(m);
     bind_linearise(m);
+    bind_innovations(m);
 }

@@ -23,20 +23,27 @@ bool changes_angle(const EffectEntry& effect, bool at_motor) {
     return !at_motor || type.text.of_angle || type.text.rounds || (type.hooks & hook::delay);
 }
 
-// The effects at a channel or sensor, with slopes along up to `directions` parameters.
+// The effects at a channel or sensor, their numbers out of `values`, which are the machine's.
+template <class S>
+std::vector<std::unique_ptr<Effect<S>>> effects_with(const Machine& machine, const std::string& channel,
+                                                     const S* values) {
+    std::vector<std::unique_ptr<Effect<S>>> found;
+    const bool at_motor = machine.motor(channel) >= 0;
+    for (const auto& e : machine.effects())
+        if (is_sensor_effect(e) && changes_angle(e, at_motor) &&
+            std::find(e.members.begin(), e.members.end(), channel) != e.members.end())
+            found.push_back(make_effect<S>(e.name, values + e.first));
+    return found;
+}
+
+// The same with slopes along up to `directions` parameters.
 std::vector<std::unique_ptr<Effect<Gradient>>> effects_at(const Machine& machine, const std::string& channel,
                                                           const std::vector<std::vector<std::size_t>>& slots,
                                                           std::size_t first) {
     std::vector<Gradient> values(machine.values().begin(), machine.values().end());
     for (std::size_t d = 1; d < directions && first + d - 1 < slots.size(); ++d)
         for (const auto slot : slots[first + d - 1]) values[slot].slope[d] = 1.0;
-    std::vector<std::unique_ptr<Effect<Gradient>>> found;
-    const bool at_motor = machine.motor(channel) >= 0;
-    for (const auto& e : machine.effects())
-        if (is_sensor_effect(e) && changes_angle(e, at_motor) &&
-            std::find(e.members.begin(), e.members.end(), channel) != e.members.end())
-            found.push_back(make_effect<Gradient>(e.name, values.data() + e.first));
-    return found;
+    return effects_with<Gradient>(machine, channel, values.data());
 }
 
 std::vector<std::vector<std::size_t>> slots_of(const Machine& machine, const std::vector<std::string>& parameters) {
@@ -53,6 +60,15 @@ Measures measures(const Machine& machine, const std::string& channel) {
 constexpr std::size_t at_once = directions - 1;  // the first direction is the signal's own
 
 }  // namespace
+
+std::vector<std::unique_ptr<Effect<double>>> reading_effects(const Machine& machine,
+                                                             const std::vector<std::string>& places) {
+    std::vector<std::unique_ptr<Effect<double>>> found;
+    for (const std::string& place : places)
+        for (auto& effect : effects_with<double>(machine, place, machine.values().data()))
+            found.push_back(std::move(effect));
+    return found;
+}
 
 bool on_record(const Machine& machine, const EffectEntry& effect) {
     return is_sensor_effect(effect) &&

@@ -11,16 +11,43 @@ from typing import TYPE_CHECKING, Any
 from dualdrive._core import __version__
 
 if TYPE_CHECKING:  # for editors and type checkers: what _HOMES says; a test compares the two
+    from dualdrive import assembly as assembly
+    from dualdrive import build as build
     from dualdrive import compare as compare
     from dualdrive import cycles as cycles
     from dualdrive import demo as demo
+    from dualdrive import describe as describe
+    from dualdrive import diagnose as diagnose
+    from dualdrive import distributed as distributed
+    from dualdrive import echo as echo
+    from dualdrive import ensembles as ensembles
     from dualdrive import figures as figures
+    from dualdrive import files as files
+    from dualdrive import hdf5 as hdf5
     from dualdrive import identify as identify
     from dualdrive import indexing as indexing
+    from dualdrive import innovations as innovations
+    from dualdrive import interrupt as interrupt
     from dualdrive import linear as linear
+    from dualdrive import machine as machine
+    from dualdrive import machine_file as machine_file
+    from dualdrive import mapper as mapper
+    from dualdrive import memory as memory
     from dualdrive import motion as motion
+    from dualdrive import optimise as optimise
+    from dualdrive import paper as paper
     from dualdrive import plots as plots
+    from dualdrive import readable as readable
+    from dualdrive import recorder as recorder
+    from dualdrive import replay as replay
+    from dualdrive import report as report
+    from dualdrive import run as run
+    from dualdrive import simulation as simulation
+    from dualdrive import store as store
+    from dualdrive import sweeps as sweeps
+    from dualdrive import toml_text as toml_text
     from dualdrive import traces as traces
+    from dualdrive import tune as tune
     from dualdrive import units as units
     from dualdrive.ensembles import Ensemble as Ensemble
     from dualdrive.ensembles.ensemble import ensemble as ensemble
@@ -59,16 +86,43 @@ _HOMES: dict[str, str] = {
 
 #: parts that are used by their own name: dualdrive.motion.move(...)
 _PARTS = (
+    "assembly",
+    "build",
     "compare",
     "cycles",
     "demo",
+    "describe",
+    "diagnose",
+    "distributed",
+    "echo",
+    "ensembles",
     "figures",
+    "files",
+    "hdf5",
     "identify",
     "indexing",
+    "innovations",
+    "interrupt",
     "linear",
+    "machine",
+    "machine_file",
+    "mapper",
+    "memory",
     "motion",
+    "optimise",
+    "paper",
     "plots",
+    "readable",
+    "recorder",
+    "replay",
+    "report",
+    "run",
+    "simulation",
+    "store",
+    "sweeps",
+    "toml_text",
     "traces",
+    "tune",
     "units",
 )
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 __sundials_version__: str = '6.4.1'
 
-__kernels__: str = 'avx512'
+__kernels__: str = 'avx2'
 
 class Waveform:
     """
@@ -650,5 +650,59 @@ def frozen_laws(machine: Machine, inputs: Mapping[str, Waveform] = {}, *, modes:
 
 def possible_modes(machine: Machine, inputs: Mapping[str, Waveform] = {}) -> dict[str, list[str]]:
     """Switching element -> the modes that it may have, by name."""
+
+class SampledRecord:
+    """
+    A stretch of a record, made ready to be predicted sample by sample.
+
+    inputs: name -> Waveform. times: s, shape (n,), increasing. channels: (signal of the machine, places whose effects change its reading). measured: SI, shape (n, channels).
+    Raises ValueError for lengths that differ and times that do not increase.
+    """
+
+    def __init__(self, inputs: Mapping[str, Waveform], times: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], channels: Sequence[tuple[str, Sequence[str]]], measured: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> None: ...
+
+    @property
+    def samples(self) -> int:
+        """How many."""
+
+    @property
+    def step(self) -> float:
+        """Median distance of the times, s."""
+
+class KalmanGains:
+    """Steady-state Kalman gains of a machine, one set per contact pattern."""
+
+    def copy(self) -> KalmanGains: ...
+
+    @property
+    def patterns(self) -> list[int]:
+        """Contact patterns: bit c is set where connection c carries."""
+
+    def K(self, pattern: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]:
+        """Shape (states + channels, channels)."""
+
+    def whitening(self, pattern: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]:
+        """S^(-1/2), lower triangular, shape (channels, channels)."""
+
+    def log_det(self, pattern: int) -> float: ...
+
+    @property
+    def learned(self) -> int:
+        """First samples of a record that have gains of their own."""
+
+def kalman_gains(machine: Machine, record: SampledRecord, sensors: Sequence[tuple[float, float, float]], torque: Mapping[str, float], speed: float = 0.0) -> KalmanGains:
+    """
+    Steady-state Kalman gains.
+
+    sensors: (drive, memory, white) per channel: n' = memory n + drive w, and a white part. torque: body -> s.d. of a torque of unknown course, constant over a sample, N*m. speed: table speed, rad/s, about which laws that are not affine are linearised. Raises ValueError.
+    """
+
+def predict(machine: Machine, record: SampledRecord, gains: KalmanGains, *, initial: Mapping[str, float] = {}, offsets: Sequence[float] = [], substeps: int = 1, states: bool = False, learn_first: bool = False) -> dict[str, Any]:
+    """
+    Replay a record, the state corrected at every sample.
+
+    initial: state -> value at the first sample, others 0. offsets: per channel, what its sensor adds. substeps: per sample, where a law is not affine. states: also trajectory, corrections (n, states), innovations (n, channels) and contact pattern (n,). learn_first: work out the gains of the first samples, into `gains`.
+    Returns a dict: residuals (n, channels), whitened; log_det; finite; switches. The GIL is released. Raises ValueError.
+    """
 
 __version__: str

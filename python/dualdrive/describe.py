@@ -5,14 +5,81 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from html import escape
 from typing import Any
 
+from numpy.typing import ArrayLike
+
 from dualdrive import _core
+from dualdrive.assembly import core_of
 from dualdrive.machine import Machine, MachineError, Parameter
 from dualdrive.machine_file import LAW_KEYS, group_of
+from dualdrive.machine_file.frames import linear_unit
+from dualdrive.readable import Scale, scale
+from dualdrive.traces.names import CHANNELS, is_canonical
 from dualdrive.units import human
 
-__all__ = ["bounds", "effect", "effects", "machine", "reading", "tied", "value_and_unit"]
+__all__ = [
+    "bounds",
+    "effect",
+    "effects",
+    "html",
+    "machine",
+    "meaning",
+    "reading",
+    "scale_on",
+    "spoken_on",
+    "tied",
+    "unit_on",
+    "value_and_unit",
+]
+
+# What the words of a rotary declaration are where it counts in m, N and kg.
+_LINEAR_WORDS = (("moment of inertia", "mass"), ("torque", "force"), ("angle", "position"))
+
+
+# --- units of a machine's own axis ----------------------------------------------------------------
+
+
+def unit_on(machine: Any, what: str, unit: str | None = None) -> str:
+    """The SI unit in which `what` is shown of this machine: on a linear axis N of a torque.
+
+    machine: a machine; a bare core counts as a rotary axis
+    what:    path of a parameter or tie group, a signal, a channel of a trace; or else a rotary SI
+             unit ("N*m"), which is then one of the table's side
+    unit:    the declared rotary unit, of a path that this machine doesn't have: a candidate's
+    """
+    unit = unit or _declared_unit(machine, what)
+    if unit is None:
+        return linear_unit(what) if getattr(machine, "axis", "rotary") == "linear" else what
+    return str(machine.unit_of(what, unit)) if hasattr(machine, "unit_of") else unit
+
+
+def scale_on(machine: Any, what: str, values: ArrayLike = (), unit: str | None = None) -> Scale:
+    """The unit to print, and its size, for a column of values of one kind: mm/s, arcsec, kN."""
+    return scale(unit_on(machine, what, unit), values)
+
+
+def spoken_on(
+    machine: Any, value: float, what: str, unit: str | None = None, *, digits: int = 4
+) -> str:
+    """One value as people read it on this axis: ``20.13 N``, ``5 mm/s``, ``22.69 arcsec``."""
+    return human(value, unit_on(machine, what, unit), digits=digits)
+
+
+def _declared_unit(machine: Any, what: str) -> str | None:
+    """What the core or the list of channels declares; None where `what` is no name there."""
+    core = core_of(machine)
+    if is_canonical(what):
+        return CHANNELS[what].unit
+    try:
+        return str(core.parameter(what).unit)
+    except ValueError:
+        signals = core.signals() if core.bodies else ()
+        return next((unit for name, unit, _ in signals if name == what), None)
+
+
+# --- rows -----------------------------------------------------------------------------------------
 
 
 def tied(machine: Machine) -> Iterator[Parameter]:
@@ -53,6 +120,16 @@ def reading(p: Parameter) -> str:
     return "no limit" if math.isinf(p.value) else human(p.value, p.unit)
 
 
+def meaning(m: Machine, p: Parameter) -> str:
+    """What the declaration says of a number, in the words of this axis: mass for kg."""
+    member = m.core.members(p.path)[0]
+    text = p.doc
+    if m.core.parameter(member).unit != p.unit:
+        for rotary, linear in _LINEAR_WORDS:
+            text = text.replace(rotary, linear)
+    return text
+
+
 def bounds(p: Parameter) -> str:
     """The declared bounds in words: ``> 0``, ``>= 0``, ``0 to 1``, or nothing."""
     if math.isfinite(p.low) and math.isfinite(p.high):
@@ -82,6 +159,24 @@ def machine(m: Machine) -> dict[str, Any]:
         "parameters": {p.path: value_and_unit(p) | {"doc": p.doc} for p in m.parameters()},
         "history": list(m.history),
     }
+
+
+def html(m: Machine) -> str:
+    """A machine as a notebook shows it: what it is made of, and its numbers with their units."""
+    choices = ", ".join(f"{key} {value}" for key, value in m.core.controller_options.items())
+    head = {
+        "axis": f"{m.axis}, {m.drive_train}",
+        "controller": choices,
+        "effects": ", ".join(m.effects) or "none",
+    }
+    about = "".join(f"<tr><th>{key}</th><td>{escape(text)}</td></tr>" for key, text in head.items())
+    cells = ((p.path, reading(p), bounds(p), p.doc) for p in tied(m))
+    rows = "".join(f"<tr><td>{'</td><td>'.join(map(escape, row))}</td></tr>" for row in cells)
+    titles = "".join(f"<th>{title}</th>" for title in ("parameter", "value", "bounds", "meaning"))
+    return (
+        f"<p><b>{escape(m.name)}</b>: {escape(m.title)}</p><table>{about}</table>"
+        f"<details><summary>parameters</summary><table><tr>{titles}</tr>{rows}</table></details>"
+    )
 
 
 def effects() -> list[dict[str, Any]]:

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import os
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
 __all__ = [
     "FileError",
     "WriteError",
+    "claim",
     "make_folder",
     "read_text",
     "refuse_existing",
+    "refuse_replacing",
+    "refuse_unwritable",
+    "same_file",
+    "target",
     "write_atomically",
 ]
 
@@ -56,17 +63,88 @@ def refuse_existing(path: Path, *, overwrite: bool) -> None:
 
     Raises WriteError when something is there that may not be replaced, or no folder to write in.
     """
-    _refuse_special(path)
+    refuse_replacing(path, overwrite=overwrite)
+    refuse_unwritable(path)
+
+
+def refuse_replacing(path: Path, *, overwrite: bool) -> None:
+    """Raise WriteError when something is there that may not be replaced."""
+    try:
+        _refuse_special(path)
+    except OSError as error:  # a name too long
+        raise _unwritable(path, error) from None
     if path.exists() and not overwrite:
         raise WriteError(
             f"{path}: exists already; choose another name, or say --overwrite (overwrite=True)"
         )
-    folder = path.absolute().parent
+
+
+def refuse_unwritable(path: Path) -> None:
+    """Raise WriteError when there is no folder to write `path` in."""
+    folder = target(path).absolute().parent
     if not folder.is_dir():
         raise WriteError(f"{path}: cannot be written: there is no folder {folder}; make it first")
     if not os.access(folder, os.W_OK | os.X_OK):
         rule = f"the folder {folder} may not be written to"
         raise WriteError(f"{path}: cannot be written: {rule}; choose another place")
+
+
+def target(path: Path) -> Path:
+    """The file that is written under this name: where a symbolic link leads, else `path` itself.
+
+    Raises WriteError for a link that leads nowhere, or in a circle.
+    """
+    if not path.is_symlink():
+        return path
+    try:
+        return Path(os.path.realpath(path, strict=True))
+    except OSError as error:
+        where = "in a circle" if error.errno == errno.ELOOP else f"to {path.readlink()}, not there"
+        rule = f"a symbolic link that leads {where}"
+        raise WriteError(f"{path}: cannot be written: {rule}; name a file") from None
+
+
+def same_file(one: Path, other: Path) -> bool:
+    """Whether two names, by links of either kind, mean one file, there already or not."""
+    with suppress(OSError):  # a file that is not there, a name too long
+        return one.samefile(other)
+    return os.path.realpath(one) == os.path.realpath(other)
+
+
+@contextmanager
+def claim(path: Path) -> Iterator[None]:
+    """Be the one program that computes what goes to this file or folder.
+
+    Raises WriteError while another has it. The claim ends with the process, however it ends; the
+    hidden file beside that bears it is taken away by whoever leaves in order.
+    """
+    place = target(path)
+    bearer = place / ".lock" if place.is_dir() else place.with_name(f".{place.name}.lock")
+    while True:
+        try:
+            file = os.open(bearer, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        except OSError as error:
+            raise _unwritable(path, error) from None
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            owner = os.read(file, 20).decode(errors="replace").strip() or "?"
+            os.close(file)
+            rule = f"another dualdrive (process {owner}) is about to write it"
+            raise WriteError(f"{path}: {rule}; wait for it, or name another file") from None
+        except OSError:
+            pass  # a file system that knows no locks
+        with suppress(FileNotFoundError):  # taken away between the two calls: once more
+            if os.fstat(file).st_ino == bearer.stat().st_ino:
+                break
+        os.close(file)
+    try:
+        os.ftruncate(file, 0)
+        os.write(file, f"{os.getpid()}\n".encode())
+        yield
+    finally:
+        bearer.unlink(missing_ok=True)
+        os.close(file)
 
 
 def make_folder(path: Path) -> None:
@@ -78,11 +156,12 @@ def make_folder(path: Path) -> None:
 
 
 @contextmanager
-def write_atomically(path: Path, *, flush: bool = True) -> Iterator[Path]:
+def write_atomically(path: Path, *, overwrite: bool = True, flush: bool = True) -> Iterator[Path]:
     """Give a temporary path beside `path`; on success it takes the place of `path`.
 
-    `flush` puts it on the disk first, so that not even a power cut leaves half of it there; without
-    it that is left to who writes on.
+    Where `path` is a symbolic link, the file it leads to is written. Without `overwrite` a file
+    that has come to be there meanwhile stays. `flush` puts the content on the disk first, so that
+    not even a power cut leaves half of it there; without it that is left to who writes on.
 
     On any failure the temporary file is removed and what stood at `path` is untouched. Trouble
     with the disk (no permission, no space, no folder) is raised as WriteError.
@@ -90,29 +169,46 @@ def write_atomically(path: Path, *, flush: bool = True) -> Iterator[Path]:
     temporary: Path | None = None
     try:
         _refuse_special(path)
+        place = target(path)
         handle, name = tempfile.mkstemp(
-            dir=path.parent, prefix=f".{path.name}.", suffix=path.suffix
+            dir=place.parent, prefix=f".{place.name}.", suffix=place.suffix
         )
         os.close(handle)
         temporary = Path(name)
         yield temporary
         if flush:
             _flush(temporary)
-        temporary.chmod(_mode(path))
-        temporary.replace(path)
+        temporary.chmod(_mode(place))
+        if overwrite:
+            temporary.replace(place)
+        else:
+            _give_name(temporary, place)
     except OSError as error:
-        reason = error.strerror or str(error).splitlines()[0]
-        raise WriteError(
-            f"{path}: cannot be written: {reason}; nothing was changed there"
-        ) from error
+        raise _unwritable(path, error) from error
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
 
 
+def _give_name(temporary: Path, place: Path) -> None:
+    """Let the file appear under its name, unless something has appeared there by now."""
+    try:
+        place.hardlink_to(temporary)
+    except FileExistsError:
+        raise WriteError(f"{place}: exists by now: another program made it; it stays") from None
+    except OSError:  # a file system without hard links
+        refuse_replacing(place, overwrite=False)
+        temporary.replace(place)
+
+
+def _unwritable(path: Path, error: OSError) -> WriteError:
+    reason = error.strerror or str(error).splitlines()[0]
+    return WriteError(f"{path}: cannot be written: {reason}; nothing was changed there")
+
+
 def _refuse_special(path: Path) -> None:
-    """A device or folder must not be replaced by a file, not even by root."""
-    if path.exists() and not path.is_file():
+    """A device or folder must not be replaced by a file, not even by root; nor a lost link."""
+    if target(path).exists() and not path.is_file():
         raise WriteError(f"{path}: cannot be written: not a regular file; name a file to write")
 
 

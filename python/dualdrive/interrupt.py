@@ -12,7 +12,10 @@ from typing import Any
 
 _log = logging.getLogger(__name__)
 
-__all__ = ["interrupt"]
+__all__ = ["finishing", "interrupt"]
+
+#: the events of the calls under way
+_under_way: list[threading.Event] = []
 
 
 class _First:
@@ -43,10 +46,17 @@ def interrupt() -> Iterator[threading.Event]:
         yield stop
         return
     first = _First(stop)
+    _under_way.append(stop)
     try:
         yield stop
     finally:
+        _under_way.remove(stop)
         outermost = first.before
         while stop.is_set() and isinstance(outermost, _First):
             outermost = outermost.before
         signal.signal(signal.SIGINT, outermost)
+
+
+def finishing() -> bool:
+    """Whether a first Ctrl-C was heard, and what is under way is being finished."""
+    return any(stop.is_set() for stop in _under_way)

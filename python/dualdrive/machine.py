@@ -119,7 +119,7 @@ class Machine:
         path = Path(path)
         refuse_existing(path, overwrite=overwrite)
         text = self.toml()
-        with write_atomically(path) as temporary:
+        with write_atomically(path, overwrite=overwrite) as temporary:
             temporary.write_text(text, "utf-8")
 
     # --- description ------------------------------------------------------------------------------
@@ -298,6 +298,11 @@ class Machine:
 
     def __repr__(self) -> str:
         return f"<Machine {self.name}: {self.title}>"
+
+    def _repr_html_(self) -> str:
+        import dualdrive  # its lazy name: the description itself knows what a machine is
+
+        return dualdrive.describe.html(self)
 
 
 def _usual_place(effect: str) -> str:

@@ -18,6 +18,7 @@ from dualdrive.units import human
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
+    from matplotlib.figure import Figure
 
 __all__ = ["Event", "Run", "RunError", "load_run"]
 
@@ -231,6 +232,12 @@ class Run:
         write_run(self, Path(path), overwrite=overwrite, command=command)
 
     # --- words ------------------------------------------------------------------------------------
+
+    def plot(self, *, window: tuple[float, float] | None = None) -> Figure:
+        """Motion, error, torques and flanks on one page; see dualdrive.plots.overview."""
+        import dualdrive  # its lazy name: the plots themselves know what a run is
+
+        return dualdrive.plots.overview(self, window=window)
 
     @property
     def _words(self) -> str:

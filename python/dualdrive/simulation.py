@@ -49,7 +49,8 @@ def simulate(
 
     motion:         of the table; default: a move scaled to the machine (none without controller)
     end:            s; default: the motion's own end
-    load:           torque on the table that opposes positive motion, N·m (N on a linear axis)
+    load:           torque on the table that opposes positive motion, N·m (N on a linear axis);
+                    a plain 0 is none, to the same bits
     inputs:         further inputs by name: U_n or T_n of a machine without controller, columns
                     that a formula reads
     signals:        names to record; default: all
@@ -160,9 +161,18 @@ def driven(
         motion = default_motion(machine)
     if motion is not None:
         given["theta_ref"] = motion.waveform
-    if load is not None:
+    if load is not None and not _is_zero(load):
         given["T_load"] = _waveform(load)
     return motion, given
+
+
+def _is_zero(load: Signal) -> bool:
+    """Whether there is no load at all.
+
+    As an input it would be one more column of the engines' matrices, whose other rounding shows in
+    the last digits of every signal.
+    """
+    return isinstance(load, (int, float)) and load == 0
 
 
 def _end_of(motion: Motion | None) -> float:

@@ -55,7 +55,7 @@ def write_run(run: Any, path: Path, *, overwrite: bool = False, command: str = "
     with h5py.File(image, "w") as file:
         root_attributes(file, machine=run.machine, command=command)
         write_into(file.create_group("run"), run)
-    with write_atomically(path) as temporary:
+    with write_atomically(path, overwrite=overwrite) as temporary:
         temporary.write_bytes(image.getbuffer())
 
 

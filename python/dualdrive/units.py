@@ -23,7 +23,16 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Conversion", "UnitError", "conversion", "human", "is_unit", "parse", "parse_values"]
+__all__ = [
+    "Conversion",
+    "UnitError",
+    "coherent",
+    "conversion",
+    "human",
+    "is_unit",
+    "parse",
+    "parse_values",
+]
 
 
 class UnitError(ValueError):
@@ -86,6 +95,11 @@ _HIGHEST: Final = 100  # product of all exponents; N*m*s^2/rad^2 has 4
 # Units that count an angle with something other than the radian.
 _TURNING: Final = re.compile(r"(degree|arcminute|arcsecond|turn|grade|gradian)$")
 _TURNING_RATE: Final = re.compile(r"revolutions_per_(minute|second|hour)$")
+# The coherent units that a product is written in, in the order in which they are written.
+_COHERENT: Final = (
+    *("kg", "N", "J", "W", "Pa", "V", "ohm", "F", "H", "C", "Wb", "T", "A"),
+    *("m", "s", "Hz", "K", "rad"),
+)
 _PREFIXES: Final = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"))
 
 
@@ -177,9 +191,51 @@ def conversion(given: str, declared: str) -> Conversion:
     try:
         zero = float(quantity(0.0, unit).to(to).magnitude)
         one = float(quantity(1.0, unit).to(to).magnitude)
+    except TypeError as error:  # the library's, for a scale with its own zero inside a product
+        raise UnitError(f"{given}: a temperature on a scale with its own zero; write K") from error
     except (ArithmeticError, ValueError):  # of a size beyond all numbers, or a logarithm
         raise UnitError(f"{given} can't be converted to {declared or 'a ratio'}") from None
     return Conversion(one - zero, zero)
+
+
+@lru_cache(maxsize=512)
+def coherent(given: str) -> str:
+    """The SI unit without prefix for what `given` measures: ``m/s`` for mm/s, ``N*m`` for kNm.
+
+    Formulas compute in such units alone. Raises UnitError when `given` is no unit, or may count
+    turns or not.
+    """
+    unit = _parsed(given)
+    if dict(unit._units) == {"minute": -1}:
+        raise UnitError(f"{given} may mean 1/s or turns per minute here; write 1/s or rpm")
+    powers: dict[str, float] = {}
+    for name, exponent in unit._units.items():
+        for symbol, own in _coherent_factors(name).items():
+            powers[symbol] = powers.get(symbol, 0.0) + own * exponent
+    above = [_power(s, powers[s]) for s in _COHERENT if powers.get(s, 0.0) > 0]
+    below = [_power(s, -powers[s]) for s in _COHERENT if powers.get(s, 0.0) < 0]
+    return "/".join(["*".join(above) or "1", *below]) if above or below else ""
+
+
+def _coherent_factors(name: str) -> dict[str, float]:
+    """One unit of the library as powers of coherent ones: ``{"rad": 1, "s": -1}`` for rpm."""
+    unit = _registry().Unit(name)
+    if _TURNING_RATE.search(name):
+        return {"rad": 1.0, "s": -1.0}
+    for symbol in _COHERENT:
+        own = _parsed(symbol)
+        alike = _angle(own)[0] == _angle(unit)[0] and _is_cycles(own) == _is_cycles(unit)
+        if alike and own.dimensionality == unit.dimensionality:
+            return {symbol: 1.0}
+    base = {"[mass]": "kg", "[length]": "m", "[time]": "s", "[current]": "A", "[temperature]": "K"}
+    dimensions = dict(unit.dimensionality)
+    if not dimensions.keys() <= base.keys():
+        raise UnitError(f"{name} is not measured in SI units")
+    return {base[dimension]: float(power) for dimension, power in dimensions.items()}
+
+
+def _power(symbol: str, exponent: float) -> str:
+    return symbol if exponent == 1 else f"{symbol}^{exponent:g}"
 
 
 def parse(

@@ -69,14 +69,14 @@ def main() -> int:
     return int(failures > 0)
 
 
-def _make(
-    attempts: list[Attempt], inputs: Path, folder: Path, jobs: int
-) -> list[tuple[str, str]]:
+def _make(attempts: list[Attempt], inputs: Path, folder: Path, jobs: int) -> list[tuple[str, str]]:
     """What failed, and why."""
 
     def one(item: tuple[int, Attempt]) -> tuple[str, str]:
         number, attempt = item
-        return attempt.what, judge(attempt, inputs, folder / f"attempt-{number % (4 * jobs)}-{number}")
+        return attempt.what, judge(
+            attempt, inputs, folder / f"attempt-{number % (4 * jobs)}-{number}"
+        )
 
     with ThreadPoolExecutor(jobs) as pool:
         ends = list(pool.map(one, enumerate(attempts)))

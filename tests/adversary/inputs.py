@@ -45,7 +45,9 @@ def make_inputs(folder: Path) -> None:
     words = "shuttle:0.2,speeds=0.3;0.6,a=2,dwell=0.5,start=0.5,end=7"
     run = simulate(machine, parse_motion(words), output_step=5e-3)
     run.save(folder / "run.h5")
-    names = [name for name in ("theta_ref", "theta_m", "theta_1", "theta_2", "T_1", "T_2") if name in run]
+    names = [
+        name for name in ("theta_ref", "theta_m", "theta_1", "theta_2", "T_1", "T_2") if name in run
+    ]
     run.to_pandas()[names].to_csv(folder / "record.csv")
     columns = {"t": run.t, **{name: np.array(run[name]) for name in names}}
     savemat(folder / "record.mat", columns)

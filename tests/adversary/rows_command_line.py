@@ -63,7 +63,12 @@ VALUES: Final = (
     "step:,at=",
 )
 NO_NUMBERS: Final = ("nan", "NaN", "-nan", "+nan")
-NUMBERS: Final = (click.FloatRange, click.IntRange, click.types.FloatParamType, click.types.IntParamType)
+NUMBERS: Final = (
+    click.FloatRange,
+    click.IntRange,
+    click.types.FloatParamType,
+    click.types.IntParamType,
+)
 #: options whose honest value may take minutes, or talks to a network
 LEFT_OUT: Final = {"budget", "scheduler", "tables", "jobs", "starts", "most"}
 
@@ -76,7 +81,10 @@ def _options(line: Line) -> Iterator[click.Option]:
 
 def _is_output(option: click.Parameter) -> bool:
     name = str(option.name)
-    return name.startswith(("output", "plot", "json", "page", "table", "pictures")) or "-o" in option.opts
+    return (
+        name.startswith(("output", "plot", "json", "page", "table", "pictures"))
+        or "-o" in option.opts
+    )
 
 
 def options(chance: random.Random) -> Iterator[Attempt]:
@@ -113,7 +121,11 @@ def arguments(chance: random.Random) -> Iterator[Attempt]:
 def outputs(_: random.Random) -> Iterator[Attempt]:
     """Each option that names an output, on files that are read, with and without --overwrite."""
     for line in lines():
-        inputs = [word for word in line.rest if Path(word).suffix in (".toml", ".csv") and "new" not in word]
+        inputs = [
+            word
+            for word in line.rest
+            if Path(word).suffix in (".toml", ".csv") and "new" not in word
+        ]
         flags = [[]] + [["--overwrite"] for p in line.parameters if "--overwrite" in p.opts]
         for option in filter(_is_output, _options(line)):
             for name in inputs or ["record.csv"]:
@@ -136,7 +148,15 @@ def places(_: random.Random) -> Iterator[Attempt]:
                      ["simulate", "bench", "--end", "0.05", "--json"]):  # fmt: skip
             for more in ([], ["--overwrite"]):
                 yield Attempt(_shown([*verb, place, *more]), [*verb, place, *more], prepare=links)
-    for name in ("circle", "circle.png", "nowhere.csv", "folder", "/dev/null", "/proc/self/mem", "n" * 300):
+    for name in (
+        "circle",
+        "circle.png",
+        "nowhere.csv",
+        "folder",
+        "/dev/null",
+        "/proc/self/mem",
+        "n" * 300,
+    ):
         for verb in (["compare", "machine.toml"], ["play"], ["machine", "show"],
                      ["compare", "machine.toml", "record.csv", "--map"]):  # fmt: skip
             yield Attempt(_shown([*verb, name]), [*verb, name], prepare=links)

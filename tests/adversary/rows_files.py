@@ -46,7 +46,10 @@ def _mutated(text: str, chance: random.Random) -> str:
                 name = chance.choice(("", "x", "a.b", "1", '"é"'))
                 rows[k] = f"{name}= {rows[k].partition('=')[2]}"
             case 4:
-                rows.insert(k, chance.choice([rows[k], "[x]", "[[x]]", "[table]", "[effects]", "base = '.'"]))
+                rows.insert(
+                    k,
+                    chance.choice([rows[k], "[x]", "[[x]]", "[table]", "[effects]", "base = '.'"]),
+                )
             case 5:
                 del rows[k]
             case _:
@@ -250,7 +253,19 @@ def links(_: random.Random) -> Iterator[Attempt]:
     def short(file: h5py.File) -> None:
         file["T_1"] = np.zeros(7)
 
-    for change in (external, storage, passwords, virtual, circle, bomb, chunk, deep, wide, odd, short):
+    for change in (
+        external,
+        storage,
+        passwords,
+        virtual,
+        circle,
+        bomb,
+        chunk,
+        deep,
+        wide,
+        odd,
+        short,
+    ):
         for way, allowed in ((read, (0,) if change is wide else (2,)), (load_run, (2,))):
             allowed = (0, 2) if change in (deep,) else allowed
             yield Attempt(f"{change.__name__}: {way.__name__}", call=partial(_named, way, "hostile.h5"),

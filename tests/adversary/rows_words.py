@@ -16,8 +16,41 @@ from .attempt import Attempt
 
 _NAMES: Final = ("kg", "m", "s", "A", "K", "rad", "N", "V", "ohm", "rpm", "deg", "arcsec", "mm", "Hz", "%",
                  "turn", "min", "1", "degC", "dB", "GN", "quectom", "x", "°", "″", "µm", "Nm", "9", "inf", "")  # fmt: skip
-_JOINTS: Final = ("*", "/", "^", "**", " ", "·", "^-", "^9^", "^(", ")", "(", "²", "⁹", "^.5", "^9", "//", "-1", "_")
-_NUMBERS: Final = ("1", "-0", "1e308", "1e-320", "1e999", "nan", "9" * 400, "1_0", "٣", "0x1", "+-1", "1.2.3", "")
+_JOINTS: Final = (
+    "*",
+    "/",
+    "^",
+    "**",
+    " ",
+    "·",
+    "^-",
+    "^9^",
+    "^(",
+    ")",
+    "(",
+    "²",
+    "⁹",
+    "^.5",
+    "^9",
+    "//",
+    "-1",
+    "_",
+)
+_NUMBERS: Final = (
+    "1",
+    "-0",
+    "1e308",
+    "1e-320",
+    "1e999",
+    "nan",
+    "9" * 400,
+    "1_0",
+    "٣",
+    "0x1",
+    "+-1",
+    "1.2.3",
+    "",
+)
 _TARGETS: Final = ("", "rad", "kg*m^2", "N*m", "1/s", "K", "Hz", "rad/s")
 
 
@@ -32,7 +65,9 @@ def units(chance: random.Random) -> Iterator[Attempt]:
         texts = [_unit(chance) for _ in range(10)]
         numbers = [chance.choice(_NUMBERS) for _ in texts]
         target = chance.choice(_TARGETS)
-        yield Attempt(f"units {k}: {texts[0]!r}, ...", call=partial(_use_units, texts, numbers, target))
+        yield Attempt(
+            f"units {k}: {texts[0]!r}, ...", call=partial(_use_units, texts, numbers, target)
+        )
 
 
 def _use_units(texts: list[str], numbers: list[str], target: str) -> None:
@@ -48,13 +83,45 @@ def _use_units(texts: list[str], numbers: list[str], target: str) -> None:
 
 def motions(chance: random.Random) -> Iterator[Attempt]:
     """Ten motions each, and a moment of those that can be."""
-    names = ("v", "a", "j", "f", "start", "end", "repeats", "lines", "seed", "levels", "dwell", "at", "speeds", "periods", "x", "")
-    values = (*_NUMBERS, "1", "0.1", "1mrad", "0.5;1", "1;;2", "1e9", "-1", "inf", "1000000000000", "2.5")
+    names = (
+        "v",
+        "a",
+        "j",
+        "f",
+        "start",
+        "end",
+        "repeats",
+        "lines",
+        "seed",
+        "levels",
+        "dwell",
+        "at",
+        "speeds",
+        "periods",
+        "x",
+        "",
+    )
+    values = (
+        *_NUMBERS,
+        "1",
+        "0.1",
+        "1mrad",
+        "0.5;1",
+        "1;;2",
+        "1e9",
+        "-1",
+        "inf",
+        "1000000000000",
+        "2.5",
+    )
     kinds = ("move", "cycle", "shuttle", "step", "sine", "multisine", "sampled", "", "x")
     for k in range(60):
         texts = []
         for _ in range(10):
-            words = [f"{chance.choice(names)}={chance.choice(values)}" for _ in range(chance.randint(0, 4))]
+            words = [
+                f"{chance.choice(names)}={chance.choice(values)}"
+                for _ in range(chance.randint(0, 4))
+            ]
             if chance.random() < 0.5:
                 words += ["v=1", "a=1"]
             texts.append(f"{chance.choice(kinds)}:{','.join([chance.choice(values), *words])}")
@@ -86,7 +153,9 @@ _ODD: Final = (
 
 def _formula(chance: random.Random, depth: int) -> str:
     if depth == 0:
-        return chance.choice(["c", "speed", "angle", "t", "1", "0", "1e308", "-1", "theta_m", "x", "nan", ""])
+        return chance.choice(
+            ["c", "speed", "angle", "t", "1", "0", "1e308", "-1", "theta_m", "x", "nan", ""]
+        )
     inner = [_formula(chance, depth - 1) for _ in range(2)]
     form = chance.choice(
         ["({0}+{1})", "({0}*{1})", "({0}/{1})", "({0}-{1})", "{0}^{1}", "exp({0})", "sqrt({0})", "sin({0})",

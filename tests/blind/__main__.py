@@ -1,11 +1,11 @@
-"""python -m tests.blind generate | run | score"""
+"""python -m tests.blind generate | check | run | score"""
 
 from __future__ import annotations
 
 import sys
 from importlib import import_module
 
-VERBS = ("generate", "run", "score")
+VERBS = ("generate", "check", "run", "score")
 
 
 def main() -> int:

@@ -1,4 +1,4 @@
-"""python -m tests.blind generate --suite dev --count 40 -o DIR"""
+"""python -m tests.blind generate --part develop --cases 60 -o DIR"""
 
 from __future__ import annotations
 
@@ -6,21 +6,23 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from tests.blind.generator import suite
+from tests.blind.generator import parts
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Write a suite of cases, or what is missing of it."""
+    """Write cases of a part, or those that are missing."""
     parser = argparse.ArgumentParser(prog="tests.blind generate", description=main.__doc__)
-    parser.add_argument("--suite", choices=list(suite.PHRASES), default="dev")
-    parser.add_argument("--count", type=int, help="cases in all; the full suite unless given")
-    parser.add_argument("--effects", choices=["first", "all"], default="all")
-    parser.add_argument("--shard", default="1/1", help="which part of how many: 1/2")
+    parser.add_argument("--part", choices=[*parts.FIRST, "sealed"], default="develop")
+    parser.add_argument("--seed", type=int, help="of the sealed part: 1 or more, never used before")
+    parser.add_argument("--cases", type=int, default=40, help="how many")
+    parser.add_argument("--from", dest="begin", type=int, default=0, help="number of the first one")
+    parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("-o", "--output", type=Path, required=True)
     told = parser.parse_args(arguments)
-    counts = suite.FULL if told.count is None else suite.counts_of(told.count)
-    pool = suite.FIRST if told.effects == "first" else ()
-    part, parts = (int(n) for n in told.shard.split("/"))
-    wanted = suite.orders(told.suite, counts, pool)[part - 1 :: parts]
-    suite.generate(told.output, told.suite, wanted)
+    try:
+        part = parts.part(told.part, told.seed)
+    except ValueError as error:
+        parser.error(str(error))
+    numbers = range(told.begin, told.begin + told.cases)
+    parts.generate(told.output, part, numbers, told.jobs)
     return 0

@@ -1,126 +1,113 @@
-"""python -m tests.blind run --cases DIR/cases --shard 1/4 --budget 600 -o RESULTS
+"""python -m tests.blind run DIR --jobs 2 [-o RESULTS] [-- --effort quick]
 
-Diagnoses every case of a folder, one process each, and writes one JSON file per case. What stands
-there already is skipped, so that a run can be stopped and taken up again, or be shared out.
+Runs `dualdrive diagnose` on every case of a folder, one process each, and writes one JSON file per
+case. What stands there already is skipped, so that a run can be stopped and taken up again.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import multiprocessing
 import os
+import shutil
+import subprocess
+import sys
 import time
-import traceback
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from importlib import import_module
-from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
-
-#: a case that takes so many times its budget is ended
-PATIENCE = 3.0
-_POLL = 0.05
 
 
 @dataclass(frozen=True)
 class Task:
-    """One case: where it lies, where its result goes, seconds it may take, and who does it."""
+    """One case: where it lies, where its result goes, the command before its files, its end, s."""
 
     folder: Path
     result: Path
-    budget: float
-    diagnose: str
+    command: tuple[str, ...]
+    more: tuple[str, ...]
+    patience: float
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Diagnose the cases of a suite."""
+    """Diagnose the cases of a folder; what follows -- goes to every diagnosis."""
+    own, more = list(arguments), []
+    if "--" in own:
+        at = own.index("--")
+        own, more = own[:at], own[at + 1 :]
     parser = argparse.ArgumentParser(prog="tests.blind run", description=main.__doc__)
-    parser.add_argument("--cases", type=Path, required=True, help="folder of case folders")
-    parser.add_argument("--shard", default="1/1", help="which part of how many: 1/4")
-    parser.add_argument("--budget", type=float, default=float("inf"), help="s in all")
-    parser.add_argument("--case-budget", type=float, default=30.0, help="s for each case")
+    parser.add_argument("folder", type=Path, help="as `generate` wrote it")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--with", dest="diagnose", default="dualdrive.diagnose:diagnose")
-    parser.add_argument("-o", "--output", type=Path, required=True)
-    told = parser.parse_args(arguments)
-    part, parts = (int(n) for n in told.shard.split("/"))
-    folders = sorted(f for f in told.cases.iterdir() if (f / "case.json").exists())
-    told.output.mkdir(parents=True, exist_ok=True)
+    parser.add_argument("--patience", type=float, default=1800.0, help="s until a case is ended")
+    parser.add_argument("--only", default="", help="cases whose name holds this")
+    parser.add_argument("--with", dest="command", default="", help="instead of dualdrive diagnose")
+    parser.add_argument("-o", "--output", type=Path, help="RESULTS; DIR/results unless given")
+    told = parser.parse_args(own)
+    output = told.output or told.folder / "results"
+    output.mkdir(parents=True, exist_ok=True)
+    command = tuple(told.command.split()) or (dualdrive(), "diagnose")
     tasks = [
-        Task(f, told.output / f"{f.name}.json", told.case_budget, told.diagnose)
-        for f in folders[part - 1 :: parts]
+        Task(case, output / f"{case.name}.json", command, tuple(more), told.patience)
+        for case in sorted((told.folder / "cases").iterdir())
+        if (case / "case.json").exists() and told.only in case.name
     ]
-    left = run([t for t in tasks if not t.result.exists()], told.budget, told.jobs)
-    print(f"{len(tasks) - left} of {len(tasks)} cases have a result in {told.output}")
-    return 0 if left == 0 else 1
+    run([task for task in tasks if not task.result.exists()], told.jobs)
+    done = sum(task.result.exists() for task in tasks)
+    print(f"{done} of {len(tasks)} cases have a result in {output}")
+    return int(done < len(tasks))
 
 
-def run(tasks: list[Task], budget: float, jobs: int, tell: Callable[[str], None] = print) -> int:
-    """Work through the tasks; how many were left undone when the budget was spent."""
-    if tasks:
-        import_module(tasks[0].diagnose.split(":")[0])  # once, before the processes branch off
-    context = multiprocessing.get_context("fork")
-    waiting, running = list(tasks), list[tuple[Task, BaseProcess, float]]()
-    end = time.monotonic() + budget
-    while running or (waiting and time.monotonic() < end):
-        while waiting and len(running) < jobs and time.monotonic() < end:
-            task = waiting.pop(0)
-            process = context.Process(target=work, args=(task,))
-            process.start()
-            running.append((task, process, time.monotonic()))
-        time.sleep(_POLL)
-        running = [one for one in running if not _over(*one, tell)]
-    return len(waiting)
+def dualdrive() -> str:
+    """The program beside this Python."""
+    beside = Path(sys.executable).with_name("dualdrive")
+    return str(beside) if beside.exists() else shutil.which("dualdrive") or "dualdrive"
 
 
-def _over(task: Task, process: BaseProcess, began: float, tell: Callable[[str], None]) -> bool:
-    """Whether that case is through; one that hangs or dies is recorded as such."""
-    took = time.monotonic() - began
-    if process.is_alive():
-        if took < PATIENCE * task.budget + 10:
-            return False
-        process.kill()
-        process.join()
-        failed(task, f"ended after {took:.0f} s", took)
-    process.join()
-    if not task.result.exists():
-        failed(task, f"its process ended with {process.exitcode} and no result", took)
-    tell(f"{task.folder.name} {took:.1f} s")
-    return True
+def run(tasks: list[Task], jobs: int, tell: Callable[[str], None] = print) -> None:
+    """Work through the tasks."""
+    with ThreadPoolExecutor(jobs) as pool:
+        for said in pool.map(work, tasks):
+            tell(said)
 
 
-def work(task: Task) -> None:
-    """One case, in a process of its own."""
+def work(task: Task) -> str:
+    """One case, in a process of its own, from nothing but what its folder holds."""
     began = time.monotonic()
+    answer = task.result.with_suffix(".answer")
+    answer.unlink(missing_ok=True)
+    row: dict[str, Any] = {"case": task.folder.name}
     try:
-        figures = diagnosed(task)
-    except Exception:  # whatever it is, it is this case's result
-        failed(task, traceback.format_exc(), time.monotonic() - began)
-        return
-    took = time.monotonic() - began
-    store(task.result, {"case": task.folder.name, "seconds": took, "diagnosis": figures})
+        done = subprocess.run(
+            [*task.command, *files(task.folder), *task.more, "--json", str(answer)],
+            capture_output=True,
+            text=True,
+            timeout=task.patience,
+            check=False,
+        )
+        row["exit"] = done.returncode
+        row["said"] = (done.stderr.strip() or done.stdout.strip())[-400:]
+    except subprocess.TimeoutExpired:
+        row["failed"] = f"ended after {task.patience:.0f} s"
+    row["seconds"] = time.monotonic() - began
+    if answer.exists() and "failed" not in row:
+        row["diagnosis"] = json.loads(answer.read_text())
+    else:
+        row.setdefault("failed", f"exit {row.get('exit')}: {row.get('said', '')}")
+    answer.unlink(missing_ok=True)
+    store(task.result, row)
+    return f"{task.folder.name} {row['seconds']:.1f} s {row.get('failed', '')[:120]}".rstrip()
 
 
-def diagnosed(task: Task) -> dict[str, Any]:
-    """Figures of the diagnosis, from nothing but what the case's folder holds."""
-    from dualdrive import Machine
-    from dualdrive.traces import read
-
-    known = json.loads((task.folder / "case.json").read_text())
-    machine = Machine.load(str(task.folder / known["machine"]))
-    traces = [read(str(task.folder / name)) for name in known["records"]]
-    module, name = task.diagnose.split(":")
-    diagnose = getattr(import_module(module), name)
-    found = diagnose(machine, traces, settings=known["settings"], mode="auto", budget=task.budget)
-    figures: dict[str, Any] = found.figures()
-    return figures
-
-
-def failed(task: Task, why: str, took: float) -> None:
-    """The result of a case that has none."""
-    store(task.result, {"case": task.folder.name, "seconds": took, "failed": why})
+def files(folder: Path) -> list[str]:
+    """Machine, records and the settings of each, as they stand on a command line."""
+    known = json.loads((folder / "case.json").read_text())
+    said = [str(folder / known["machine"]), *(str(folder / name) for name in known["records"])]
+    for name, settings in known.get("settings", {}).items():
+        for key, value in settings.items():
+            said += ["--set-for", f"{name}:{key}={value!r}"]
+    return said
 
 
 def store(path: Path, figures: dict[str, Any]) -> None:

@@ -25,7 +25,7 @@ class Terminal:
             pytest.skip(f"no terminal to be had: {error}")
         self.screen = ""
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "dualdrive_cli.main", *arguments],
+            [sys.executable, "-m", "dualdrive_cli", *arguments],
             cwd=folder,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,

@@ -13,7 +13,8 @@ from dualdrive.compare import compare
 from dualdrive.traces import Trace
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
-from tests.blind.generator import cases, effects, machines, motion, records
+from tests.blind.generator import cases, effects, machines
+from tests.blind.shown import families, motion, records
 
 assert cases.GROUPS  # cases enters all effects
 CHANNELS = ("theta_ref", *records.LOOP)
@@ -23,10 +24,10 @@ CHANNELS = ("theta_ref", *records.LOOP)
 def test_effect_is_the_same_in_both(name: str, tmp_path: Path) -> None:
     """With its numbers set the product explains what the effect does to a record.
 
-    What is left is a thousandth of the signals at most: the generator lets tooth errors act without
-    their lever, and wears teeth along a Gaussian bell.
+    What is left is the fixed step's and the interpolation's of the recorded command. ``python -m
+    tests.blind check`` says the same of machines that are drawn wide, in units of their noise.
     """
-    sheet = machines.draw("medium", np.random.default_rng(3)) | {"dry_table": 50.0}
+    sheet = families.draw("medium", np.random.default_rng(3)) | {"dry_table": 50.0}
     for loop in ("speed", "position"):
         sheet.pop(f"controller.{loop}_sample", None)
     jerks, end = motion.course([(0.4, 0.4, 1.5, 10.0), (-0.4, 0.4, 1.5, 10.0)], [0.6, 0.4, 0.4])

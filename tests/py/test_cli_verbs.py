@@ -24,7 +24,7 @@ from dualdrive_cli.main import main
 from full_disk import full_disk
 
 ARCSEC = math.pi / 648000
-DUALDRIVE = [sys.executable, "-m", "dualdrive_cli.main"]
+DUALDRIVE = [sys.executable, "-m", "dualdrive_cli"]
 OWN = [
     ["machine", "list"],
     ["machine", "show"],
@@ -323,5 +323,5 @@ def test_a_stopped_command_leaves_no_file_and_ends_with_130(tmp_path: Path) -> N
     p.send_signal(signal.SIGINT)
     _, told = p.communicate(timeout=30)
     assert p.returncode == 130
-    assert told.splitlines()[-1] == "dualdrive: stopped"
+    assert told.splitlines()[-1] == "dualdrive: stopped; nothing was written"
     assert list(tmp_path.iterdir()) == []

@@ -132,7 +132,7 @@ def test_a_repair_of_a_recording_is_told(tmp_path: Path) -> None:
     damaged.write_text("\n".join(lines) + "\n")
     command = ["compare", str(DEMO / "machine.toml"), str(damaged)]
     done = subprocess.run(
-        [sys.executable, "-m", "dualdrive_cli.main", *command], capture_output=True, text=True
+        [sys.executable, "-m", "dualdrive_cli", *command], capture_output=True, text=True
     )
     assert done.returncode == 0
     assert "damaged: missing: I_2: rows left out (row 502)" in done.stderr

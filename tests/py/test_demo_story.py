@@ -19,7 +19,7 @@ HIDDEN = f"{TRUTH['effect']['name']}@{TRUTH['effect']['place']}"
 def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("demo")
     done = subprocess.run(
-        [sys.executable, "-m", "dualdrive_cli.main", "demo", "-o", "out", "--json", "figures.json"],
+        [sys.executable, "-m", "dualdrive_cli", "demo", "-o", "out", "--json", "figures.json"],
         cwd=folder,
         capture_output=True,
         text=True,

@@ -12,8 +12,8 @@ import pytest
 from scipy.stats import chi2
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
-from tests.blind.generator import outside, records
-from tests.blind.shown import ordered
+from tests.blind.generator import outside
+from tests.blind.shown import ordered, records
 from tests.blind.shown.ordered import Order
 from tests.blind.shown.quiet import confronted, refitted
 

@@ -69,9 +69,9 @@ def cut(found: Diagnosis) -> list[str]:
     "words",
     [
         pytest.param("as it stands", marks=long),
-        "refitting the nominal",
+        "refitting the data sheet",
         pytest.param("closing the torque balance", marks=long),
-        pytest.param("effects at their places", marks=long),
+        pytest.param("score tests", marks=long),
         pytest.param("refitting with", marks=long),
     ],
 )
@@ -91,7 +91,7 @@ def test_ctrl_c_ends_a_diagnosis_with_what_is_known(words: str) -> None:
 
 @pytest.mark.parametrize(
     "words",
-    ["effects at their places", pytest.param("holding the machine", marks=long)],
+    ["score tests", pytest.param("holding the machine", marks=long)],
 )
 def test_ctrl_c_ends_an_improvement_with_the_steps_so_far(words: str) -> None:
     order, told = hidden(), Watched(words)
@@ -139,7 +139,7 @@ def interrupted(verb: str, words: str, folder: Path) -> tuple[Mapping[str, Any],
 
 
 def test_ctrl_c_on_dualdrive_diagnose(tmp_path: Path) -> None:
-    figures, out = interrupted("diagnose", "effects at their places", tmp_path)
+    figures, out = interrupted("diagnose", "score tests", tmp_path)
     assert figures["error"]["nominal"] > 0
     assert figures["cut"]
     assert f"left undone: {figures['cut'][0][:40]}" in out
@@ -147,7 +147,7 @@ def test_ctrl_c_on_dualdrive_diagnose(tmp_path: Path) -> None:
 
 @long
 def test_ctrl_c_on_dualdrive_improve(tmp_path: Path) -> None:
-    figures, out = interrupted("improve", "effects at their places", tmp_path)
+    figures, out = interrupted("improve", "score tests", tmp_path)
     assert [step["label"] for step in figures["steps"][:2]] == ["nominal", "refitted"]
     assert "by hand" in figures["stopped"]
     assert f"stopped: {figures['stopped']}" in out

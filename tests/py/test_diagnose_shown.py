@@ -17,9 +17,8 @@ from dualdrive.motion import Motion
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
-from tests.blind.generator import distance
-from tests.blind.generator.cases import UnfitError
-from tests.blind.shown import apart, ordered, preloaded, verdicts
+from tests.blind.generator.effects import UnfitError
+from tests.blind.shown import apart, distance, ordered, preloaded, verdicts
 from tests.blind.shown.ordered import Order
 
 import diagnosis

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import numpy.typing as npt
 import pytest
 from scipy.io import savemat
 
@@ -18,7 +19,7 @@ from dualdrive.run import load_run
 from dualdrive.sweeps import load_sweep
 from dualdrive.traces import FileLayout, Trace, TraceError, TraceMap, read
 
-T = np.arange(20) * 0.01
+T: npt.NDArray[np.float64] = np.arange(20, dtype=np.float64) * 0.01
 SECRET = np.arange(100.0, 120.0)
 
 
@@ -148,7 +149,7 @@ def test_damage_is_told_with_the_name_of_the_file(tmp_path: Path) -> None:
     own = tmp_path / "own.h5"
     Trace(T, {"theta_m": T, "T_1": T}).to_hdf5(own)
     chance = random.Random(1)
-    told = 0
+    told: list[str] = []
     for source in (good, own):
         data = source.read_bytes()
         for _ in range(150):
@@ -160,6 +161,6 @@ def test_damage_is_told_with_the_name_of_the_file(tmp_path: Path) -> None:
                 try:
                     reader(path)
                 except (TraceError, FileError) as error:
-                    told += 1
-                    assert "broken.h5: " in str(error)
-    assert told > 300  # two readers refuse every file, the first one some
+                    told.append(str(error))
+    assert all("broken.h5: " in text for text in told)
+    assert len(told) > 300  # two readers refuse every file, the first one some

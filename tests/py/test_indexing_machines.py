@@ -225,7 +225,7 @@ def test_what_indexing_cannot_use_is_refused_in_one_line(
         ("nowhere", "nowhere"),
         ("bench --dwell 2deg", "--dwell"),
         ("bench --targets 1", "two or more"),
-        ("log.csv --pulls none.toml", "cannot be read"),
+        ("log.csv --pulls none.toml", "none.toml: there is no such file"),
     ):
         done = dualdrive(f"indexing {line}")
         assert done.exit_code == 2, done.output

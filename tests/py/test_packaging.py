@@ -29,7 +29,7 @@ def run(*command: str | Path) -> str:
 
 def test_the_module_and_the_command_carry_the_declared_version() -> None:
     assert dualdrive.__version__ == declared_version()
-    assert declared_version() in run(sys.executable, "-m", "dualdrive_cli.main", "--version")
+    assert declared_version() in run(sys.executable, "-m", "dualdrive_cli", "--version")
 
 
 def test_changelog_knows_the_version() -> None:

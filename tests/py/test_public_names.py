@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import ast
+import subprocess
+import sys
 from pathlib import Path
+from pkgutil import iter_modules
 
 import pytest
 
@@ -33,6 +36,15 @@ def test_editors_know_every_name_from_its_home() -> None:
 def test_a_public_name_is_there_and_documented(name: str) -> None:
     assert getattr(dualdrive, name).__doc__
     assert name in dir(dualdrive)
+
+
+def test_every_part_is_reached_from_the_top() -> None:
+    """In an interpreter of its own: here, other tests have imported them already."""
+    modules = (module.name for module in iter_modules(dualdrive.__path__))
+    assert sorted(dualdrive._PARTS) == sorted(n for n in modules if not n.startswith("_"))
+    code = "import dualdrive; print(dualdrive.diagnose.Diagnosis, dualdrive.tune.tune)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize("name", dualdrive._PARTS)

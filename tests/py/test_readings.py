@@ -105,7 +105,7 @@ def test_which_sensor_stands_at_a_body() -> None:
 def test_a_balance_closes_once_a_late_encoder_is_counted() -> None:
     """The other program reads one motor's encoder late, on a machine whose sheet is exact."""
     order = ordered.hiding("viscous", "bench", 0, 1.0, count=1)
-    setting = effects.Setting(order.real, 1.0, 1.0, 1.0, 1.0)
+    setting = effects.Setting(order.real, 1.0, 1.0, 1.0, 1.0, 1.0, 1e-3)
     late = next(
         one
         for one in (effects.draw("sensor_delay", setting, k, 0.5) for k in range(60))

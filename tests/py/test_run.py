@@ -268,3 +268,14 @@ def test_files_that_are_no_run(run: Run, tmp_path: Path) -> None:
     half.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
     with pytest.raises(FileError, match=r"half\.h5: not a readable HDF5 file"):
         load_run(half)
+
+
+@pytest.mark.parametrize("engine", ["exact", "cvode"])
+@pytest.mark.parametrize("zero", [0, 0.0, -0.0, np.float64(0)])
+def test_a_load_of_zero_is_none_to_the_same_bits(zero: float, engine: str) -> None:
+    machine = Machine.load("bench")
+    motion = parse_motion("move:0.1,v=1,a=20,end=0.3")
+    with_zero, without = (simulate(machine, motion, load=x, engine=engine) for x in (zero, None))
+    assert with_zero.names == without.names
+    for name in without.names:
+        np.testing.assert_array_equal(with_zero[name], without[name], strict=True)

@@ -15,9 +15,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import dualdrive
 import sweep_worker
+from dualdrive.ensembles import SPEED
 from dualdrive.files import FileError
-from dualdrive.sweeps import Sweep, load_sweep
+from dualdrive.machine import Machine
+from dualdrive.sweeps import Sweep, lay_out, load_sweep
+from dualdrive.sweeps.layout import lay_file
 from full_disk import full_disk
 
 WORKER = str(Path(sweep_worker.__file__))
@@ -107,6 +111,53 @@ def test_a_sweep_can_be_read_but_not_filled_by_others_while_it_runs(tmp_path: Pa
         worker.wait()
 
 
+def test_a_sweep_is_not_replaced_while_another_fills_it(tmp_path: Path) -> None:
+    path = tmp_path / "sweep.h5"
+    worker = start("run", path)
+    assert worker.stdout is not None
+    worker.stdout.readline()
+    os.kill(worker.pid, signal.SIGSTOP)
+    before = path.stat().st_ino
+    try:
+        with pytest.raises(FileError, match="another sweep is filling it"):
+            dualdrive.sweep("bench", {"table.J": "0.2,0.3"}, output=path, overwrite=True)
+        assert path.stat().st_ino == before
+    finally:
+        worker.kill()
+        worker.wait()
+
+
+def test_of_two_that_begin_at_once_the_second_takes_nothing_from_the_first(tmp_path: Path) -> None:
+    """Both saw that there was no file: the one that comes later must not put its own there."""
+    path = tmp_path / "sweep.h5"
+    grid = lay_out(Machine.load(), {"table.J": "1e6,2e6"})
+    lay_file(path, grid, [SPEED], {})
+    before = path.stat().st_ino
+    with pytest.raises(FileError, match="another program made it; it stays"):
+        lay_file(path, grid, [SPEED], {})
+    assert path.stat().st_ino == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_two_resumes_of_one_file(tmp_path: Path) -> None:
+    path = tmp_path / "sweep.h5"
+    words = ("heavy-table-550t", "--delta", "0:2mrad:400", "--jobs", "1", "-o", str(path))
+    first = cli(*words)
+    while not path.exists():
+        assert first.poll() is None, first.communicate()
+        time.sleep(0.01)
+    os.kill(first.pid, signal.SIGSTOP)
+    try:
+        _, told = cli("--resume", "-o", str(path)).communicate(timeout=60)
+        assert told == (
+            f"dualdrive: {path}: another dualdrive (process {first.pid}) is about to write it; "
+            "wait for it, or name another file\n"
+        )
+    finally:
+        first.kill()
+        first.wait()
+
+
 def test_a_finished_sweep_is_not_touched(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -162,7 +213,7 @@ def test_killed_before_the_file_is_laid_out_nothing_bears_its_name(tmp_path: Pat
 
 def cli(*words: str, limit: Callable[[], None] | None = None) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "dualdrive_cli.main", "sweep", *words],
+        [sys.executable, "-m", "dualdrive_cli", "sweep", *words],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -209,7 +260,8 @@ def test_a_second_ctrl_c_ends_at_once(tmp_path: Path) -> None:
     assert "Ctrl-C again ends at once" in worker.stderr.readline()
     assert worker.poll() is None
     worker.send_signal(signal.SIGINT)
-    assert worker.wait(timeout=5) == -signal.SIGINT
+    assert worker.wait(timeout=5) == 130
+    assert worker.stderr.readline() == "dualdrive: stopped\n"
     assert pending(path) == 4
 
 

@@ -2,9 +2,11 @@
 // In place of a channel the functions below take a sensor, table or motor_n: what its effects make of the body's angle.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "dualdrive/effect.hpp"
 #include "dualdrive/machine.hpp"
 
 namespace dualdrive {
@@ -28,6 +30,10 @@ std::vector<std::string> recorded_channels(const Machine& machine);
 
 RecorderDelay recorder_delay(const Machine& machine, const std::string& channel,
                              const std::vector<std::string>& parameters);
+
+// The effects that change a reading on its way through these places (a sensor, then a channel), in this order.
+std::vector<std::unique_ptr<Effect<double>>> reading_effects(const Machine& machine,
+                                                             const std::vector<std::string>& places);
 
 // The signal of a channel, delay and all, as it is written down at times t (s); both of one length. Parameters: paths of
 // the machine; those that the recorder does not read have slope zero. Throws std::invalid_argument for an unknown path or

@@ -129,8 +129,8 @@ void Simulation::loop() {
             stalled_since = t;
         }
         if (steps % pace_period == 0) {
-            const double needed = static_cast<double>(steps) +
-                                  static_cast<double>(pace_period) * (options_.end - t) / (t - paced_since);
+            const double needed =
+                static_cast<double>(steps) + static_cast<double>(pace_period) * (options_.end - t) / (t - paced_since);
             if (needed > pace_doubt * static_cast<double>(options_.max_steps))
                 return fail(Status::too_many_steps,
                             "at this pace some " + text(needed) +

@@ -23,6 +23,8 @@ _RUN, _CLIPPED = 5, 0.005  # samples in a run at an extreme; share of the record
 _MUCH = 0.05  # of the record: an angle at the end of its range for so long spoils it
 _LEVELS = 20  # a channel of fewer levels sits at an extreme by rounding
 _MOVES = 0.05  # of the highest speed
+_FOLLOWS = 0.2  # of the command, by which the table's travel may differ without a word
+_FOREIGN = 3.0  # times the command, or less than its third: no control loop
 _FEWEST = 200  # samples
 _FEWEST_MOVING = 50
 
@@ -216,13 +218,15 @@ def _command(trace: Trace) -> Iterator[Finding]:
         return
     reference, measured = trace["theta_ref"], trace["theta_m"]
     slope = float(np.polyfit(reference - reference.mean(), measured - measured.mean(), 1)[0])
-    if abs(slope - 1.0) > 0.2:
-        yield (
-            "command",
-            f"theta_m moves {slope:.3g} times as far as theta_ref; a unit or a sign is wrong in "
-            "one of them, see the mapping",
-            True,
+    if abs(slope - 1.0) > _FOLLOWS:
+        # a loop may enlarge what comes at its resonance; thrice on average, or backwards, none
+        foreign = not 1.0 / _FOREIGN < slope < _FOREIGN
+        why = (
+            "a unit or a sign is wrong in one of them, see the mapping"
+            if foreign
+            else "a loop does so near its resonance; else a unit is wrong in one of them"
         )
+        yield "command", f"theta_m moves {slope:.3g} times as far as theta_ref; {why}", foreign
 
 
 def _jitter(trace: Trace) -> Iterator[Finding]:

@@ -16,6 +16,7 @@ from dualdrive.compare.noise import NoiseFloor
 from dualdrive.compare.orders import Order
 from dualdrive.compare.skews import Skew
 from dualdrive.compare.where import Condition
+from dualdrive.units import human
 
 Array = NDArray[np.float64]
 
@@ -267,7 +268,7 @@ def _told(c: Condition) -> bool:
 
 
 def _cells(error: float, noise: float, rms: float, unit: str) -> tuple[str, str, str]:
-    return f"{error:.2%}", _percent(noise), f"{rms:.4g} {unit}"
+    return f"{error:.2%}", _percent(noise), human(rms, unit)
 
 
 def _percent(share: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from importlib.resources import as_file, files
@@ -36,12 +37,12 @@ def records() -> tuple[Trace, Trace]:
         return read(fit), read(held_out)
 
 
-def tell(progress: Callable[[str], None] | None = None, *, budget: float = 180.0) -> Ladder:
-    """Improve the data sheet's machine by the record; about half a minute on two cores.
+def tell(progress: Callable[[str], None] | None = None, *, budget: float = math.inf) -> Ladder:
+    """Improve the data sheet's machine by the record.
 
     Args:
         progress: told in words what is being tried.
-        budget: seconds in all; see :func:`dualdrive.diagnose.improve`.
+        budget: seconds after which it stops; see :func:`dualdrive.diagnose.improve`.
 
     """
     fitting, held_out = records()

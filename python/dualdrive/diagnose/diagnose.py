@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -11,9 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from dualdrive.compare import check_records, compare
+from dualdrive.compare import check_records
+from dualdrive.diagnose.axis import candidate_on, numbers_on, shape_on
 from dualdrive.diagnose.clocks import evened
+from dualdrive.diagnose.closed_loop import Job, diagnose_closed_loop, with_time
 from dualdrive.diagnose.confront import Confrontation
+from dualdrive.diagnose.decision import objection
 from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.findings import (
     TOLD,
@@ -30,10 +34,10 @@ from dualdrive.diagnose.findings import (
 from dualdrive.diagnose.free_torque import Course, courses_left
 from dualdrive.diagnose.heldout import intervals
 from dualdrive.diagnose.judge import Judgement, judge
-from dualdrive.diagnose.loop import ClosedLoop
 from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.result import Diagnosis
 from dualdrive.diagnose.search import search
+from dualdrive.diagnose.selection import EFFORTS
 from dualdrive.diagnose.shape import shapes
 from dualdrive.diagnose.survey import Survey
 from dualdrive.diagnose.words import paragraph
@@ -50,6 +54,7 @@ MODES = ("auto", "closed_loop", "balance")
 SPOILT = ("scale", "sign", "swapped", "ratio")
 #: what a current or voltage that stands at an extreme may be called: nothing else, then
 LIMITS = ("current_limit", "voltage_limit", "torque_constant_saturation")
+_BALANCE = 60.0  # s: what a torque balance may spend
 _SEARCH = 0.75  # of the budget, for the survey; the rest is for the next experiment
 
 
@@ -63,10 +68,12 @@ def diagnose(
     interpolation: str = "auto",
     start: str = "auto",
     tolerance: float | Mapping[str, float] | None = None,
-    budget: float = 60.0,
+    effort: str = "normal",
+    budget: float = math.inf,
     threads: int | None = None,
     experiment: bool = True,
     checks: bool = True,
+    trust: Sequence[str] = (),
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Say what records tell of a machine.
@@ -88,10 +95,14 @@ def diagnose(
         start: how the machine stood before, see there.
         tolerance: relative one-sigma tolerance of the nominal numbers, for all or by path; what
             `fit` takes unless given. A guess in the machine file wants a wide one.
-        budget: seconds; what it cut is said in the result.
+        effort: ``quick``, ``normal`` or ``thorough``: how many replays are worth it.
+        budget: seconds after which the search is stopped; the answer is then `unfinished`. A torque
+            balance spends it: there it is 60 s unless given.
         threads: simulations side by side; as many as there are cores unless given.
         experiment: whether to plan the next experiment where names are left.
         checks: whether to look for swapped, flipped, clipped or foreign channels first.
+        trust: records that are kept whatever the checks say; others in which a check finds what no
+            machine could do are left out by name, and the rest goes on.
         progress: told in words what is being tried; Ctrl-C ends the search and keeps what is known.
 
     Raises:
@@ -99,10 +110,15 @@ def diagnose(
         FitError: the machine itself can not be simulated on the records.
 
     """
-    if mode not in MODES:
-        raise ValueError(f"mode = {mode!r}; choose one of {', '.join(MODES)}")
+    for name, value, known in (("mode", mode, MODES), ("effort", effort, tuple(EFFORTS))):
+        if value not in known:
+            raise ValueError(f"{name} = {value!r}; choose one of {', '.join(known)}")
     tell = progress or (lambda _: None)
     core, recorded = core_of(machine), named(traces)
+    if stray := set(trust) - set(recorded):
+        raise ValueError(
+            f"trust: no trace {', '.join(sorted(stray))}; there are {', '.join(recorded)}"
+        )
     if mode == "auto":
         mode = which_mode(core, recorded, motion)
     own = dict(settings or {})
@@ -112,16 +128,22 @@ def diagnose(
         )
     # simulations run side by side: BLAS threads beside them would only wait for one another
     with interrupt() as stop, threadpool_limits(1, "blas"):
+        if mode == "balance" and not math.isfinite(budget):
+            budget = _BALANCE
         clock = Clock(_SEARCH * budget, stop.is_set)
         warnings, late, clipped = list[str](), False, False
         if checks:
             tell("checking the records")
             found = check_records(machine, recorded, mode)
             warnings = [f"{w.trace}: {w.message.removeprefix(f'{w.trace}: ')}" for w in found]
-            late = any(w.code == "skew" for w in found)
-            clipped = any(w.code == "clipped" for w in found)
-            if any(w.fatal or w.code in SPOILT for w in found):
-                return _unfit(core, mode, recorded, warnings, clock)
+            bad = {w.trace for w in found if w.fatal or w.code in SPOILT} - set(trust)
+            recorded = {name: trace for name, trace in recorded.items() if name not in bad}
+            if not recorded:
+                return _unfit(core, mode, tuple(bad), warnings, clock)
+            warnings += [f"{name}: left out; --trust {name} overrules" for name in sorted(bad)]
+            own = {name: values for name, values in own.items() if name in recorded}
+            late = any(w.code == "skew" for w in found if w.trace in recorded)
+            clipped = any(w.code == "clipped" for w in found if w.trace in recorded)
         even = {name: evened(trace) for name, trace in recorded.items()}
         warnings += [
             f"{name}: its stamps jitter by {1e6 * jitter:.3g} us about an even clock, which was "
@@ -130,10 +152,8 @@ def diagnose(
             if jitter > 0.0
         ]
         recorded = {name: trace for name, (trace, _) in even.items()}
-        c: Confrontation
-        if mode == "balance":
-            c = TorqueBalance(core, recorded, own, apart=not late, tolerance=tolerance)
-        else:
+        if mode == "closed_loop":
+            clock.budget = budget
             played = records(
                 machine,
                 recorded,
@@ -142,7 +162,13 @@ def diagnose(
                 start=start,
                 settings=own,
             )
-            c = ClosedLoop(core, played, tolerance=tolerance)
+            job = Job(
+                own, tolerance, effort, experiment, threads or os.cpu_count() or 1, tell, clock.stop
+            )
+            return with_time(
+                diagnose_closed_loop(machine, played, recorded, warnings, job), clock.used
+            )
+        c: Confrontation = TorqueBalance(core, recorded, own, apart=not late, tolerance=tolerance)
         result = search(c, Work(clock, threads or os.cpu_count() or 1, tell))
         whole = Clock(budget, stop.is_set)
         whole.begin, whole.cut = clock.begin, clock.cut
@@ -177,6 +203,7 @@ def _told(
     tell: Callable[[str], None],
 ) -> Diagnosis:
     candidates = [candidate_of(c, found, r, p) for r, p in verdict.ranked[:TOLD]]
+    candidates = [candidate_on(machine, one) for one in candidates]
     candidates += scored_only(found, candidates)
     groups = groups_of(found, verdict)
     named_ = verdict.verdict in ("effect", "ambiguous")
@@ -186,22 +213,22 @@ def _told(
     best = verdict.ranked[0][0] if verdict.ranked else found.base
     improved = machine_of(machine, c, best) if named_ else None
     error = errors_of(c, found, best if named_ else found.plain)
+    if why := objection(verdict.verdict, error):
+        verdict = replace(verdict, verdict="unknown", group=(), why="contradicted")
+        warnings = [*warnings, f"no verdict but unknown can stand: {why}"]
+        groups, named_, improved = [], False, None
     every = intervals(found.evidence, best if named_ else stands, found.inflation)
-    known = {p.path: every[p.path] for p in c.nominal}
+    known = numbers_on(machine, {p.path: every[p.path] for p in c.nominal})
     moved = {path: known[path] for path in moved_numbers(c, known)}
     tell("the shape of what is missing")
     equation = equation_at(verdict, candidates, refitted, traces, clock)
     curves = []
     if clock.allows("the shape of what is missing"):
-        curves = shapes(core_of(refitted), traces, settings)
+        curves = [shape_on(machine, s) for s in shapes(core_of(refitted), traces, settings)]
     plan = None
     if experiment and verdict.verdict == "ambiguous" and clock.allows("the next experiment"):
         tell("planning the next experiment")
         plan = plan_next(machine, c, found, verdict, clock, tell)
-    before = after = None
-    if c.mode == "closed_loop" and not settings and clock.allows("where the machine fails"):
-        before = compare(refitted, traces)
-        after = compare(improved, traces) if improved is not None else None
     command = command_for(candidates[0]) if named_ and candidates else ""
     said = paragraph(
         verdict,
@@ -223,7 +250,7 @@ def _told(
         candidates=candidates,
         groups=groups,
         equation=equation,
-        where=before.where if before is not None else (),
+        where=(),
         error=error,
         shapes=curves,
         next_experiment=plan,
@@ -234,8 +261,8 @@ def _told(
         seconds=clock.used,
         refitted=refitted,
         improved=improved,
-        before=before,
-        after=after,
+        before=None,
+        after=None,
         moved=moved,
         numbers=known,
         over_floor=verdict.excess[1],
@@ -244,7 +271,7 @@ def _told(
 
 
 def _unfit(
-    core: Any, mode: str, traces: Mapping[str, Trace], warnings: Sequence[str], clock: Clock
+    core: Any, mode: str, traces: Sequence[str], warnings: Sequence[str], clock: Clock
 ) -> Diagnosis:
     """Records from which nothing could be concluded name nothing."""
     blank = Diagnosis(

@@ -11,11 +11,10 @@ import numpy as np
 
 from dualdrive.compare import check_records
 from dualdrive.diagnose.clocks import evened
-from dualdrive.diagnose.confront import Confrontation
+from dualdrive.diagnose.closed_loop import simulated_error
 from dualdrive.diagnose.diagnose import diagnose
 from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.ladder import Ladder, Step
-from dualdrive.diagnose.loop import ClosedLoop
 from dualdrive.diagnose.result import Diagnosis
 from dualdrive.diagnose.search import records_alone
 from dualdrive.identify import FitError, which_mode
@@ -23,6 +22,7 @@ from dualdrive.interrupt import interrupt
 from dualdrive.replay import core_of, named, records
 from dualdrive.traces import Trace
 
+_BALANCE = 180.0  # s: what torque balances may spend in all
 MOST = 4  # effects that are added one after the other
 _LAST = 0.1  # of the time: with less left nothing is begun
 _BY_HAND = "stopped by hand"
@@ -36,7 +36,7 @@ def improve(
     *,
     settings: Mapping[str, Mapping[str, float]] | None = None,
     mode: str = "auto",
-    budget: float = 180.0,
+    budget: float = math.inf,
     ambiguous: bool = False,
     most: int = MOST,
     progress: Callable[[str], None] | None = None,
@@ -51,7 +51,8 @@ def improve(
             and the first half is fitted.
         settings: as for :func:`dualdrive.diagnose.diagnose`, of both kinds of trace.
         mode: as there.
-        budget: seconds in all.
+        budget: seconds in all, after which the climb is stopped; a torque balance spends 180 s
+            unless given.
         ambiguous: whether to add the leader of a group that these records can't part.
         most: effects added at most.
         progress: told in words what is being tried.
@@ -78,6 +79,8 @@ def improve(
     if mode == "auto":
         mode = which_mode(core_of(machine), {**fitting, **other}, options.get("motion"))
 
+    if mode == "balance" and not math.isfinite(budget):
+        budget = _BALANCE
     climb = _Climb(machine, fitting, other, own, mode, budget, progress, options)
     with interrupt() as stop:
         stopped = climb.up(most, ambiguous, stop.is_set)
@@ -109,7 +112,7 @@ class _Climb:
         """Add what is missing; why it stopped, in words."""
         for count in range(most + 1):
             left = self.end - time.monotonic()
-            if stop() or left < _LAST * self.budget:
+            if stop() or (math.isfinite(left) and left < _LAST * self.budget):
                 return _BY_HAND if stop() else "the time is used up"
             d = self._diagnosed(left / 1.5, plan=count == 0)
             if not self.steps and not self._begin(d):
@@ -176,25 +179,15 @@ class _Climb:
         if not self.other:
             return foretold
         mine = {n: s for n, s in self.settings.items() if n in self.other}
-        c = confrontation(machine, self.other, mine, self.mode, self.options)
+        core, keywords = core_of(machine), ("motion", "interpolation", "start")
+        if self.mode == "closed_loop":
+            known = {k: self.options[k] for k in keywords if k in self.options}
+            return simulated_error(core, records(machine, self.other, settings=mine, **known))
+        c = TorqueBalance(core, self.other, mine)
         try:
             return c.headline(records_alone(c).left)
         except FitError:
             return float("nan")
-
-
-def confrontation(
-    machine: Any,
-    traces: Mapping[str, Trace],
-    settings: Mapping[str, Mapping[str, float]],
-    mode: str,
-    options: Mapping[str, Any],
-) -> Confrontation:
-    """A machine and records, in the given mode."""
-    if mode == "balance":
-        return TorqueBalance(core_of(machine), traces, settings)
-    known = {k: options[k] for k in ("motion", "interpolation", "start") if k in options}
-    return ClosedLoop(core_of(machine), records(machine, traces, settings=settings, **known))
 
 
 def _both_ways(machine: Any, traces: Mapping[str, Trace], mode: str) -> bool:
@@ -213,6 +206,8 @@ def _why(d: Diagnosis) -> str:
     if d.verdict == "ambiguous":
         names = ", ".join(d.groups[0]) if d.groups else d.candidates[0].label
         return f"these records can not tell apart what is left: {names}"
+    if d.verdict == "unfinished":
+        return "the search was stopped before every law had its turn"
     if d.verdict == "unknown":
         return "something is left that no effect of the library explains"
     if d.mode == "balance":

@@ -29,7 +29,9 @@ from dualdrive.diagnose.survey import Survey, excess, key_of
 
 Array = NDArray[np.float64]
 #: why the best of what was tried gets no name
-Reason = Literal["", "gains", "explains", "bound", "bent", "shape", "course", "clipped"]
+Reason = Literal[
+    "", "gains", "explains", "bound", "bent", "shape", "course", "clipped", "contradicted"
+]
 
 #: fall of the criterion below which nothing is named: odds of 1 to e^10 before the library's size
 NAMED = 20.0

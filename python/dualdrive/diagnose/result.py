@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dualdrive.diagnose.free_torque import Course
 
 Array = NDArray[np.float64]
-Verdict = Literal["adequate", "parameters", "effect", "ambiguous", "unknown"]
+Verdict = Literal["adequate", "parameters", "effect", "ambiguous", "unknown", "unfinished"]
 
 #: what each verdict means, in one line
 VERDICTS: dict[Verdict, str] = {
@@ -26,6 +26,7 @@ VERDICTS: dict[Verdict, str] = {
     "effect": "a physical effect is missing, and the record says which",
     "ambiguous": "an effect is missing, and this record can't say which of a group",
     "unknown": "something is missing that no effect of the library explains",
+    "unfinished": "the search was stopped before every law had its turn",
 }
 
 
@@ -127,6 +128,8 @@ class Diagnosis:
                named; `moved` those that the records put elsewhere than the data sheet, beyond doubt
     over_floor: residual over noise floor, RMS, of the series that the leader explains worst
     course:    what a torque of any course surely explains of what the leader leaves, if any
+    effort:    ``replays`` done, ``of`` how many
+    missing_torque: equation -> torque of unknown course that the refitted machine asks for
     """
 
     machine: str
@@ -153,6 +156,8 @@ class Diagnosis:
     numbers: Mapping[str, Interval] = field(default_factory=dict)
     over_floor: float = math.nan
     course: Course | None = None
+    effort: Mapping[str, int] = field(default_factory=dict)
+    missing_torque: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def best(self) -> Candidate | None:
@@ -198,6 +203,8 @@ class Diagnosis:
                     },
                     "warnings": list(self.warnings),
                     "cut": list(self.cut),
+                    "effort": dict(self.effort),
+                    "missing_torque": {k: vars(m) for k, m in self.missing_torque.items()},
                     "paragraph": self.paragraph,
                     "command": self.command,
                     "seconds": self.seconds,
@@ -218,6 +225,7 @@ def plain(value: Any) -> Any:
 def _candidate(c: Candidate) -> dict[str, Any]:
     (effect, place), *others = c.effects
     return {
+        "label": c.label,
         "effect": effect,
         "place": place,
         **({"with": [{"effect": e, "place": p} for e, p in others]} if others else {}),

@@ -19,6 +19,7 @@ _WHY: dict[Reason, str] = {
     "shape": "but what it leaves follows the same speed: the law has another shape",
     "course": "",
     "bent": "but its second law only bends the curve of the first: it is another shape",
+    "contradicted": "but its errors contradict that name",
     "clipped": "but a channel stands at its limit, which may do the same",
 }
 #: what a course follows, where that is no plain name

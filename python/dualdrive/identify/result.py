@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.identify.model import BalanceModel
+from dualdrive.identify.model import BalanceModel, CoreModel
 from dualdrive.identify.trail import Offset
 
 Array = NDArray[np.float64]
@@ -34,12 +34,15 @@ class Estimate:
     verdict: str
     reason: str
 
-    def line(self, width: int = 28) -> str:
-        """For a table; a second line says why where the number is not identified."""
+    def line(self, width: int = 28, of: str = "torque") -> str:
+        """For a table; a second line says why where the number is not identified.
+
+        of: what it is a share of, force on an axis that slides
+        """
         interval = f"[{self.low:.6g} .. {self.high:.6g}]"
         text = (
             f"{self.path:<{width}} {self.value:>12.6g} {interval:<28} {self.unit:<14} "
-            f"nominal {self.nominal:<10.6g} {self.share:>6.1%} of torque"
+            f"nominal {self.nominal:<10.6g} {self.share:>6.1%} of {of}"
         )
         return text if self.verdict == "identified" else f"{text}\n    {self.reason}"
 
@@ -138,7 +141,11 @@ class BalanceFit:
         lines.append(f"{self.confidence:.0%} intervals from {self.effective:.0f} effective samples")
         estimates = [*self.parameters.values(), *self.offsets.values()]
         width = max([28, *(len(estimate.path) for estimate in estimates)])
-        lines += [estimate.line(width) for estimate in estimates]
+        slides = isinstance(self.model, CoreModel) and all(
+            self.model.torque_unit(name) == "N" for name in self.errors
+        )
+        of = "force" if slides else "torque"
+        lines += [estimate.line(width, of) for estimate in estimates]
         lines.append(f"condition number {self.condition:.3g}")
         return "\n".join(lines)
 

@@ -105,7 +105,7 @@ def write_response(
         columns["distortion"] = response.distortion
     rows = zip(*(values.tolist() for values in columns.values()), strict=True)
     lines = [",".join(columns), *(",".join(f"{value:.12g}" for value in row) for row in rows)]
-    with write_atomically(path) as temporary:
+    with write_atomically(path, overwrite=overwrite) as temporary:
         temporary.write_text("\n".join(lines) + "\n", "utf-8")
 
 

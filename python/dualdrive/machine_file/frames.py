@@ -15,18 +15,12 @@ from dualdrive.units import UnitError, parse
 
 __all__ = ["half_gap_at_pinion", "linear_unit", "unit_on_axis"]
 
-_LINEAR: Final = {
-    "kg*m^2": "kg",
-    "N*m": "N",
-    "N*m/rad": "N/m",
-    "N*m*s/rad": "N*s/m",
-    "rad": "m",
-    "rad/s": "m/s",
-    "rad/s^2": "m/s^2",
-    "N*m*s^2/rad^2": "N*s^2/m^2",
-    "N*m/A": "N/A",
-    "V*s/rad": "V*s/m",
-}
+# A radius of 1 m: an angle becomes a length, a torque a force, an inertia a mass.
+_LINEAR: Final = (
+    (re.compile(r"\bkg\*m\^2(?!\d)"), "kg"),
+    (re.compile(r"\bN\*m\b(?!\^)"), "N"),
+    (re.compile(r"\brad\b"), "m"),
+)
 _TABLE_SIGNALS: Final = re.compile(
     r"(theta|omega|alpha)_(ref|m)|T_load|e|sensed\.table|.+@(table|ring)(#\d+)?(\..+)?|table\..+"
     r"|in\.(theta_ref|T_load)"
@@ -34,11 +28,15 @@ _TABLE_SIGNALS: Final = re.compile(
 _AT_THE_PINION: Final = re.compile(
     r"(eccentricity|transmission_error)@.+\.amplitude|wear@.+\.depth"
 )
+# A number of a formula is what its author says it is: no declaration of the core is behind it.
+_STATED: Final = re.compile(r"expression@[^.]+\..+")
 
 
 def linear_unit(unit: str) -> str:
     """The unit that a rotary one becomes on the table side of a linear axis."""
-    return _LINEAR.get(unit, unit)
+    for rotary, linear in _LINEAR:
+        unit = rotary.sub(linear, unit)
+    return unit
 
 
 def unit_on_axis(name: str, unit: str, *, axis: str, rigid: bool = False) -> str:
@@ -46,7 +44,9 @@ def unit_on_axis(name: str, unit: str, *, axis: str, rigid: bool = False) -> str
 
     rigid: the motor is joined to the table directly, so that its side is linear too.
     """
-    if axis != "linear" or name.endswith(".phase") or _AT_THE_PINION.fullmatch(name):
+    if axis != "linear" or name.endswith(".phase"):
+        return unit
+    if _AT_THE_PINION.fullmatch(name) or _STATED.fullmatch(name):
         return unit
     if rigid:
         return linear_unit(unit)

@@ -12,7 +12,7 @@ from typing import Any, Final
 from dualdrive import _core
 from dualdrive.echo import shown
 from dualdrive.memory import excess
-from dualdrive.units import UnitError, parse
+from dualdrive.units import UnitError, coherent, parse
 
 from .frames import unit_on_axis
 from .layers import MachineError, expect
@@ -80,7 +80,22 @@ def _columns(entry: Mapping[str, Any], where: str) -> dict[str, str]:
     table = expect(entry.get("columns", {}), Mapping, where, "columns", "a table: name = 'unit'")
     for name, unit in table.items():
         expect(unit, str, where, f"columns.{name}", "a unit as text, '' for none")
-    return {str(name): str(unit) for name, unit in table.items()}
+    return {str(n): _coherent(u, where, f"columns.{n}") for n, u in table.items()}
+
+
+def _coherent(unit: str, where: str, key: str) -> str:
+    """The unit that a formula computes in: as written, if the core knows it, else without prefix.
+
+    Traces hold their columns in the same units.
+    """
+    try:
+        _core.formula_unit("x", {"x": unit})
+    except ValueError:
+        try:
+            return coherent(unit)
+        except UnitError as error:
+            raise MachineError(f"{where}: {key}: {error}") from None
+    return unit
 
 
 def _check_name(name: str, known: Mapping[str, str]) -> None:
@@ -136,12 +151,22 @@ def _formula_parameters(entry: Mapping[str, Any], where: str) -> list[tuple[str,
                 raise MachineError(f"{where}: parameters.{name}.{key}: unknown; give value, unit")
         if "value" not in item:
             raise MachineError(f"{where}: parameters.{name}: value is missing; give value, unit")
-        unit = expect(item.get("unit", ""), str, where, f"parameters.{name}.unit", "text")
+        given = expect(item.get("unit", ""), str, where, f"parameters.{name}.unit", "text")
+        key = f"parameters.{name}"
+        unit = _coherent(given, where, key)
         try:
-            found.append((name, unit, parse(item["value"], unit, key=f"parameters.{name}")))
+            found.append((name, unit, parse(_with_unit(item["value"], given), unit, key=key)))
         except UnitError as error:
             raise MachineError(f"{where}: {error}") from None
     return found
+
+
+def _with_unit(value: Any, unit: str) -> Any:
+    """A plain number is one of the unit stated beside it; text may carry a unit of its own."""
+    if isinstance(value, bool) or not unit:
+        return value
+    match = _NUMBER.fullmatch(str(value).strip())
+    return value if match is None else f"{match[0]} {unit}"
 
 
 def _stated(value: Any) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from dualdrive.assembly import gaps
 from dualdrive.ensembles.ensemble import ensemble
 from dualdrive.figures import Reduction
+from dualdrive.linear.operating_point import operating_point
 from dualdrive.linear.stability import growth
 from dualdrive.machine import Machine
 from dualdrive.motion import Motion
@@ -77,8 +78,9 @@ def evaluate(
     """
     found: list[Design | None] = [None] * len(designs)
     sound: list[int] = []
+    state = operating_point(machine, motion)
     for k, values in enumerate(designs):
-        rates = [growth(machine, {**case.values, **values}) for case in cases]
+        rates = [growth(machine, {**case.values, **values}, state) for case in cases]
         worst = int(np.argmax(rates))
         found[k] = Design(values, rates[worst] < 0.0, cases[worst].name, rates[worst])
         if rates[worst] < 0.0:

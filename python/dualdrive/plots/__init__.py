@@ -24,6 +24,7 @@ from dualdrive.plots.friction import torque_speed
 from dualdrive.plots.front import pareto
 from dualdrive.plots.indexing import indexing
 from dualdrive.plots.ladder import Step, ladder
+from dualdrive.plots.mapping import mapping
 from dualdrive.plots.overview import overview
 from dualdrive.plots.play import play
 from dualdrive.plots.record import PlotError
@@ -47,6 +48,7 @@ __all__ = [
     "following_error",
     "indexing",
     "ladder",
+    "mapping",
     "measured_vs_model",
     "mesh_deflection",
     "missing_torque",

@@ -90,7 +90,7 @@ def _rows(axes: Axes, panel: Panel) -> None:
 def tuning(done: Tuning) -> Figure:
     """Following error and both motor torques on the test move, before and after.
 
-    The torques are figure 6 of the paper. An unstable machine has no run: its column says so.
+    The torques are figure 6 of the paper. A machine whose run has no end says so.
     """
     from matplotlib.figure import Figure
 
@@ -106,8 +106,8 @@ def tuning(done: Tuning) -> Figure:
         above.set_title(f"{done.machine.name} {title} tuning")
         below.set_xlabel("time [s]")
         if found.run is None:
-            _unstable(above, found)
-            _unstable(below, found)
+            _no_run(above, found)
+            _no_run(below, found)
             continue
         run = found.run
         above.plot(run.t, angle(run["e"]), color=COMMAND)
@@ -130,11 +130,11 @@ def tuning(done: Tuning) -> Figure:
     return figure
 
 
-def _unstable(axes: Axes, found: Assessment) -> None:
+def _no_run(axes: Axes, found: Assessment) -> None:
     axes.text(
         0.5,
         0.5,
-        f"unstable: grows by exp({found.growth:.3g} t/s)",
+        f"unstable: {found.growing}",
         transform=axes.transAxes,
         ha="center",
     )

@@ -24,7 +24,7 @@ from dualdrive.hdf5 import reading
 
 from .layout import PENDING, SCHEMA
 
-__all__ = ["GridFile", "Outcome", "attributes_of", "axes_of"]
+__all__ = ["GridFile", "Outcome", "attributes_of", "axes_of", "refuse_filled"]
 
 Array = np.ndarray[Any, Any]
 
@@ -45,11 +45,9 @@ class GridFile:
         attributes_of(path)
         self.path = path
         with reading(path) as file:
-            status = file["status"][...]
-            texts = status.reshape(-1, status.shape[-1]).view(f"S{status.shape[-1]}").ravel()
-            self._pending = np.flatnonzero(texts == PENDING.encode())
+            self._runs = int(np.prod(file["status"].shape[:-1]))
             self._places = {
-                name: _Place(item.id.get_offset(), item.nbytes // len(texts))
+                name: _Place(item.id.get_offset(), item.nbytes // self._runs)
                 for name, item in file.items()
                 if item.attrs["role"] != "axis"
             }
@@ -58,13 +56,10 @@ class GridFile:
             self._file = os.open(path, os.O_RDWR | os.O_CLOEXEC)
         except OSError as error:
             raise FileError(f"{path}: cannot be opened: {error.strerror}") from None
-        try:
-            fcntl.lockf(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
+        if not _locked(self._file) or not _is(path, self._file):
             os.close(self._file)
-            raise FileError(
-                f"{path}: another sweep is filling it; wait for it, or stop it"
-            ) from None
+            raise FileError(f"{path}: another sweep is filling it; wait for it, or stop it")
+        self._pending = self._still_pending()
 
     def __enter__(self) -> Self:
         return self
@@ -80,6 +75,12 @@ class GridFile:
             raise self._refused(error) from None
         finally:
             os.close(self._file)
+
+    def _still_pending(self) -> Array:
+        """Read under the lock, or runs that another sweep has just finished would be done again."""
+        begin, size = self._places["status"]
+        texts = np.frombuffer(os.pread(self._file, size * self._runs, begin), f"S{size}")
+        return np.flatnonzero(texts == PENDING.encode())
 
     def pending(self) -> list[int]:
         """Numbers of the runs that were still to be done when the file was opened."""
@@ -120,6 +121,33 @@ class GridFile:
             f"{self.path}: cannot be written: {error.strerror}; "
             "runs already there are kept, --resume completes them"
         )
+
+
+def refuse_filled(path: Path) -> None:
+    """Raise WriteError while a sweep is filling this file, which may be of any kind."""
+    try:
+        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:
+        return  # whoever can't open it finds out on writing
+    try:
+        if not _locked(file, fcntl.LOCK_SH):
+            raise WriteError(f"{path}: another sweep is filling it; wait for it, or stop it")
+    finally:
+        os.close(file)
+
+
+def _locked(file: int, kind: int = fcntl.LOCK_EX) -> bool:
+    """Take the lock of the one who fills an open file; False while another has it."""
+    try:
+        fcntl.lockf(file, kind | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
+
+
+def _is(path: Path, file: int) -> bool:
+    """Whether the open file still bears this name: another sweep may have put its own there."""
+    return path.exists() and path.stat().st_ino == os.fstat(file).st_ino
 
 
 def _neighbours(outcomes: Iterable[Outcome]) -> Iterator[list[Outcome]]:

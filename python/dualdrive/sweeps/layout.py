@@ -53,6 +53,8 @@ def lay_file(
     figures: Sequence[Figure],
     attributes: Mapping[str, Any],
     kept: Kept | None = None,
+    *,
+    overwrite: bool = False,
 ) -> None:
     """Make the file of a grid in which every run is pending.
 
@@ -61,7 +63,7 @@ def lay_file(
     numbers = len(figures) + (kept.size if kept is not None else 0)
     needed = grid.size * (8 * numbers + _STATUS_BYTES + _MESSAGE_BYTES)
     _check_room(path, grid, needed)
-    with write_atomically(path, flush=False) as temporary:  # flushed when it is filled
+    with write_atomically(path, overwrite=overwrite, flush=False) as temporary:  # flushed later
         _reserve(temporary, needed + _STRUCTURE_BYTES)
         with h5py.File(temporary, "w") as file:
             _lay_out(file, grid, figures, kept)

@@ -16,7 +16,7 @@ from dualdrive.machine import DEFAULT, Machine
 
 from .executors import Executor, executor_for
 from .grid import GridError, lay_out
-from .grid_file import GridFile, attributes_of, axes_of
+from .grid_file import GridFile, attributes_of, axes_of, refuse_filled
 from .layout import lay_file
 from .plan import Plan
 from .result import Sweep
@@ -181,7 +181,10 @@ def _open(path: Path, plan: Plan, *, resume: bool, overwrite: bool, command: str
             )
     else:
         refuse_existing(path, overwrite=overwrite)
-        lay_file(path, plan.grid, plan.figures, plan.attributes(command), plan.kept)
+        if path.exists():
+            refuse_filled(path)
+        attributes = plan.attributes(command)
+        lay_file(path, plan.grid, plan.figures, attributes, plan.kept, overwrite=overwrite)
     return GridFile(path)
 
 

@@ -7,21 +7,24 @@ trace["theta_m"], trace.log
 
 from __future__ import annotations
 
-from .guess import guess_mapping
+from .guess import guess_mapping, propose
 from .log import KINDS, Issue, Log, TraceError
 from .mapping import ColumnRule, FileLayout, RowRule, SplitRule, TimeRule, TraceMap
 from .mapping_file import find_mapping, read_mapping, write_mapping
 from .names import CHANNELS
+from .proposal import ColumnGuess, Proposal
 from .read import read, read_parts
 from .trace import Source, Trace
 
 __all__ = [
     "CHANNELS",
     "KINDS",
+    "ColumnGuess",
     "ColumnRule",
     "FileLayout",
     "Issue",
     "Log",
+    "Proposal",
     "RowRule",
     "Source",
     "SplitRule",
@@ -31,6 +34,7 @@ __all__ = [
     "TraceMap",
     "find_mapping",
     "guess_mapping",
+    "propose",
     "read",
     "read_mapping",
     "read_parts",

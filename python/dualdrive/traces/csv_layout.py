@@ -6,6 +6,7 @@ import codecs
 import csv
 import re
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Final
 
@@ -13,7 +14,7 @@ from .log import Recorder
 from .mapping import FileLayout
 from .table import split_header
 
-__all__ = ["LOOK", "Layout", "find_layout", "measure_text"]
+__all__ = ["LOOK", "Layout", "count_columns", "find_layout", "measure_text", "split_line"]
 
 LOOK: Final = 400  # lines looked at
 _BLOCK: Final = 2**20  # characters
@@ -73,7 +74,7 @@ def _count_lines(path: Path, encoding: str) -> int:
     return filled
 
 
-def _split_line(line: str, delimiter: str) -> list[str]:
+def split_line(line: str, delimiter: str) -> list[str]:
     """Cells of one line."""
     if delimiter == _SPACES:  # a unit in brackets belongs to the name before it
         return [cell.strip('"') for cell in re.split(r"\s+(?![\[(])", line.strip())]
@@ -85,9 +86,8 @@ def find_layout(lines: list[str], wanted: FileLayout, recorder: Recorder) -> Lay
     looked = [(i, line) for i, line in enumerate(lines) if line.strip()]
     if not looked:
         raise recorder.error("file", "the file is empty", "export the recording again")
-    delimiters = (wanted.delimiter,) if wanted.delimiter else (";", "\t", ",", "|", _SPACES)
-    delimiter = max(delimiters, key=lambda d: _table_likeness(looked, d))
-    cells = [(i, _split_line(line, delimiter)) for i, line in looked]
+    delimiter = _delimiter(looked, wanted)
+    cells = [(i, split_line(line, delimiter)) for i, line in looked]
     decimal = wanted.decimal or _decimal([row for _, row in cells], delimiter)
     first, header = _first_rows(cells, wanted, decimal, recorder)
     width = len(dict(cells)[first])
@@ -103,9 +103,23 @@ def find_layout(lines: list[str], wanted: FileLayout, recorder: Recorder) -> Lay
     return Layout(delimiter, decimal, names, units, first, header, width, closed)
 
 
+def count_columns(path: Path, recorder: Recorder) -> int:
+    """How many columns the rows of a text table have, with or without a header."""
+    encoding, _ = measure_text(path, "", recorder)
+    with path.open(encoding=encoding) as file:
+        looked = [(i, line) for i, line in enumerate(islice(file, LOOK)) if line.strip()]
+    row = split_line(looked[-1][1].rstrip("\n"), _delimiter(looked, FileLayout()))
+    return len(row) - (not row[-1])
+
+
+def _delimiter(looked: list[tuple[int, str]], wanted: FileLayout) -> str:
+    delimiters = (wanted.delimiter,) if wanted.delimiter else (";", "\t", ",", "|", _SPACES)
+    return max(delimiters, key=lambda d: _table_likeness(looked, d))
+
+
 def _table_likeness(looked: list[tuple[int, str]], delimiter: str) -> tuple[float, int]:
     """How much the lower half of the lines looks like a table under this delimiter."""
-    tail = [_split_line(line, delimiter) for _, line in looked[len(looked) // 2 :]]
+    tail = [split_line(line, delimiter) for _, line in looked[len(looked) // 2 :]]
     widths = [len(row) for row in tail]
     width = max(set(widths), key=widths.count)
     rows = [row for row in tail if len(row) == width]

@@ -35,9 +35,10 @@ KINDS: Final[dict[str, str]] = {
     "selected": "rows left out on request",
     "text_column": "a column of text that is not used",
     "foreign_unit": "an extra channel kept in a unit that is not known here",
+    "unmapped": "columns that are no channel, kept under their own names",
     "converted": "a convention of the recorder that was converted",
 }
-_NOTES: Final = frozenset({"selected", "text_column", "foreign_unit", "converted"})
+_NOTES: Final = frozenset({"selected", "text_column", "foreign_unit", "unmapped", "converted"})
 
 
 class TraceError(ValueError):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -72,6 +73,7 @@ def read(
             channels.append(channel)
         del table.columns[name]  # a long recording is not held twice
     _check_channels(channels, recorder)
+    _name_unmapped(channels, rules, recorder)
     trace = assemble(path.stem, table, seconds, set_back, channels, mapping.time, recorder)
     source = Source(path.name, table.layout, mapping.as_dict(), mapping.origin, start)
     return replace(trace, source=source, log=recorder.log())
@@ -151,6 +153,16 @@ def _code_texts(table: Table, mapping: TraceMap, recorder: Recorder) -> None:
         recorder.add("converted", f"{name}: texts numbered: {legend}")
 
 
+def _name_unmapped(
+    channels: list[Channel], rules: Mapping[str, ColumnRule], recorder: Recorder
+) -> None:
+    """Columns that no model reads shall not pass for channels."""
+    own = [c.name for c in channels if c.is_extra and c.column not in rules]
+    if own:
+        names = "their own names" if len(own) > 1 else "its own name"
+        recorder.add("unmapped", f"not mapped, kept under {names}: {', '.join(own)}")
+
+
 def _check_channels(channels: list[Channel], recorder: Recorder) -> None:
     seen: dict[str, str] = {}
     for channel in channels:
@@ -160,5 +172,5 @@ def _check_channels(channels: list[Channel], recorder: Recorder) -> None:
         seen[channel.name] = channel.column
     if not any(channel.name in CHANNELS or channel.rule.channel for channel in channels):
         rule = f"no column is a known channel, found: {', '.join(seen) or 'none'}"
-        way_out = "write a mapping file (guess_mapping proposes one)"
+        way_out = "write a mapping file (dualdrive map proposes one)"
         raise recorder.error("column", rule, way_out)

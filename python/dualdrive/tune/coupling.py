@@ -41,7 +41,7 @@ def couple(job: Job) -> Draft:
         kind = core.controller_options["tension"]
         reason = f"controller.tension = {kind}: must be constant to be tuned; set it so first"
         return Draft(machine, [], reason=reason)
-    done = [_gain(machine), _integral_time(machine)]
+    done = [_gain(job, machine), _integral_time(job, machine)]
     try:
         found = least_tension(machine, job.motion, cases=corners(machine, {}))
     except OptimiseError as error:
@@ -61,23 +61,23 @@ def couple(job: Job) -> Draft:
     return Draft(machine, done, panels, reason, details)
 
 
-def _gain(machine: Machine) -> str:
-    edge = find_edge(machine, _EQUALISER, 1e-2, 10.0)
+def _gain(job: Job, machine: Machine) -> str:
+    edge = find_edge(machine, _EQUALISER, 1e-2, 10.0, job.state)
     gain = _HALF * min(1.0, edge.lowest or 1.0)
     machine.core.set(_EQUALISER, gain)
     met = f"edge at {edge.lowest:.3g}" if edge.lowest else "no edge below 10"
     return f"equaliser from 0 up ({met}): loop gain {gain:.3g}, half of what small gain allows"
 
 
-def _integral_time(machine: Machine) -> str:
+def _integral_time(job: Job, machine: Machine) -> str:
     core, sides = machine.core, closed(machine)
     core.set(_TIME, 0.0)
-    without = damping(machine, sides)
+    without = damping(machine, sides, job.state)
     scale = 1.0 / core.get(GAIN)
     times = np.geomspace(1.0, 1e2, 80) * scale
     for time in times:
         core.set(_TIME, float(time))
-        if damping(machine, sides) >= _KEPT * without:
+        if damping(machine, sides, job.state) >= _KEPT * without:
             return f"its integral time {human(float(time), 's')}: least damping {_KEPT:.0%} kept"
     core.set(_TIME, 0.0)
     return "its integral action off: any takes too much of the damping"

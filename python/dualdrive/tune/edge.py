@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,16 +79,25 @@ def contacts(machine: Machine) -> dict[str, tuple[int, ...]]:
     return found if plays else {CLOSED: ()}
 
 
-def damping(machine: Machine, sides: tuple[int, ...]) -> float:
+def damping(
+    machine: Machine, sides: tuple[int, ...], state: Mapping[str, float] | None = None
+) -> float:
     """The least damping ratio of a vibration in this contact; 1 where nothing vibrates."""
-    pole = least_damped(machine, sides)
+    pole = least_damped(machine, sides, state)
     return 1.0 if pole is None else -pole.real / abs(pole)
 
 
-def find_edge(machine: Machine, path: str, low: float, high: float) -> Edge:
+def find_edge(
+    machine: Machine,
+    path: str,
+    low: float,
+    high: float,
+    state: Mapping[str, float] | None = None,
+) -> Edge:
     """The least gain in (low, high) from which on a pole grows, in each contact.
 
     By eigenvalues: exact for small vibrations of a table that moves, so that friction slides.
+    state: the operating point of laws that aren't affine
     """
     from scipy.optimize import brentq
 
@@ -97,7 +106,7 @@ def find_edge(machine: Machine, path: str, low: float, high: float) -> Edge:
 
     def rate(gain: float, sides: tuple[int, ...]) -> float:
         trial.core.set(path, gain)
-        return worst_pole(trial, sides).real
+        return worst_pole(trial, sides, state).real
 
     growth, found = {}, {}
     for name, sides in contacts(machine).items():
@@ -108,7 +117,7 @@ def find_edge(machine: Machine, path: str, low: float, high: float) -> Edge:
             if k:
                 edge = float(brentq(rate, gains[k - 1], gains[k], args=(sides,), rtol=1e-9))
             trial.core.set(path, edge)
-            found[name] = (edge, abs(worst_pole(trial, sides).imag) / math.tau)
+            found[name] = (edge, abs(worst_pole(trial, sides, state).imag) / math.tau)
     return Edge(found, high, gains, growth)
 
 

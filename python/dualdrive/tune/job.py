@@ -21,6 +21,7 @@ class Job:
     """The machine as it stands, the test move, and what was given besides.
 
     first:     the machine as it was found
+    state:     where the table turns on the test move: the point that poles are taken at
     table:     drive parameters as read from a control, to be compared in step 1
     unused:    numbers in it that the machine has no place for
     measured:  responses of both drives as measured; step 3 judges them in place of the model's
@@ -35,6 +36,7 @@ class Job:
     table: DriveTable | None = None
     unused: tuple[str, ...] = ()
     measured: DriveComparison | None = None
+    state: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

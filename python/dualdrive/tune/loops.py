@@ -20,6 +20,7 @@ __all__ = ["inner_loops", "position_gain", "set_back"]
 Array = NDArray[np.float64]
 
 _BANDWIDTH, _SPEED, _INTEGRAL = "controller.omega_ci", "controller.k_p", "controller.T_N"
+_USUAL_SAMPLE = 125e-6  # s, of a drive's speed loop, where the model states none
 _KEPT = 0.9  # of the damping without it, which an integral action must leave
 _DAMPED = 0.3  # least damping ratio of a vibration with the position loop closed
 _MARGIN = 2.0  # gain margin, 6 dB: half the edge (Ziegler & Nichols 1942)
@@ -44,15 +45,15 @@ def inner_loops(job: Job) -> Draft:
     ceiling = _modulus_optimum(machine)
     gains = np.geomspace(ceiling / 100.0, ceiling, 60)
     machine.core.set(_INTEGRAL, 0.0)
-    damped = np.array([_damped(machine, _SPEED, gain) for gain in gains])
+    damped = np.array([_damped(job, machine, _SPEED, gain) for gain in gains])
     if damped.max() <= 0.0:
         reason = "a vibration grows at any speed gain, position loop open: look at the speed loop"
         return Draft(job.machine.copy(), done, reason=reason)
     gain = float(gains[np.flatnonzero(damped >= _KEPT * damped.max())[-1]])
-    best = _damped(machine, _SPEED, gain)
+    best = _damped(job, machine, _SPEED, gain)
     where = "its ceiling, J/(2 T)" if gain > 0.999 * ceiling else "the highest that damps well"
-    times = np.geomspace(1e-1, 1e3, 100) / _slow(machine)
-    left = np.array([_damped(machine, _INTEGRAL, time) for time in times])
+    times = np.geomspace(1e-1, 1e3, 100) / _slow(job, machine)
+    left = np.array([_damped(job, machine, _INTEGRAL, time) for time in times])
     time = float(times[np.argmax(left >= _KEPT * best)]) if (left >= _KEPT * best).any() else 0.0
     tuned = job.machine.copy()
     for path, value in ((_SPEED, gain), (_INTEGRAL, time)):
@@ -65,6 +66,7 @@ def inner_loops(job: Job) -> Draft:
         if time
         else "integral action off: any takes too much of the damping",
         "second-order filters: the model's speed loop has none; none is proposed",
+        *_unsampled(machine, job.machine.get(_SPEED), gain),
     ]
     panels = (
         _damping_by("speed gain, integral action off", "gain at the pinion [N·m·s/rad]",
@@ -72,6 +74,24 @@ def inner_loops(job: Job) -> Draft:
         _damping_by("integral time", "integral time [s]", times, left, time),
     )  # fmt: skip
     return Draft(tuned, done, panels, details={"ceiling": ceiling, "damping": best})
+
+
+def _unsampled(machine: Machine, before: float, gain: float) -> list[str]:
+    """Where nothing in the loops is late: that this is why the gain is so high, and what to do."""
+    core = machine.core
+    late = ("speed_sample", "speed_latency", "current_sample", "current_latency")
+    if any(core.get(f"controller.{name}") for name in late):
+        return []
+    core.set("controller.speed_sample", _USUAL_SAMPLE)
+    core.set("controller.speed_latency", _USUAL_SAMPLE)
+    usual = _modulus_optimum(machine)
+    sampled = human(_USUAL_SAMPLE, "s")
+    return [
+        f"the loops of this machine are continuous: no sampling bounds that gain, "
+        f"{gain / before:.3g} times the one found. Sampled every {sampled} and as late again, its "
+        f"ceiling J/(2 T) is {human(usual, 'N*m*s/rad')}: set controller.speed_sample and "
+        "controller.speed_latency to those of the drive and tune again"
+    ]
 
 
 def _damping_by(what: str, x: str, values: Array, ratios: Array, chosen: float) -> Panel:
@@ -111,21 +131,26 @@ def _modulus_optimum(machine: Machine) -> float:
     lags += core.get("controller.current_sample") / 2 + core.get("controller.current_latency")
     if core.kind("motor_1") == "armature" and core.controller_options["current"] == "cascade":
         lags += 1.0 / core.get(_BANDWIDTH)
-    inertia = min(
+    return _inertia(machine) / (2.0 * lags) if lags else 4.0 * core.get(_SPEED)
+
+
+def _inertia(machine: Machine) -> float:
+    """Of the lesser drive with open flanks, at the pinion."""
+    core = machine.core
+    return min(
         core.get(f"gearbox_{n}.ratio") ** 2 * core.get(f"motor_{n}.J") + core.get(f"pinion_{n}.J")
         for n in (1, 2)
     )
-    return inertia / (2.0 * lags) if lags else 4.0 * core.get(_SPEED)
 
 
-def _damped(machine: Machine, path: str, value: float) -> float:
+def _damped(job: Job, machine: Machine, path: str, value: float) -> float:
     machine.core.set(path, value)
-    return damping(machine, closed(machine))
+    return damping(machine, closed(machine), job.state)
 
 
-def _slow(machine: Machine) -> float:
+def _slow(job: Job, machine: Machine) -> float:
     """Frequency of the least damped vibration, rad/s: the measure of an integral time."""
-    pole = least_damped(machine, closed(machine))
+    pole = least_damped(machine, closed(machine), job.state)
     return 1.0 / 0.1 if pole is None else abs(pole)
 
 
@@ -139,7 +164,7 @@ def position_gain(job: Job) -> Draft:
     other one moves the table alone for a moment. Simulation with all flanks closed.
     """
     machine = decoupled(job.machine)
-    edge = find_edge(machine, GAIN, *gain_range(machine))
+    edge = find_edge(machine, GAIN, *gain_range(machine), job.state)
     tuned = job.machine.copy()
     done, details = [_as_found(job)], {"edges": {k: list(v) for k, v in edge.found.items()}}
     if edge.lowest is None:
@@ -173,7 +198,7 @@ def position_gain(job: Job) -> Draft:
 def _as_found(job: Job) -> str:
     """The edge before step 2 changed the speed loop, to tell what that was worth."""
     machine = decoupled(job.first)
-    edge = find_edge(machine, GAIN, *gain_range(machine))
+    edge = find_edge(machine, GAIN, *gain_range(machine), job.state)
     if edge.value is None:
         return f"as found: no edge up to {human(edge.searched, '1/s')}, {CLOSED}"
     return f"as found: edge at {human(edge.value, '1/s')}, {edge.frequency_hz:.3g} Hz, {CLOSED}"
@@ -203,11 +228,13 @@ def set_back(job: Job) -> Draft:
     done = _mechanics(machine)
     top = core.get(GAIN)
     gains = np.geomspace(1e-2 * top, 2.0 * top, 60)
-    ratios = np.array([_damped(machine, GAIN, gain) for gain in gains])
+    ratios = np.array([_damped(job, machine, GAIN, gain) for gain in gains])
     wanted = min(_DAMPED, _KEPT * float(ratios[0]))
     gain = top
-    if _damped(machine, GAIN, top) < wanted:
-        gain = float(brentq(lambda k: _damped(machine, GAIN, k) - wanted, gains[0], top, xtol=1e-6))
+    if _damped(job, machine, GAIN, top) < wanted:
+        gain = float(
+            brentq(lambda k: _damped(job, machine, GAIN, k) - wanted, gains[0], top, xtol=1e-6)
+        )
     tuned = job.machine.copy()
     tuned.core.set(GAIN, gain)
     done.append(

@@ -117,7 +117,7 @@ def _limits(machine: Machine, job: Job, limits: MotionLimits) -> tuple[MotionLim
     angle = machine.unit_of("e", "rad")
     kept = "as asked for" if a == limits.acceleration else "lowered"
     done.append(f"acceleration {human(a, f'{angle}/s^2')} {kept}: {room}")
-    hertz = _vibration(machine)
+    hertz = _vibration(job, machine)
     jerk = min(limits.jerk, a * hertz) if hertz else limits.jerk
     done.append(
         f"jerk {human(jerk, f'{angle}/s^3')}: {human(a / jerk, 's')} to rise"
@@ -145,9 +145,9 @@ def _peak(machine: Machine, motion: Motion) -> float:
     return math.inf if run is None else max(float(np.abs(run[f"T_{n}"]).max()) for n in (1, 2))
 
 
-def _vibration(machine: Machine) -> float | None:
+def _vibration(job: Job, machine: Machine) -> float | None:
     """Frequency of the worst damped vibration, Hz; None where nothing vibrates."""
-    pole = least_damped(machine, closed(machine))
+    pole = least_damped(machine, closed(machine), job.state)
     return None if pole is None else abs(pole) / math.tau
 
 

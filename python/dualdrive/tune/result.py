@@ -55,15 +55,17 @@ class Panel:
 class Assessment:
     """The machine on the test move; SI.
 
-    stable:   whether the loop's poles decay with all flanks closed
+    stable:   whether small vibrations die out while the table turns with all flanks closed
     growth:   largest real part of a pole then, 1/s
-    figures:  name -> value; empty where the loop is unstable: there is nothing to measure then
+    frequency_hz: of that pole
+    figures:  name -> value; empty where the test move can't be simulated to its end
     units:    of the figures
-    run:      the simulated test move; None where the loop is unstable
+    run:      the simulated test move; None where it doesn't come to its end
     """
 
     stable: bool
     growth: float
+    frequency_hz: float
     figures: Mapping[str, float]
     units: Mapping[str, str]
     run: Run | None = field(repr=False)
@@ -71,12 +73,23 @@ class Assessment:
     def spoken(self, name: str) -> str:
         """A figure with its unit, or that there is none."""
         if name not in self.figures:
-            return "unstable"
+            return "no end"
         value = self.figures[name]
         unit = self.units[name]
         if abs(value) < _NOTHING:
             return "0 arcsec" if unit == "rad" else human(0.0, unit)
         return human(value, unit)
+
+    @property
+    def stability(self) -> str:
+        """``yes``, or what grows and how fast."""
+        return "yes" if self.stable else f"no: {self.growing}"
+
+    @property
+    def growing(self) -> str:
+        """What grows in an unstable loop, and how fast."""
+        what = f"{self.frequency_hz:.3g} Hz" if self.frequency_hz > 0.0 else "an error"
+        return f"{what} grows by {self.growth:.3g} 1/s while the table turns"
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,10 +137,10 @@ class Tuning:
         """Figure, before, after, with units."""
         names = self.after.figures or self.before.figures
         rows = [(n, self.before.spoken(n), self.after.spoken(n)) for n in names]
-        return [*rows, ("stable", _yes(self.before.stable), _yes(self.after.stable))]
+        return [*rows, ("stable", self.before.stability, self.after.stability)]
 
     def figures(self) -> dict[str, Any]:
-        """Plain numbers for JSON, SI; an unstable machine has none."""
+        """Plain numbers for JSON, SI."""
         return {
             "machine": self.machine.name,
             "motion": self.motion.text,
@@ -154,9 +167,10 @@ class Tuning:
         }
 
 
-def _yes(value: bool) -> str:
-    return "yes" if value else "no"
-
-
 def _plain(found: Assessment) -> dict[str, Any]:
-    return {"stable": found.stable, "growth": found.growth, "figures": dict(found.figures)}
+    return {
+        "stable": found.stable,
+        "growth": found.growth,
+        "frequency_hz": found.frequency_hz,
+        "figures": dict(found.figures),
+    }

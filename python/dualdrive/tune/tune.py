@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Final
 
 from dualdrive.linear import DriveComparison
+from dualdrive.linear.operating_point import operating_point
 from dualdrive.machine import Machine
 from dualdrive.motion import Motion
 from dualdrive.tune.assess import assess, quiet, usual_motion
@@ -100,8 +101,9 @@ def _job(
         applied = set_drive_parameters(start, table)
         start, limits, unused = applied.machine, applied.limits or limits, applied.unused
     return Job(
-        start, start.copy(), motion, limits, tolerance_db, tolerance_deg, table, unused, measured
-    )
+        start, start.copy(), motion, limits, tolerance_db, tolerance_deg, table, unused, measured,
+        operating_point(start, motion),
+    )  # fmt: skip
 
 
 def _step(number: int, title: str, job: Job, draft: Draft, before: Assessment) -> Step:
@@ -140,7 +142,7 @@ def _ended(
     if not (reason or whole):
         status = "in part"
     elif not reason and not now.stable:
-        status, reason = "not done", "the loop is unstable as it stands"
+        status, reason = "not done", f"the loop is unstable as it stands: {now.growing}"
     elif not reason and not quiet(job.machine, now):
         status, reason = "not done", f"the table hunts, {now.spoken('hunting')} peak to peak"
     return Tuning(

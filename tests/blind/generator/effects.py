@@ -18,13 +18,23 @@ Rng = np.random.Generator
 
 @dataclass(frozen=True)
 class Setting:
-    """What effects are scaled by: sheet, table speed, travel, rated deflection, motor torque."""
+    """What effects are scaled by.
+
+    speed, travel: largest of the records, at the table; peak_torque: of a motor
+    end, sample:   s, of the shortest record and between samples
+    """
 
     machine: Mapping[str, float]
     speed: float
     travel: float
     rated_deflection: float
     peak_torque: float
+    end: float
+    sample: float
+
+    @property
+    def drives(self) -> int:
+        return int(self.machine.get("drives", 2))
 
     @property
     def table_torque(self) -> float:
@@ -41,7 +51,7 @@ class Setting:
 
     @property
     def motor_speed(self) -> float:
-        """Fastest motor speed of the slower record."""
+        """Fastest motor speed of the records."""
         return self.speed * self.machine["meshes.ratio"] * self.machine["gearboxes.ratio"]
 
 
@@ -77,6 +87,11 @@ class Entry:
 
 
 EFFECTS: dict[str, Entry] = {}
+GROUPS = {"motor": "motors", "pinion": "pinions"}
+
+
+class UnfitError(RuntimeError):
+    """This draw makes no case: no such thing there, or it runs away, or it can not be seen."""
 
 
 def effect(strong: float, least: float = 1e-3) -> Callable[[Draw], Draw]:
@@ -101,14 +116,20 @@ def phase(rng: Rng) -> float:
     return float(rng.uniform(-np.pi, np.pi))
 
 
-def pick(rng: Rng, *choices: str) -> str:
-    """One of them."""
-    return str(rng.choice(choices))
+def pick(s: Setting, rng: Rng, *choices: str) -> str:
+    """One of them; of a numbered one any drive's, which of a single drive is the whole group."""
+    choice, number = str(rng.choice(choices)), int(rng.integers(1, s.drives + 1))
+    stem, _, ending = choice.partition("_")
+    if not ending.isdigit():
+        return choice
+    if s.drives == 1 and stem in GROUPS:
+        return GROUPS[stem]
+    return f"{stem}_{number}"
 
 
 def at(place: str) -> str:
-    """The engine's ending for a place: ``_1`` for motor_1, nothing for a pair."""
-    return place[-2:] if place[-2:] in ("_1", "_2") else ""
+    """The engine's ending for a place: ``_1`` for motor_1, nothing for a group."""
+    return place[-2:] if place[-2:-1] == "_" and place[-1].isdigit() else ""
 
 
 def sized(setting: Setting, place: str) -> tuple[str, float, float]:

@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 SOURCE = Path(__file__).parent / "cpp"
-CHANNELS = (
-    *("t", "theta_ref", "theta_m", "theta_1", "theta_2", "I_1", "I_2"),
-    *("x_1", "x_2", "mesh_1", "mesh_2", "flank_1", "flank_2"),
-)
-_FLAGS = ("-std=c++20", "-O3", "-march=native")
+_COMMON = ("t", "theta_ref", "omega_ref", "theta_m")
+_OF_A_DRIVE = ("theta", "I", "x", "mesh", "flank")
+#: no contraction and nothing of this processor's own: the same bits on another one
+_FLAGS = ("-std=c++20", "-O3", "-ffp-contract=off")
 
 
 class EngineError(RuntimeError):
@@ -50,24 +49,32 @@ def executable() -> Path:
 
 
 def run(
-    numbers: Mapping[str, float], jerks: Sequence[tuple[float, float]] = (), timeout: float = 120
+    numbers: Mapping[str, float],
+    jerks: Sequence[tuple[float, float]] = (),
+    knots: tuple[Array, float] | None = None,
+    timeout: float = 300,
 ) -> dict[str, Array]:
     """Channels at every `output_step` from time 0 on, each of shape (n,), SI.
 
-    numbers: of ``cpp/parameters.hpp``; jerks: (time, jerk) pieces of the commanded motion.
+    numbers: of ``cpp/parameters.hpp``
+    jerks:   (time, jerk) pieces of the commanded motion, or
+    knots:   its cubic pieces (angle and speed at both ends, shape (k, 4)) and the length of one, s
     """
-    lines = [f"{name} {float(value)!r}" for name, value in numbers.items()]
-    lines += [f"jerk {t!r} {jerk!r}" for t, jerk in jerks]
+    lines = [f"{name} {float(value)!r}\n" for name, value in numbers.items()]
+    lines += [f"jerk {t!r} {jerk!r}\n" for t, jerk in jerks]
+    said = "".join(lines).encode()
+    if knots is not None:
+        pieces = np.ascontiguousarray(knots[0], dtype=np.float64)
+        said += f"knots {len(pieces)} {knots[1]!r}\n".encode() + pieces.tobytes()
     done = subprocess.run(
-        [executable()],
-        input="\n".join(lines).encode(),
-        capture_output=True,
-        timeout=timeout,
-        check=False,
+        [executable()], input=said, capture_output=True, timeout=timeout, check=False
     )
     if done.returncode != 0:
         raise EngineError(done.stderr.decode().strip())
-    rows = np.frombuffer(done.stdout).reshape(-1, len(CHANNELS))
+    names = list(_COMMON)
+    for n in range(1, int(numbers.get("drives", 2)) + 1):
+        names += [f"{name}_{n}" for name in _OF_A_DRIVE]
+    rows = np.frombuffer(done.stdout).reshape(-1, len(names))
     if not np.all(np.isfinite(rows)):
         raise EngineError("the simulation left the finite numbers")
-    return dict(zip(CHANNELS, rows.T.copy(), strict=True))
+    return dict(zip(names, rows.T.copy(), strict=True))

@@ -19,7 +19,7 @@ from tests.blind.generator.effects import (
 @effect(0.8)
 def viscous(s: Setting, a: float, rng: Rng) -> Hidden:
     """Beyond any tolerance of the data sheet's: several times it, or the sheet has none."""
-    place = pick(rng, "table", "pinions", "motors")
+    place = pick(s, rng, "table", "pinions", "motors")
     _, torque, speed = sized(s, place)
     word = {"t": "b_m", "p": "b_c", "m": "b_d"}[place[0]]
     path = {"t": "table.b", "p": "pinions.b", "m": "motors.b"}[place[0]]
@@ -31,7 +31,7 @@ def viscous(s: Setting, a: float, rng: Rng) -> Hidden:
 
 @effect(0.3)
 def coulomb(s: Setting, a: float, rng: Rng) -> Hidden:
-    place = pick(rng, "table", "table", "pinions", "motors", "motor_1", "pinion_2")
+    place = pick(s, rng, "table", "table", "pinions", "motors", "motor_1", "pinion_2")
     prefix, torque, _ = sized(s, place)
     lean = float(rng.uniform(-0.5, 0.5)) if rng.random() < 0.4 else 0.0
     key = f"{prefix}dry{at(place)}"
@@ -48,7 +48,7 @@ def coulomb(s: Setting, a: float, rng: Rng) -> Hidden:
 
 @effect(0.3)
 def stribeck(s: Setting, a: float, rng: Rng) -> Hidden:
-    place = pick(rng, "table", "pinions", "motors")
+    place = pick(s, rng, "table", "pinions", "motors")
     prefix, torque, fastest = sized(s, place)
     ratio, speed = float(rng.uniform(1.15, 1.6)), float(fastest * 10 ** rng.uniform(-2, -0.5))
     key = f"{prefix}dry"
@@ -64,7 +64,7 @@ def stribeck(s: Setting, a: float, rng: Rng) -> Hidden:
 
 @effect(0.3)
 def lugre(s: Setting, a: float, rng: Rng) -> Hidden:
-    place = pick(rng, "table", "pinions")
+    place = pick(s, rng, "table", "pinions")
     prefix, torque, fastest = sized(s, place)
     # presliding over a visible share of the travel: the bristle bends that far
     bend = (
@@ -105,7 +105,7 @@ def angle_dependent_friction(s: Setting, a: float, rng: Rng) -> Hidden:
 
 @effect(0.06)
 def load_dependent_mesh_loss(s: Setting, a: float, rng: Rng) -> Hidden:
-    place = pick(rng, "pinions", "pinions", "pinion_1")
+    place = pick(s, rng, "pinions", "pinions", "pinion_1")
     key = "loss" + at(place)
     return Hidden("load_dependent_mesh_loss", place, "drive", {key: a}, {"fraction": a})
 

@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from tests.blind.generator.effects import Hidden, Rng, Setting, at, effect, phase, pick
+from tests.blind.generator.effects import Hidden, Rng, Setting, UnfitError, at, effect, phase, pick
+
+
+def _rigid(s: Setting) -> None:
+    """What makes a gearbox give is not hidden in one whose sheet says that it does."""
+    if "gearboxes.stiffness" in s.machine:
+        raise UnfitError("the gearbox gives already")
 
 
 @effect(0.4)
@@ -19,9 +25,9 @@ def mesh_damping(s: Setting, a: float, rng: Rng) -> Hidden:
 
 @effect(1.0)
 def eccentricity(s: Setting, a: float, rng: Rng) -> Hidden:
-    """`a` in units of the half gap."""
-    place = pick(rng, "ring", "pinions", "pinion_1")
-    amplitude, angle = a * s.machine["meshes.gap"], phase(rng)
+    """`a` in units of half gap and rated deflection together."""
+    place = pick(s, rng, "ring", "pinions", "pinion_1")
+    amplitude, angle = a * (s.machine["meshes.gap"] + s.rated_deflection), phase(rng)
     if place == "ring":
         spacing = float(rng.uniform(0.5, np.pi))
         numbers = {"ring": amplitude, "ring_phase": angle, "ring_spacing": spacing}
@@ -39,7 +45,8 @@ def eccentricity(s: Setting, a: float, rng: Rng) -> Hidden:
 
 @effect(0.1)
 def transmission_error(s: Setting, a: float, rng: Rng) -> Hidden:
-    amplitude, teeth, angle = a * s.machine["meshes.gap"], float(rng.integers(17, 26)), phase(rng)
+    size = a * (s.machine["meshes.gap"] + s.rated_deflection)
+    amplitude, teeth, angle = size, float(rng.integers(17, 26)), phase(rng)
     return Hidden(
         "transmission_error",
         "pinions",
@@ -75,7 +82,7 @@ def hertzian_stiffness(s: Setting, a: float, rng: Rng) -> Hidden:
 
 @effect(1.5)
 def wear(s: Setting, a: float, rng: Rng) -> Hidden:
-    depth = a * s.machine["meshes.gap"]
+    depth = a * (s.machine["meshes.gap"] + s.rated_deflection)
     centre = float(s.travel * rng.uniform(0.2, 0.9))
     width = float(min(1.0, s.travel * rng.uniform(0.1, 0.4)))
     return Hidden(
@@ -90,7 +97,8 @@ def wear(s: Setting, a: float, rng: Rng) -> Hidden:
 @effect(1.0)
 def gearbox_backlash(s: Setting, a: float, rng: Rng) -> Hidden:
     """`a` in units of the mesh's half gap; the gearbox is stiffer than the mesh."""
-    gap = a * s.machine["meshes.gap"]
+    _rigid(s)
+    gap = a * (s.machine["meshes.gap"] + s.rated_deflection)
     stiffness = float(rng.uniform(1, 4)) * s.machine["meshes.stiffness"]
     numbers = {"chain": 1.0, "shaft_gap": gap, "shaft_k": stiffness}
     parameters = {"gap": gap, "stiffness": stiffness}
@@ -100,6 +108,7 @@ def gearbox_backlash(s: Setting, a: float, rng: Rng) -> Hidden:
 @effect(1.5)
 def shaft_compliance(s: Setting, a: float, rng: Rng) -> Hidden:
     """`a`: how much softer the shaft is than the mesh."""
+    _rigid(s)
     stiffness = s.machine["meshes.stiffness"] / a
     numbers = {"chain": 1.0, "shaft_k": stiffness}
     return Hidden("shaft_compliance", "gearboxes", "drive|mesh", numbers, {"stiffness": stiffness})

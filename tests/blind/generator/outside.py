@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from tests.blind.generator.effects import Hidden, Rng, Setting, phase
+from tests.blind.generator.effects import Hidden, Rng, Setting, UnfitError, phase
 
 OUTSIDE: dict[str, float] = {
+    "bouc_wen": 0.3,
+    "maxwell_slip": 0.3,
+    "softening_mesh": 2.0,
     "foundation": 0.5,
     "second_mass": 0.6,
     "motor_hum": 0.1,
@@ -33,7 +36,26 @@ Law = tuple[dict[str, float], str, str]
 def _natural(s: Setting) -> float:
     """Locked-rotor angular frequency of the table on its meshes, rad/s."""
     m = s.machine
-    return float(m["meshes.ratio"] * np.sqrt(2 * m["meshes.stiffness"] / m["table.J"]))
+    stiffness = m.get("drives", 2) * m["meshes.stiffness"]
+    return float(m["meshes.ratio"] * np.sqrt(stiffness / m["table.J"]))
+
+
+def _bouc_wen(s: Setting, a: float, rng: Rng) -> Law:
+    """Hysteresis at the table that bends over a visible share of the travel."""
+    length = s.travel * 10 ** rng.uniform(-2, -0.5)
+    torque, beta = a * s.table_torque, float(rng.uniform(0.3, 0.8))
+    return {"bouc": torque, "bouc_length": length, "bouc_beta": beta}, "table", "table"
+
+
+def _maxwell_slip(s: Setting, a: float, rng: Rng) -> Law:
+    """Four elements that slip one after the other."""
+    length = s.travel * 10 ** rng.uniform(-1.5, -0.3)
+    return {"maxwell": a * s.table_torque, "maxwell_length": length}, "table", "table"
+
+
+def _softening_mesh(s: Setting, a: float, rng: Rng) -> Law:
+    """A spring that gives way the more it is pushed."""
+    return {"softening": a, "softening_scale": s.rated_deflection}, "meshes", "mesh"
 
 
 def _foundation(s: Setting, a: float, rng: Rng) -> Law:
@@ -53,7 +75,11 @@ def _second_mass(s: Setting, a: float, rng: Rng) -> Law:
 
 
 def _motor_hum(s: Setting, a: float, rng: Rng) -> Law:
-    numbers = {"disturbed": 1.0, "hum": a * s.motor_torque, "hum_frequency": 7.0}
+    numbers = {
+        "disturbed": 1.0,
+        "hum": a * s.motor_torque,
+        "hum_frequency": float(rng.uniform(3, 15)),
+    }
     return numbers | {"hum_phase": phase(rng)}, "motor_1", "drive"
 
 
@@ -66,7 +92,7 @@ def _chirp(s: Setting, a: float, rng: Rng) -> Law:
 def _motor_shove(s: Setting, a: float, rng: Rng) -> Law:
     """A brake that drags from the middle of the record on."""
     numbers = {"disturbed": 1.0, "shove": a * s.motor_torque, "shove_rise": 0.05}
-    return numbers | {"shove_at": float(rng.uniform(1.3, 2.6))}, "motor_1", "drive"
+    return numbers | {"shove_at": float(s.end * rng.uniform(0.3, 0.6))}, "motor_1", "drive"
 
 
 def _cubic_damper(s: Setting, a: float, rng: Rng) -> Law:
@@ -92,6 +118,8 @@ def _gain_drift(s: Setting, a: float, rng: Rng) -> Law:
 
 def _crosstalk(s: Setting, a: float, rng: Rng) -> Law:
     """The recorded current of motor 1 contains a share of motor 2's."""
+    if s.drives == 1:
+        raise UnfitError("nothing to pick up")
     return {"@cross": a}, "I_1", "sensors"
 
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from tests.blind.generator import effects
-from tests.blind.generator.distance import Nominals
-from tests.blind.generator.effects import Hidden, Setting
+from tests.blind.generator.effects import Hidden, Setting, UnfitError
+from tests.blind.generator.engine import Array, EngineError
+from tests.blind.generator.evidence import Nominals
 from tests.blind.scoring.match import same_place
 
-Array = NDArray[np.float64]
 #: effects that resemble each other; one may stand in several
 KIN = (
     ("viscous", "coulomb", "stribeck", "lugre", "load_dependent_mesh_loss", "hydrostatic_drag"),
@@ -21,7 +20,7 @@ KIN = (
     ("wear", "gearbox_backlash", "shaft_compliance", "hertzian_stiffness", "eccentricity"),
     ("sensor_delay", "transport_delay", "shaft_compliance", "stribeck", "mesh_damping", "viscous"),
     ("position_dependent_inertia", "unbalance", "torque_constant_saturation", "thermal_drift"),
-    ("dead_time", "current_limit", "torque_constant_saturation", "thermal_drift"),
+    ("dead_time", "current_limit", "voltage_limit", "torque_constant_saturation", "thermal_drift"),
     ("tension_mismatch", "thermal_drift", "torque_constant_saturation", "transport_delay"),
 )
 #: effect -> those that contain it as a special case; the simpler one is the better name
@@ -31,24 +30,27 @@ CONTAINS = {
     "viscous": {"hydrostatic_drag"},
     "unbalance": {"cutting_torque"},
 }
-_DRAWS = 5
+_DRAWS = 3
 _SHARE = 0.05
 
 
-def nearest(true: Hidden, setting: Setting, nominals: Nominals) -> tuple[float, str]:
-    """(delta-lambda, rival): what of the true effect's record no rival of it explains.
+def nearest(true: Hidden, setting: Setting, nominals: Nominals, change: Array) -> tuple[float, str]:
+    """(log-likelihood ratio, rival): what of the true effect's change no rival of it explains.
 
     First order in the rival's size; nominal numbers are free beside the rival.
     """
-    change = nominals.project(nominals.bench.record((true,)) - nominals.at_truth)[0]
-    best, name = float(change @ change), "none"
-    for rival, columns in _columns(true, setting).items():
-        sides = [nominals.bench.record((one,)) - nominals.at_truth for one in columns]
-        basis = np.stack([nominals.project(side)[0] for side in sides], axis=1)
-        fitted, *_ = np.linalg.lstsq(basis, change, rcond=1e-9)
-        left = change - basis @ fitted
-        if float(left @ left) < best:
-            best, name = float(left @ left), rival
+    left = nominals.left(change)[0]
+    best, name = float(left @ left) / 2, "none"
+    for rival, drawn in _columns(true, setting).items():
+        try:
+            sides = [nominals.change((one,)) for one in drawn]
+        except EngineError:
+            continue
+        basis = np.stack([nominals.left(side)[0] for side in sides], axis=1)
+        weights = np.linalg.lstsq(basis.T @ basis, basis.T @ left, rcond=1e-12)[0]
+        rest = left - basis @ weights
+        if float(rest @ rest) / 2 < best:
+            best, name = float(rest @ rest) / 2, rival
     return best, name
 
 
@@ -59,7 +61,10 @@ def _columns(true: Hidden, setting: Setting) -> dict[str, list[Hidden]]:
     found: dict[str, list[Hidden]] = {}
     for name in sorted(names & set(effects.EFFECTS)):
         for seed in range(_DRAWS):
-            one = _tuned(effects.draw(name, setting, seed, _SHARE), true)
+            try:
+                one = _tuned(effects.draw(name, setting, seed, _SHARE), true)
+            except UnfitError:
+                break
             own = found.setdefault(f"{one.effect}@{one.place}", [])
             if len(own) < (2 if any("phase" in key for key in one.numbers) else 1):
                 own.append(one)

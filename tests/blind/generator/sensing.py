@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from tests.blind.generator.effects import Hidden, Rng, Setting, at, effect, phase, pick
+from tests.blind.generator.effects import Hidden, Rng, Setting, UnfitError, at, effect, phase, pick
 
 
 @effect(1.2e-2, least=0.02)
 def sensor_delay(s: Setting, a: float, rng: Rng) -> Hidden:
     """In the loop at table or motors, or in the recorder, for one of its channels."""
-    place = pick(rng, "table", "motors", "motor_1", "theta_1", "theta_m", "I_1")
+    place = pick(s, rng, "table", "motors", "motor_1", "theta_1", "theta_m", "I_1")
     label = {"time": a}
     if place == "table":
         return Hidden("sensor_delay", place, "sensors", {"table_delay": a}, label)
@@ -32,7 +32,7 @@ def unbalance(s: Setting, a: float, rng: Rng) -> Hidden:
 
 @effect(0.3)
 def cutting_torque(s: Setting, a: float, rng: Rng) -> Hidden:
-    start, duration = float(rng.uniform(0.8, 1.8)), float(rng.uniform(0.8, 2.0))
+    start, duration = (float(s.end * rng.uniform(0.1, high)) for high in (0.4, 0.5))
     frequency, ripple = float(rng.uniform(4, 25)), float(rng.uniform(0.1, 0.6))
     values = {
         "mean": a * s.table_torque,
@@ -66,7 +66,7 @@ def position_dependent_inertia(s: Setting, a: float, rng: Rng) -> Hidden:
 @effect(1.2e-2, least=0.01)
 def transport_delay(s: Setting, a: float, rng: Rng) -> Hidden:
     """Commands late for both drives, or for the slave alone."""
-    if rng.random() < 0.5:
+    if rng.random() < 0.5 or s.drives == 1:
         return Hidden(
             "transport_delay", "controller", "controller", {"command_delay": a}, {"delta_c": a}
         )
@@ -76,7 +76,7 @@ def transport_delay(s: Setting, a: float, rng: Rng) -> Hidden:
 @effect(1.0)
 def encoder_eccentricity(s: Setting, a: float, rng: Rng) -> Hidden:
     """`a` in units of 0.3 mrad at the table, of 20 mrad at a motor."""
-    place, angle = pick(rng, "table", "motors", "motor_1"), phase(rng)
+    place, angle = pick(s, rng, "table", "motors", "motor_1"), phase(rng)
     amplitude = a * (3e-4 if place == "table" else 0.02)
     key = "table_ecc" if place == "table" else "motor_ecc"
     numbers = {key + at(place): amplitude, f"{key}_phase{at(place)}": angle}
@@ -87,6 +87,9 @@ def encoder_eccentricity(s: Setting, a: float, rng: Rng) -> Hidden:
 @effect(0.5)
 def tension_mismatch(s: Setting, a: float, rng: Rng) -> Hidden:
     """The equaliser takes the slave's torque for more or less than it is."""
-    error = a if rng.random() < 0.5 else -a
-    numbers = {"misread_2": error}
-    return Hidden("tension_mismatch", "motor_2", "controller|sensors", numbers, {"error": error})
+    if s.drives == 1:
+        raise UnfitError("nothing to be equal to")
+    error, slave = a if rng.random() < 0.5 else -a, int(rng.integers(2, s.drives + 1))
+    place = f"motor_{slave}"
+    numbers = {f"misread_{slave}": error}
+    return Hidden("tension_mismatch", place, "controller|sensors", numbers, {"error": error})

@@ -14,26 +14,38 @@ from tests.blind.scoring import match
 from tests.blind.scoring.match import Json
 
 ALARMS = ("effect", "ambiguous", "unknown")
-HIDING = ("single", "two", "outside")
-OVER_FLOOR = (0.0, 1.08, 1.15, 1.22, 1.5, 3.0, math.inf)
+EMPTY = ("empty", "drifted")
+HIDING = ("single", "pair", "outside")
+#: log-likelihood ratio from which a record tells: chance alone reaches it once in 10^8
+TELLS = 16.0
+_BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.95, 1.0)
+_FAMILIES = ("friction", "motors", "gearing", "sensing")
 
 
 @dataclass(frozen=True)
 class Judged:
     """One case beside its answer; a case that failed has an empty one."""
 
-    label: Json
+    truth: Json
     answer: Json
     seconds: float
     failed: str = ""
 
     @property
     def group(self) -> str:
-        return str(self.label["group"])
+        return str(self.truth["group"])
+
+    @property
+    def known(self) -> bool:
+        return bool(self.truth["loop"] == "known")
 
     @property
     def verdict(self) -> str:
         return "failed" if self.failed else str(self.answer["verdict"])
+
+    @property
+    def alarmed(self) -> bool:
+        return self.verdict in ALARMS
 
     @property
     def candidates(self) -> list[Json]:
@@ -42,13 +54,18 @@ class Judged:
             c for c in self.answer.get("candidates", []) if c.get("effect") not in (None, "none")
         ]
 
+    @property
+    def tells(self) -> bool:
+        """Whether the records tell the hidden effect from none and from its nearest rival."""
+        return float(self.truth.get("told", -math.inf)) >= TELLS
+
     def top(self, places: int, place: bool = False) -> bool:
         """The hidden effect is among the first candidates; alone, if it is to be the first."""
         if places == 1:
-            return bool(self.candidates) and match.exact(self.candidates[0], self.label, place)
+            return bool(self.candidates) and match.exact(self.candidates[0], self.truth, place)
         return all(
-            any(match.holds(c, truth, place) for c in self.candidates[:places])
-            for truth in match.truths(self.label)
+            any(match.holds(c, hidden, place) for c in self.candidates[:places])
+            for hidden in match.truths(self.truth)
         )
 
 
@@ -83,53 +100,56 @@ def of(cases: Sequence[Judged], *groups: str) -> list[Judged]:
     return [c for c in cases if c.group in groups]
 
 
-def naming(cases: Sequence[Judged]) -> dict[str, Any]:
-    """Alarms, hits, "none of the above", the equation."""
-    quiet, single, two = of(cases, "none", "drifted"), of(cases, "single"), of(cases, "two")
-    apart = [c for c in single if c.label.get("delta_lambda", math.inf) >= 33]
-    told = [c for c in single if c.label.get("told", -math.inf) >= 33]
-    known = [c for c in cases if c.group != "outside"]
-    pointed = [c for c in single + two if c.answer.get("equation")]
+def alarms(cases: Sequence[Judged]) -> dict[str, Any]:
+    """How often a machine that hides nothing is said to hide something."""
+    quiet = of(cases, *EMPTY)
+    known = [c for c in quiet if c.known]
     return {
-        "false alarms": share(c.verdict in ALARMS for c in quiet),
-        "false alarms, exact nominals": share(c.verdict in ALARMS for c in of(cases, "none")),
-        "false alarms, drifted": share(c.verdict in ALARMS for c in of(cases, "drifted")),
-        "top-1, effect": share(c.top(1) for c in single),
-        "top-1, effect and place": share(c.top(1, place=True) for c in single),
-        "top-1 where delta-lambda >= 33": share(c.top(1) for c in apart),
-        "top-1 where the record tells": share(c.top(1) for c in told),
-        "top-3, effect": share(c.top(3) for c in single),
-        "top-3 where delta-lambda >= 33": share(c.top(3) for c in apart),
-        "top-3 where the record tells": share(c.top(3) for c in told),
-        "top-3, effect and place": share(c.top(3, place=True) for c in single),
-        "hidden effect noticed": share(c.verdict in ALARMS for c in single + two),
+        "false alarms": share(c.alarmed for c in quiet),
+        "false alarms, loop known": share(c.alarmed for c in of(known, "empty")),
+        "false alarms, drifted numbers": share(c.alarmed for c in of(known, "drifted")),
+        "false alarms, loop unknown": share(c.alarmed for c in quiet if not c.known),
+    }
+
+
+def naming(cases: Sequence[Judged]) -> dict[str, Any]:
+    """Hits, "none of the above", the equation. Candidates count whatever the verdict."""
+    single, pair = of(cases, "single"), of(cases, "pair")
+    tells = [c for c in single if c.tells]
+    within = [c for c in cases if c.group != "outside"]
+    pointed = [c for c in single + pair if (c.answer.get("equation") or {}).get("name")]
+    return {
+        "top-1": share(c.top(1) for c in single),
+        "top-1 where the record tells": share(c.top(1) for c in tells),
+        "top-1, loop unknown": share(c.top(1) for c in single if not c.known),
+        "top-1 and place": share(c.top(1, place=True) for c in single),
+        "top-3": share(c.top(3) for c in single),
+        "top-3 where the record tells": share(c.top(3) for c in tells),
+        "hidden effect noticed": share(c.alarmed for c in single + pair),
         "unknown, recall": share(c.verdict == "unknown" for c in of(cases, "outside")),
-        "unknown, wrongly used": share(c.verdict == "unknown" for c in known),
-        "both of two in the top 3": share(c.top(3) for c in two),
-        "one of two in the top 3": share(
-            any(match.holds(k, t) for k in c.candidates[:3] for t in match.truths(c.label))
-            for c in two
-        ),
+        "unknown, wrongly used": share(c.verdict == "unknown" for c in within),
+        "both of two in the first three": share(c.top(3) for c in pair),
+        "one of two in the first three": share(_one_of_two(c) for c in pair),
         "right equation": share(
-            match.right_equation(c.answer["equation"]["name"], c.label) for c in pointed
+            match.right_equation(c.answer["equation"]["name"], c.truth) for c in pointed
         ),
+        "cut": share(c.verdict == "unfinished" for c in cases),
         "failed": share(bool(c.failed) for c in cases),
     }
 
 
+def _one_of_two(c: Judged) -> bool:
+    return any(match.holds(k, t) for k in c.candidates[:3] for t in match.truths(c.truth))
+
+
 def errors(cases: Sequence[Judged]) -> dict[str, Any]:
-    """Held-out error over the known floor, and how much of the gap was closed; closed loop only."""
-    over, gap = [], []
-    for c in of(cases, "single", "two", "none", "drifted"):
-        error = c.answer.get("error", {})
-        best, floor = error.get("held_out_best"), c.label["floor"]
-        if best is None or c.label["mode"] != "closed_loop":
-            continue
-        over.append(best / floor)
-        before = error.get("held_out_refitted")
-        if c.group in HIDING and before is not None and before > 1.05 * floor:
-            gap.append((before - best) / (before - floor))
-    return {"held-out error over floor": spread(over), "gap closed": spread(gap)}
+    """Held-out error of the best explanation over what the true machine leaves."""
+    over = []
+    for c in of(cases, "single", "pair", *EMPTY):
+        best = (c.answer.get("error") or {}).get("held_out_best")
+        if best is not None and c.known:
+            over.append(float(best) / float(c.truth["floor"]))
+    return {"held-out error over floor": spread(over)}
 
 
 def coverage(cases: Sequence[Judged]) -> dict[str, Any]:
@@ -144,71 +164,82 @@ def _effect_intervals(cases: Sequence[Judged]) -> Iterable[bool]:
     for c in of(cases, "single"):
         if not c.top(1, place=True):
             continue
-        truth = c.label["effects"][0]["parameters"]
+        truth = c.truth["effects"][0]["parameters"]
         for path, interval in c.candidates[0].get("parameters", {}).items():
             name = path.rsplit(".", 1)[-1]
-            if name in truth:
+            if name in truth and interval.get("low") is not None:
                 yield match.covered(name, interval, truth[name])
 
 
 def _nominal_intervals(cases: Sequence[Judged]) -> Iterable[bool]:
-    for c in of(cases, "none", "drifted"):
-        refitted = c.answer.get("parameters", {})
-        for path, value in match.real_numbers(c.label, refitted).items():
-            yield match.covered(path, refitted[path], value)
+    for c in of(cases, *EMPTY):
+        refitted = c.answer.get("parameters") or {}
+        for path, value in match.real_numbers(c.truth, refitted).items():
+            if refitted[path].get("low") is not None:
+                yield match.covered(path, refitted[path], value)
 
 
 def trust(cases: Sequence[Judged]) -> dict[str, Any]:
-    """Brier score of "the leading candidate is right", and a table of claimed against true.
-
-    Beside it how often the leader was right, by what it leaves over the floor in its worst series.
-    """
+    """Brier score of "the leading candidate is right", and a table of claimed against true."""
     claims = [
         (float(c.candidates[0]["probability"]), c.group != "outside" and c.top(1))
         for c in of(cases, *HIDING)
-        if c.candidates
+        if c.candidates and c.candidates[0].get("probability") is not None
     ]
-    table = []
-    for low, high in ((0, 0.2), (0.2, 0.4), (0.4, 0.6), (0.6, 0.8), (0.8, 0.95), (0.95, 1.01)):
-        own = [(p, right) for p, right in claims if low <= p < high]
-        if own:
-            claimed, right = (float(np.mean(column)) for column in zip(*own, strict=True))
-            table.append({"from": low, "claimed": claimed, "right": right, "of": len(own)})
-    over = [
-        (float(c.answer["over_floor"]), c.group != "outside" and c.top(1))
-        for c in of(cases, *HIDING)
-        if c.candidates and c.answer.get("over_floor") and c.label["mode"] == "closed_loop"
-    ]
-    left = []
-    for low, high in pairwise(OVER_FLOOR):
-        inside = [right for x, right in over if low <= x < high]
-        if inside:
-            left.append({"from": low, "right": sum(inside), "of": len(inside)})
     brier = float(np.mean([(p - right) ** 2 for p, right in claims])) if claims else None
-    return {"Brier": brier, "of": len(claims), "calibration": table, "by what is left": left}
+    return {"Brier": brier, "of": len(claims), "reliability": reliability(claims)}
+
+
+def reliability(claims: Sequence[tuple[float, bool]]) -> list[dict[str, Any]]:
+    """Claimed against true, in bins of what was claimed."""
+    table = []
+    for low, high in pairwise(_BINS):
+        last = high == _BINS[-1]
+        own = [(p, right) for p, right in claims if low <= p and (p < high or last)]
+        if own:
+            claimed = float(np.mean([p for p, _ in own]))
+            table.append({"from": low, "claimed": claimed, **share(right for _, right in own)})
+    return table
 
 
 def verdicts(cases: Sequence[Judged]) -> dict[str, dict[str, int]]:
     """Group x verdict."""
-    return _table(cases, lambda c: c.group, lambda c: c.verdict)
+    return _table(cases, lambda c: [f"{c.group}, loop {c.truth['loop']}"], lambda c: c.verdict)
 
 
 def confusion(cases: Sequence[Judged]) -> dict[str, dict[str, int]]:
     """True effect x leading candidate, or the verdict where no effect is named."""
-    return _table(of(cases, "single", "outside"), lambda c: match.truths(c.label)[0][0], leading)
+    return _table(of(cases, "single", "outside"), lambda c: [match.truths(c.truth)[0][0]], leading)
 
 
-def by_kind(cases: Sequence[Judged], *keys: str) -> dict[str, dict[str, int]]:
-    """Group and kind of record or machine x right or wrong."""
+def split(cases: Sequence[Judged]) -> dict[str, dict[str, dict[str, Any]]]:
+    """Right answers by what the cases are: a case with several motions counts for each of them."""
     return {
-        name: row
-        for key in keys
-        for name, row in _table(
-            cases,
-            lambda c, key=key: f"{c.group}, {c.label[key]}",  # type: ignore[misc]
-            lambda c: "right" if right(c) else "wrong",
-        ).items()
+        "family": _split(of(cases, "single"), lambda c: [c.truth["effects"][0]["family"]]),
+        "motion": _split(cases, lambda c: {r["motion"] for r in c.truth["records"].values()}),
+        "colour of noise": _split(cases, lambda c: [c.truth["traits"]["colour"]]),
+        "drives": _split(cases, lambda c: [c.truth["traits"]["drives"]]),
+        "sampling, Hz": _split(cases, lambda c: [c.truth["traits"]["rate"]]),
+        "control": _split(
+            cases, lambda c: ["sampled" if c.truth["traits"]["sampled"] else "continuous"]
+        ),
+        "hunting": _split(cases, lambda c: [any(r["hunts"] for r in c.truth["records"].values())]),
+        "detectability": _split(of(cases, "single", "pair"), lambda c: [_decade(c)]),
     }
+
+
+def _decade(c: Judged) -> str:
+    return f"1e{math.floor(math.log10(max(float(c.truth['detectability']), 1.0)))}"
+
+
+def _split(
+    cases: Sequence[Judged], kinds: Callable[[Judged], Iterable[Any]]
+) -> dict[str, dict[str, Any]]:
+    made: dict[str, list[bool]] = {}
+    for c in cases:
+        for kind in kinds(c):
+            made.setdefault(str(kind), []).append(right(c))
+    return {kind: share(made[kind]) for kind in sorted(made)}
 
 
 def leading(c: Judged) -> str:
@@ -219,11 +250,14 @@ def leading(c: Judged) -> str:
 
 
 def _table(
-    cases: Sequence[Judged], row: Callable[[Judged], str], column: Callable[[Judged], str]
+    cases: Sequence[Judged],
+    rows: Callable[[Judged], Iterable[str]],
+    column: Callable[[Judged], str],
 ) -> dict[str, dict[str, int]]:
     made: dict[str, Counter[str]] = {}
     for c in cases:
-        made.setdefault(row(c), Counter())[column(c)] += 1
+        for row in rows(c):
+            made.setdefault(row, Counter())[column(c)] += 1
     return {name: dict(made[name].most_common()) for name in sorted(made)}
 
 
@@ -231,17 +265,17 @@ def failures(cases: Sequence[Judged]) -> list[dict[str, Any]]:
     """Every case that is not answered as it should be, and how it was answered."""
     return [
         {
-            "case": c.label["case"],
+            "case": c.truth["case"],
             "group": c.group,
-            "family": c.label["family"],
-            "mode": c.label["mode"],
-            "hidden": [f"{e}@{p}" for e, p in match.truths(c.label)],
-            "lambdas": c.label.get("lambdas", []),
-            "delta_lambda": c.label.get("delta_lambda"),
-            "told": c.label.get("told"),
+            "loop": c.truth["loop"],
+            "hidden": [f"{e}@{p}" for e, p in match.truths(c.truth)],
+            "detectability": c.truth.get("detectability"),
+            "told": c.truth.get("told"),
+            "rival": c.truth.get("rival"),
             "verdict": c.verdict,
             "named": [
-                " + ".join(f"{e}@{p}" for e, p in match.members(k)) + f" {k['probability']:.2f}"
+                " + ".join(f"{e}@{p}" for e, p in match.members(k))
+                + f" {k.get('probability') or 0:.2f}"
                 for k in c.candidates[:3]
             ],
             "why": c.failed.strip().splitlines()[-1] if c.failed else "",
@@ -255,7 +289,7 @@ def right(c: Judged) -> bool:
     """What each group asks for."""
     if c.failed:
         return False
-    if c.group in ("none", "drifted"):
+    if c.group in EMPTY:
         return c.verdict in ("adequate", "parameters")
     if c.group == "outside":
         return c.verdict == "unknown"
@@ -266,6 +300,7 @@ def everything(cases: Sequence[Judged]) -> dict[str, Any]:
     """All figures of a run."""
     return {
         "cases": len(cases),
+        "alarms": alarms(cases),
         "naming": naming(cases),
         "errors": errors(cases),
         "coverage of 95 % intervals": coverage(cases),
@@ -273,6 +308,6 @@ def everything(cases: Sequence[Judged]) -> dict[str, Any]:
         "seconds": spread(c.seconds for c in cases),
         "verdicts": verdicts(cases),
         "confusion": confusion(cases),
-        "kinds": by_kind(cases, "mode", "family"),
+        "right answers by": split(cases),
         "failures": failures(cases),
     }

@@ -6,8 +6,6 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from tests.blind.generator import machines
-
 Json = Mapping[str, Any]
 #: with rigid gearboxes motor and pinion turn as one body; the ring is the table's gear
 _ONE = {"motor": "drive", "pinion": "drive", "gearbox": "drive", "ring": "table"}
@@ -36,6 +34,9 @@ def _body(effect: str, place: str) -> str:
 
 def members(candidate: Json) -> list[tuple[str, str]]:
     """(effect, place) of a candidate, one or more."""
+    if "@" in str(candidate.get("label", "")):
+        parts = [one.partition("@") for one in str(candidate["label"]).split(" + ")]
+        return [(effect, place) for effect, _, place in parts]
     more = candidate.get("with", [])
     return [(c["effect"], c["place"]) for c in (candidate, *more)]
 
@@ -66,7 +67,7 @@ _EQUATIONS = {
     "mesh": ("mesh", "meshes", "ring", "gearbox", "gearboxes"),
     "controller": ("controller", "slave", "tension", "equaliser"),
     "sensors": ("sensor", "sensors", "encoder", "encoders", "recorder"),
-    "table": ("table",),
+    "table": ("table", "total"),
 }
 
 
@@ -100,7 +101,7 @@ def real_numbers(label: Json, moved: Mapping[str, Any]) -> dict[str, float]:
     """
     real, sheet = label["real"], label["sheet"]
     numbers = {_PATHS.get(name, name): float(value) for name, value in real.items()}
-    ratio = float(machines.FAMILIES[label["family"]]["gearboxes"]["ratio"]) ** 2
+    ratio = float(label["machine"]["gearboxes.ratio"]) ** 2
     for key in ("J", "b"):
         motor, pinion = f"motors.{key}", f"pinions.{key}"
         if pinion not in moved and motor in numbers and pinion in numbers:

@@ -6,7 +6,7 @@ import argparse
 import time
 from collections.abc import Callable, Iterable
 
-from tests.blind.generator.cases import UnfitError
+from tests.blind.generator.effects import UnfitError
 from tests.blind.shown import apart, preloaded, quiet, verdicts
 from tests.blind.shown.ordered import Order
 

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from tests.blind.generator.motion import Jerks
 from tests.blind.scoring.match import same_place
+from tests.blind.shown.motion import Jerks
 from tests.blind.shown.ordered import Order
 from tests.blind.shown.preloaded import OLD, Alike
 

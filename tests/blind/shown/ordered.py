@@ -8,16 +8,17 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from tests.blind.generator import cases, effects, machines, records
+from tests.blind.generator import cases, effects, machines
 from tests.blind.generator.effects import Hidden
-from tests.blind.generator.records import LOOP, Plan, Recorder
+from tests.blind.shown import families, records
+from tests.blind.shown.records import LOOP, Plan, Recorder
 
 from dualdrive import Machine
 from dualdrive.diagnose import Diagnosis, diagnose
 from dualdrive.traces import Trace
 
 Array = NDArray[np.float64]
-FAMILIES = tuple(machines.FAMILIES)
+FAMILIES = tuple(families.FAMILIES)
 assert cases.GROUPS  # cases enters all effects
 
 
@@ -66,7 +67,7 @@ class Order:
 def drifted(family: str, seed: int, off: float) -> Order:
     """The sheet's table inertia is `off` times the real one; all else is exact."""
     rng = np.random.default_rng([seed, 1])
-    real = machines.draw(family, rng)
+    real = families.draw(family, rng)
     sheet = {**real, "table.J": off * real["table.J"]}
     plans = records.plans(family, real, rng)
     recorder = records.recorder(family, real["motors.K_d"], rng)
@@ -76,14 +77,14 @@ def drifted(family: str, seed: int, off: float) -> Order:
 def hiding(effect: str, family: str, seed: int, share: float, count: int = 2) -> Order:
     """The sheet is 5 to 10 % off and lacks an effect; share: of a strong one; count: of records."""
     rng = np.random.default_rng([seed, 3])
-    sheet = machines.draw(family, rng)
+    sheet = families.draw(family, rng)
     plans = records.plans(family, sheet, rng)[:count]
     one = effects.draw(effect, records.setting(sheet, plans), seed, share)
     sheet = {path: value for path, value in sheet.items() if path not in one.without}
     recorder = records.recorder(family, sheet["motors.K_d"], rng)
     hidden = {plan.name: (one,) for plan in plans}
     name = f"{family} {seed}, {effect} {share:g}"
-    return Order(name, sheet, machines.drift(sheet, rng), plans, recorder, hidden)
+    return Order(name, sheet, families.drift(sheet, rng), plans, recorder, hidden)
 
 
 def loaded(family: str, seed: int, share: float) -> Order:
@@ -92,8 +93,8 @@ def loaded(family: str, seed: int, share: float) -> Order:
     share: of one motor's rated torque, at the table. The sheet is 5 to 10 % off, as in the suite.
     """
     rng = np.random.default_rng([seed, 2])
-    sheet = machines.draw(family, rng)
-    real = machines.drift(sheet, rng)
+    sheet = families.draw(family, rng)
+    real = families.drift(sheet, rng)
     plans = records.plans(family, sheet, rng)
     torque = share * records.setting(sheet, plans).table_torque * float(rng.choice([-1, 1]))
     hidden = {plan.name: (_step(torque, plan.end * rng.uniform(0.35, 0.65)),) for plan in plans}

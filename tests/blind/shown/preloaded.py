@@ -15,11 +15,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from tests.blind.generator import distance, machines, motion, records
-from tests.blind.generator.cases import UnfitError
-from tests.blind.generator.effects import Hidden
-from tests.blind.generator.records import Plan
+from tests.blind.generator.effects import Hidden, UnfitError
+from tests.blind.shown import distance, families, motion, records
 from tests.blind.shown.ordered import FAMILIES, Order
+from tests.blind.shown.records import Plan
 
 Array = NDArray[np.float64]
 APART, SEEN = 6.0, 250.0
@@ -111,9 +110,9 @@ def alike(family: str, truth: str, rival: str, seed: int) -> Alike:
 
 
 def _drawn(family: str, truth: str, rival: str, seed: int, rng: np.random.Generator) -> Alike:
-    sheet = machines.draw(family, rng)
+    sheet = families.draw(family, rng)
     sheet = {path: value for path, value in sheet.items() if not path.startswith("dry_")}
-    real = machines.drift(sheet, rng)
+    real = families.drift(sheet, rng)
     plan = reversals(family, sheet, rng)
     recorder = replace(records.recorder(family, sheet["motors.K_d"], rng), jitter=0.0)
     nominals = distance.Nominals(Stored(real, (plan,), recorder))
@@ -129,7 +128,7 @@ def _drawn(family: str, truth: str, rival: str, seed: int, rng: np.random.Genera
 
 def reversals(family: str, machine: Mapping[str, float], rng: np.random.Generator) -> Plan:
     """Twice there and back at one speed, the drives pressed on their flanks throughout."""
-    kind = machines.FAMILIES[family]
+    kind = families.FAMILIES[family]
     most = machine["controller.T_ten"] * _table(machine) / machine["table.J"]  # then flanks part
     a, j = min(0.15 * most, float(kind["a"][0])), float(kind["j"][0])
     v = min(float(rng.uniform(*kind["v"])) / 2, 0.5 * a)

@@ -26,7 +26,8 @@ Reader<R>::Reader(const Machine& machine, const Inputs& inputs, const Layout& la
       generator_(generator),
       recorded_(recorded),
       model_(machine, inputs, layout),
-      block_rates_(layout.blocks.size(), D(0.0)) {
+      block_rates_(layout.blocks.size(), D(0.0)),
+      about_(static_cast<std::size_t>(layout.size()), R(0)) {
     for (const auto& [name, waveform] : inputs) zero_[name] = Waveform();
     const auto only = [&](const std::string& name, const Waveform& w) {
         Inputs in = zero_;
@@ -88,16 +89,23 @@ template <class R>
 template <class Store>
 void Reader<R>::columns(const Modes& modes, const Store& store) {
     const auto n = static_cast<std::size_t>(states());
-    std::vector<D> z(n, D(0.0));
+    const auto at = [](const R& value) {
+        D d;
+        d.value = value;
+        return d;
+    };
+    std::vector<D> z;
+    for (const R& value : about_) z.push_back(at(value));
     for (std::size_t first = 0; first < n; first += directions) {
         const std::size_t last = std::min<std::size_t>(first + directions, n);
-        for (std::size_t k = first; k < last; ++k) z[k] = D::variable(R(0), static_cast<int>(k - first));
-        evaluate(modes, D(0.0), z, zero_);
+        for (std::size_t k = first; k < last; ++k) z[k] = D::variable(about_[k], static_cast<int>(k - first));
+        evaluate(modes, at(when_), z, zero_);
+        if (first == 0) store(one(), [](const D& q) { return q.value; });
         for (std::size_t k = first; k < last; ++k) {
             store(static_cast<Eigen::Index>(k), [&](const D& q) { return q.slope[k - first]; });
-            z[k] = D(0.0);
+            if (about_[k] != R(0)) store(one(), [&](const D& q) { return -(q.slope[k - first] * about_[k]); });
+            z[k] = at(about_[k]);
         }
-        if (first == 0) store(one(), [](const D& q) { return q.value; });
     }
     for (std::size_t j = 0; j < generator_.inputs(); ++j)
         for (const bool rate : {false, true}) {
@@ -158,6 +166,16 @@ Laws<R> Reader<R>::read(const Modes& modes) {
     generator_.write_equations(laws.A, states());
     for (const Weight& w : block_rate_weights(modes))
         laws.guards.row(w.guard) += w.weight * s.raw().row(w.block) * laws.A;
+    return laws;
+}
+
+template <class R>
+Laws<R> Reader<R>::tangent(const Modes& modes, double t, const double* z) {
+    about_.assign(z, z + states());
+    when_ = R(t);
+    Laws<R> laws = read(modes);
+    about_.assign(about_.size(), R(0));
+    when_ = R(0);
     return laws;
 }
 

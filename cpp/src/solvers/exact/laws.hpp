@@ -41,6 +41,8 @@ class Reader {
     int one() const { return size() - 1; }                         // the entry that is 1
 
     Laws<R> read(const Modes& modes);
+    // The tangent at state z and time t of a machine that is not affine; read() belongs to zero.
+    Laws<R> tangent(const Modes& modes, double t, const double* z);
     Energies<R> energies(const Modes& modes);
 
     // ∂(laws)/∂p for each list of parameter slots that move together.
@@ -78,6 +80,8 @@ class Reader {
     std::vector<Inputs> one_value_, one_rate_;
     Model<D> model_;
     std::vector<D> found_, block_rates_;
+    std::vector<R> about_;  // the state that tangents touch at
+    R when_{0};
 };
 
 extern template class Reader<double>;

@@ -12,28 +12,31 @@ namespace blind {
 // What the drive measures: table angle, speeds in the pinion's frame, currents.
 struct Readings {
     double table;
-    std::array<double, 2> speed, current;
+    PerDrive<double> speed, current;
 };
 
 // Outputs that a sampled loop holds between its ticks.
 struct Held {
-    double position = 0, tension = 0;
-    std::array<double, 2> torque = {0, 0};
+    double position = 0;
+    PerDrive<double> tension{}, torque{};
 };
 
 class Controller {
   public:
-    explicit Controller(const Parameters& p) : p_(p), lag_(p.delta_t, p.step, 0), late_(p.command_delay, p.step, 0) {}
+    explicit Controller(const Parameters& p)
+        : p_(p),
+          lag_(p.delta_t, p.step, 0, p.position_sample > 0),
+          late_(p.command_delay, p.step, 0, p.position_sample > 0) {}
 
     // Voltages, and the rates of the controller's own states; `part` of the step gone by.
-    std::array<double, 2> act(const Command& c, const Readings& r, const State& x, double part, State& rate) {
-        double now = p_.position_sample > 0 ? held_.position : position(c, r);
+    PerDrive<double> act(const Command& c, const Readings& r, const State& x, double part, State& rate) {
+        double now = p_.position_sample > 0 ? held_.position : position(c, r, x, rate);
         double master = late_.on() ? late_.at(part) : now;
         double slave = lag_.on() ? lag_.at(part) : master;
-        double y = p_.tension_sample > 0 ? held_.tension : correction(r, x, rate);
         rate[tension] = p_.tau_t > 0 ? (p_.T_ten - x[tension]) / p_.tau_t : 0;
-        std::array<double, 2> wanted = {master - y, slave + y}, voltage{};
-        for (std::size_t n = 0; n < 2; ++n) {
+        PerDrive<double> y = p_.tension_sample > 0 ? held_.tension : corrections(r, x, rate);
+        PerDrive<double> wanted = set_points(master, slave, y), voltage{};
+        for (std::size_t n = 0; n < p_.count(); ++n) {
             double torque = p_.speed_sample > 0 ? held_.torque[n] : speed(n, wanted[n] - r.speed[n], x, rate);
             voltage[n] = current_loop(n, torque, r, x, rate);
         }
@@ -42,22 +45,26 @@ class Controller {
 
     // Once at the start of every step: samplers that are due, signals that are delayed later.
     void begin_step(std::size_t k, const Command& c, const Readings& r, State& x) {
-        if (due(k, p_.position_sample)) held_.position = position(c, r);
-        double master = p_.position_sample > 0 ? held_.position : position(c, r);
+        State rate{};
+        if (due(k, p_.position_sample)) {
+            held_.position = position(c, r, x, rate);
+            x[position_integral] += p_.position_sample * rate[position_integral];
+        }
+        double master = p_.position_sample > 0 ? held_.position : position(c, r, x, rate);
         late_.push(master);
         if (late_.on()) master = late_.at(0);
         lag_.push(master);
         double slave = lag_.on() ? lag_.at(0) : master;
+        PerDrive<double> y = p_.tension_sample > 0 ? held_.tension : corrections(r, x, rate);
         if (due(k, p_.tension_sample)) {
-            State rate{};
-            held_.tension = correction(r, x, rate);
-            x[equaliser] += p_.tension_sample * rate[equaliser];
+            held_.tension = y = corrections(r, x, rate);
+            for (std::size_t n = 1; n < p_.count(); ++n)
+                x[of(n, equaliser)] += p_.tension_sample * rate[of(n, equaliser)];
         }
         if (!due(k, p_.speed_sample)) return;
-        State rate{};
-        double y = p_.tension_sample > 0 ? held_.tension : correction(r, x, rate);
-        for (std::size_t n = 0; n < 2; ++n) {
-            held_.torque[n] = speed(n, (n == 0 ? master - y : slave + y) - r.speed[n], x, rate);
+        PerDrive<double> wanted = set_points(master, slave, y);
+        for (std::size_t n = 0; n < p_.count(); ++n) {
+            held_.torque[n] = speed(n, wanted[n] - r.speed[n], x, rate);
             x[of(n, speed_integral)] += p_.speed_sample * rate[of(n, speed_integral)];
         }
     }
@@ -68,20 +75,40 @@ class Controller {
     }
 
     // Speed set-point of the pinions.
-    double position(const Command& c, const Readings& r) const {
-        return clamp(p_.i_m * (p_.K_v * (c.angle - r.table) + p_.f_v * c.speed), p_.Omega_max);
+    double position(const Command& c, const Readings& r, const State& x, State& rate) const {
+        double e = c.angle - r.table, e_rate = 0;
+        if (p_.K_d_position > 0) rate[derivative_filter] = e_rate = (e - x[derivative_filter]) / p_.tau_d;
+        double raw =
+            p_.i_m * (p_.K_v * e + p_.K_i * x[position_integral] + p_.K_d_position * e_rate + p_.f_v * c.speed);
+        bool outward = std::abs(raw) >= p_.Omega_max && raw * e > 0;
+        rate[position_integral] = p_.K_i > 0 && !outward ? e : 0;
+        return clamp(raw, p_.Omega_max);
     }
 
-    // The equaliser's speed correction.
-    double correction(const Readings& r, const State& x, State& rate) const {
+    // The equaliser's speed correction of each slave, held against the master.
+    PerDrive<double> corrections(const Readings& r, const State& x, State& rate) const {
+        PerDrive<double> y{};
         double filtered = p_.tau_t > 0 ? x[tension] : p_.T_ten;
-        double T_1 = p_.K_d[0] * r.current[0] * (1 + p_.misread[0]),
-               T_2 = p_.K_d[1] * r.current[1] * (1 + p_.misread[1]);
-        double error = 2 * (p_.w * T_1 - (1 - p_.w) * T_2) - filtered;
-        double raw = p_.K_E * (error + x[equaliser]);
-        bool outward = std::abs(raw) >= p_.Omega_E && raw * error > 0;
-        rate[equaliser] = p_.T_E > 0 && !outward ? error / p_.T_E : 0;
-        return clamp(raw, p_.Omega_E);
+        for (std::size_t n = 1; n < p_.count(); ++n) {
+            double error = 2 * (p_.w * told(0, r) - (1 - p_.w) * told(n, r)) - filtered;
+            double raw = p_.K_E * (error + x[of(n, equaliser)]);
+            bool outward = std::abs(raw) >= p_.Omega_E && raw * error > 0;
+            rate[of(n, equaliser)] = p_.T_E > 0 && !outward ? error / p_.T_E : 0;
+            y[n] = clamp(raw, p_.Omega_E);
+        }
+        return y;
+    }
+
+    double told(std::size_t n, const Readings& r) const { return p_.K_d[n] * r.current[n] * (1 + p_.misread[n]); }
+
+    // The slaves get their own correction, the master the mean of all the other way.
+    PerDrive<double> set_points(double master, double slave, const PerDrive<double>& y) const {
+        PerDrive<double> wanted{master};
+        for (std::size_t n = 1; n < p_.count(); ++n) {
+            wanted[n] = slave + p_.to_slaves * y[n];
+            wanted[0] -= p_.to_master * y[n] / static_cast<double>(p_.count() - 1);
+        }
+        return wanted;
     }
 
     // Motor torque set-point.
@@ -97,7 +124,8 @@ class Controller {
         double error = clamp(torque / p_.K_d[n], p_.limit[n]) - r.current[n];
         double induced = p_.i * p_.C_e[n] * x[of(n, motor_speed)];
         double raw = p_.omega_ci * (p_.L[n] * error + p_.R[n] * x[of(n, current_integral)]) + induced;
-        rate[of(n, current_integral)] = std::abs(raw) < p_.U_max ? error : 0;
+        bool outward = std::abs(raw) >= p_.U_max && raw * error > 0;
+        rate[of(n, current_integral)] = outward ? 0 : error;
         return clamp(raw, p_.U_max);
     }
 

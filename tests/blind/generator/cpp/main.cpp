@@ -1,46 +1,47 @@
-// Reads `name value` lines and `jerk time value` lines from standard input, simulates, and writes rows of
-// doubles to standard output: t, theta_ref, theta_m, theta_1, theta_2, I_1, I_2, x_1, x_2, T_1, T_2 and
-// the flanks; all at times from 0 on, every output_step.
-#include "simulation.hpp"
-
+// Reads `name value` lines, `jerk time value` lines and at most one `knots count step` line, which that many times
+// four doubles follow, from standard input; simulates, and writes rows of doubles to standard output: t, theta_ref,
+// omega_ref, theta_m, and of every drive theta, I, x, mesh torque, flank; all at times from 0 on, every output_step.
 #include <cstdio>
 #include <exception>
 #include <iostream>
 #include <string>
+#include <vector>
+
+#include "simulation.hpp"
 
 namespace {
 
 void read(std::istream& in, blind::Parameters& p, blind::Reference& reference) {
     std::string name;
-    double value = 0, jerk = 0;
+    double value = 0, second = 0;
     while (in >> name >> value) {
-        if (name == "jerk" && in >> jerk)
-            reference.add(value, jerk);
-        else
+        if (name == "jerk" && in >> second) {
+            reference.add(value, second);
+        } else if (name == "knots" && in >> second) {
+            in.get();
+            std::vector<blind::Knot> knots(static_cast<std::size_t>(value));
+            in.read(reinterpret_cast<char*>(knots.data()),
+                    static_cast<std::streamsize>(knots.size() * sizeof(blind::Knot)));
+            if (!in) throw std::invalid_argument("fewer knots than were announced");
+            reference.set(std::move(knots), second);
+            return;
+        } else {
             p.set(name, value);
+        }
     }
     if (!in.eof()) throw std::invalid_argument("no number after " + name);
 }
 
-void write(const blind::Simulation& s, const blind::Reference& reference) {
+void write(const blind::Simulation& s, const blind::Reference& reference, std::size_t drives) {
     using namespace blind;
     const State& x = s.state();
     State rate{};
     double t = s.time();
     Torques q = s.plant().torques(t, x, rate);
-    std::array<double, 13> row = {t,
-                                  reference.at(t).angle,
-                                  s.table_shown(),
-                                  s.motor_shown(0),
-                                  s.motor_shown(1),
-                                  x[of(0, current)],
-                                  x[of(1, current)],
-                                  q.deflection[0],
-                                  q.deflection[1],
-                                  q.mesh[0],
-                                  q.mesh[1],
-                                  q.flank[0],
-                                  q.flank[1]};
+    Command c = reference.at(t);
+    std::vector<double> row = {t, c.angle, c.speed, s.table_shown()};
+    for (std::size_t n = 0; n < drives; ++n)
+        row.insert(row.end(), {s.motor_shown(n), x[of(n, current)], q.deflection[n], q.mesh[n], q.flank[n]});
     std::fwrite(row.data(), sizeof(double), row.size(), stdout);
 }
 
@@ -55,7 +56,7 @@ int main() try {
     auto lead = std::lround(-p.begin / p.step);
     for (long k = 0; k <= steps; ++k) {
         simulation.begin_step();
-        if (k >= lead && (k - lead) % every == 0) write(simulation, reference);
+        if (k >= lead && (k - lead) % every == 0) write(simulation, reference, p.count());
         if (k < steps) simulation.step();
     }
     return 0;

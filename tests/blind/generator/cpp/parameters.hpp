@@ -3,19 +3,23 @@
 #pragma once
 
 #include <array>
-#include <map>
+#include <cstddef>
 #include <stdexcept>
 #include <string>
 
 namespace blind {
 
+constexpr std::size_t max_drives = 4;
+template <class T>
+using PerDrive = std::array<T, max_drives>;
+
 // clang-format off
 #define BLIND_COMMON(X) \
     X(step, 2e-5) X(output_step, 2e-3) X(begin, 0) X(end, 1) \
     /* machine */ \
-    X(i, 1) X(i_m, 1) X(J_m, 1) X(b_m, 0) X(open, 0) X(chain, 0) \
+    X(drives, 2) X(i, 1) X(i_m, 1) X(J_m, 1) X(b_m, 0) X(open, 0) X(chain, 0) \
     /* controller */ \
-    X(K_v, 0) X(f_v, 1) X(k_p, 0) X(T_N, 0) X(K_E, 0) X(T_E, 0) X(Omega_E, 1e9) X(Omega_max, 1e9) X(w, 0.5) \
+    X(K_v, 0) X(K_i, 0) X(K_d_position, 0) X(tau_d, 0.02) X(f_v, 1) X(to_master, 1) X(to_slaves, 1) X(k_p, 0) X(T_N, 0) X(K_E, 0) X(T_E, 0) X(Omega_E, 1e9) X(Omega_max, 1e9) X(w, 0.5) \
     X(T_ten, 0) X(tau_t, 0) X(T_max, 1e9) X(U_max, 1e9) X(omega_ci, 1000) X(delta_t, 0) \
     X(position_sample, 0) X(tension_sample, 0) X(speed_sample, 0) \
     /* friction and load at the table */ \
@@ -31,7 +35,8 @@ namespace blind {
     X(disturbed, 0) X(hum, 0) X(hum_frequency, 7) X(hum_slope, 0) X(hum_phase, 0) X(shove, 0) X(shove_at, 1e9) X(shove_rise, 1e-3) \
     X(cubic, 0) X(spot, 0) X(spot_at, 0) X(spot_width, 1) \
     X(second_J, 0) X(second_k, 0) X(second_c, 0) X(base_J, 0) X(base_k, 0) X(base_c, 0) \
-    X(hysteresis, 0) X(hysteresis_length, 1)
+    X(hysteresis, 0) X(hysteresis_length, 1) X(bouc, 0) X(bouc_length, 1) X(bouc_beta, 0.5) \
+    X(maxwell, 0) X(maxwell_length, 1) X(softening, 0) X(softening_scale, 1)
 
 #define BLIND_DRIVE(X) \
     X(J_d, 1) X(J_c, 0) X(b_d, 0) X(b_c, 0) X(K_d, 1) X(C_e, 1) X(R, 1) X(L, 1) X(K_t, 0) X(c_t, 0) X(gap, 0) \
@@ -56,11 +61,11 @@ struct Parameters {
 #define X(name, value) double name = value;
     BLIND_COMMON(X)
 #undef X
-#define X(name, value) std::array<double, 2> name = {value, value};
+#define X(name, value) PerDrive<double> name = {value, value, value, value};
     BLIND_DRIVE(X)
 #undef X
 
-    // Set by name; a drive's number is `name_1`, `name_2`, or `name` for both. An unknown name is refused.
+    // Set by name; a drive's number is `name_1` to `name_4`, or `name` for all. An unknown name is refused.
     void set(const std::string& key, double value) {
 #define X(name, standard) \
     if (key == #name) {   \
@@ -69,15 +74,28 @@ struct Parameters {
     }
         BLIND_COMMON(X)
 #undef X
-#define X(name, standard)                                         \
-    if (key == #name || key == #name "_1" || key == #name "_2") { \
-        if (key != #name "_2") name[0] = value;                   \
-        if (key != #name "_1") name[1] = value;                   \
-        return;                                                   \
+#define X(name, standard)                                     \
+    if (key == #name) {                                       \
+        name.fill(value);                                     \
+        return;                                               \
+    }                                                         \
+    if (std::size_t n = member(key, #name); n < max_drives) { \
+        name[n] = value;                                      \
+        return;                                               \
     }
         BLIND_DRIVE(X)
 #undef X
         throw std::invalid_argument("unknown parameter " + key);
+    }
+
+    std::size_t count() const { return static_cast<std::size_t>(drives); }
+
+  private:
+    // Drive that a key such as `K_t_2` speaks of, from 0; max_drives if it is another name's.
+    static std::size_t member(const std::string& key, const std::string& name) {
+        if (key.size() != name.size() + 2 || key.compare(0, name.size(), name) != 0) return max_drives;
+        if (key[name.size()] != '_' || key.back() < '1' || key.back() > '4') return max_drives;
+        return static_cast<std::size_t>(key.back() - '1');
     }
 };
 

@@ -9,7 +9,7 @@ namespace blind {
 
 // Forces of one instant, before dry friction.
 struct Torques {
-    std::array<double, 2> deflection{}, mesh{}, flank{};
+    PerDrive<double> deflection{}, mesh{}, flank{};
     std::array<double, body_count> net{}, inertia{};
 };
 
@@ -17,8 +17,12 @@ class Plant {
   public:
     explicit Plant(const Parameters& p) : p_(p) {}
 
-    // Deflection of mesh n and its rate: tooth motion plus what the gears' errors add.
-    std::array<double, 2> deflection(std::size_t n, const State& x) const {
+    // Deflection of mesh n: tooth motion plus what the gears' errors add; its rate, and what a turn of
+    // the pinion and of the table adds to it.
+    struct Deflection {
+        double value, rate, by_pinion, by_table;
+    };
+    Deflection deflection(std::size_t n, const State& x) const {
         std::size_t body = p_.chain > 0 ? pinion_angle : motor_angle;
         double angle = x[of(n, static_cast<Own>(body))], speed = x[of(n, static_cast<Own>(body + 1))];
         double base = p_.base_J > 0 ? x[extra_angle] : 0, base_speed = p_.base_J > 0 ? x[extra_speed] : 0;
@@ -26,24 +30,29 @@ class Plant {
         double own = angle + p_.pinion_phase[n], tooth = p_.tooth_order[n] * angle + p_.tooth_phase[n];
         double value = angle - p_.i_m * (x[table_angle] - base) + cowave(p_.ring, ring) + cowave(p_.pinion[n], own) +
                        cowave(p_.tooth[n], tooth);
-        double rate = speed - p_.i_m * (x[table_speed] - base_speed) - wave(p_.ring, ring) * x[table_speed] -
-                      (wave(p_.pinion[n], own) + wave(p_.tooth[n] * p_.tooth_order[n], tooth)) * speed;
-        return {value, rate};
+        double by_pinion = 1 - wave(p_.pinion[n], own) - wave(p_.tooth[n] * p_.tooth_order[n], tooth);
+        double by_table = -p_.i_m - wave(p_.ring, ring);
+        double rate = by_pinion * speed + by_table * x[table_speed] + p_.i_m * base_speed;
+        return {value, rate, by_pinion, by_table};
     }
 
     double half_gap(std::size_t n, const State& x) const {
         if (p_.wear == 0) return p_.gap[n];
-        double off = std::remainder(x[table_angle] - p_.wear_at, 2 * M_PI) / p_.wear_width;
-        return p_.gap[n] + p_.wear * std::exp(-off * off / 2);
+        return p_.gap[n] + p_.wear * worn(x);
+    }
+
+    // A bell that closes over the turn (von Mises), 1 at the worst place.
+    double worn(const State& x) const {
+        return std::exp((std::cos(x[table_angle] - p_.wear_at) - 1) / (p_.wear_width * p_.wear_width));
     }
 
     Torques torques(double t, const State& x, State& rate) const {
         Torques q;
         double at_table = -p_.b_m * x[table_speed] - load(t, x, rate);
-        for (std::size_t n = 0; n < 2; ++n) {
-            mesh(n, x, rate, q);
-            at_table += p_.i_m * q.mesh[n];
-            drive(t, n, x, rate, q);
+        for (std::size_t n = 0; n < p_.count(); ++n) {
+            Pushes own = mesh(n, x, rate, q);
+            at_table += own.table;
+            drive(t, n, own.pinion, x, rate, q);
         }
         extra(at_table, q, x, rate);
         double angle = p_.inertia_order * x[table_angle] + p_.inertia_phase;
@@ -59,7 +68,7 @@ class Plant {
         if (body == table_body)
             return dry_level(p_.t_dry, p_.t_asymmetry, p_.t_ratio, p_.t_speed, d, w) +
                    p_.t_angle_dry * (1 + std::cos(p_.t_angle_order * x[table_angle] + p_.t_angle_phase));
-        std::size_t n = (body - motor_body) % 2;
+        std::size_t n = (body - motor_body) % max_drives;
         bool motor = body < pinion_body, pinion = body >= pinion_body || p_.chain == 0;
         double level = 0;
         if (motor) level += p_.i * dry_level(p_.m_dry[n], p_.m_asymmetry[n], p_.m_ratio[n], p_.m_speed[n], d, p_.i * w);
@@ -71,7 +80,7 @@ class Plant {
 
     bool has_dry(std::size_t body) const {
         if (body == table_body) return p_.t_dry > 0 || p_.t_angle_dry > 0;
-        std::size_t n = (body - motor_body) % 2;
+        std::size_t n = (body - motor_body) % max_drives;
         bool pinion = p_.p_dry[n] > 0 || p_.loss[n] > 0;
         if (p_.chain == 0) return body < pinion_body && (p_.m_dry[n] > 0 || pinion);
         return body < pinion_body ? p_.m_dry[n] > 0 : pinion;
@@ -107,6 +116,7 @@ class Plant {
             sum += l.friction(x[table_bristle], w);
         }
         sum += p_.drag * w * std::abs(w) + p_.cubic * w * w * w - cowave(p_.unbalance, a + p_.unbalance_phase);
+        sum += hysteresis(x, rate);
         if (p_.cut_to > p_.cut_from) sum += cut(t);
         if (p_.disturbed == 0) sum += disturbance(t);
         if (p_.spot != 0) {
@@ -116,12 +126,35 @@ class Plant {
         return sum;
     }
 
-    void mesh(std::size_t n, const State& x, State& rate, Torques& q) const {
-        auto [value, speed] = deflection(n, x);
+    // Friction with memory at the table: Bouc-Wen, and Maxwell's slip elements of one stiffness and rising limits.
+    double hysteresis(const State& x, State& rate) const {
+        double w = x[table_speed], sum = 0;
+        if (p_.bouc > 0) {
+            double z = x[table_hysteresis];
+            rate[table_hysteresis] =
+                (w - p_.bouc_beta * std::abs(w) * std::abs(z) * z - (1 - p_.bouc_beta) * w * z * z) / p_.bouc_length;
+            sum += p_.bouc * z;
+        }
+        for (std::size_t k = 0; k < 4 && p_.maxwell > 0; ++k) {
+            double z = x[maxwell_1 + k], limit = p_.maxwell_length * static_cast<double>(1 << k) / 8;
+            bool slips = std::abs(z) >= limit && z * w > 0;
+            rate[maxwell_1 + k] = slips ? 0 : w;
+            sum += p_.maxwell / p_.maxwell_length * 8 / 15 * clamp(z, limit);
+        }
+        return sum;
+    }
+
+    // Torques of mesh n on both wheels: its energy by their angles.
+    struct Pushes {
+        double pinion, table;
+    };
+    Pushes mesh(std::size_t n, const State& x, State& rate, Torques& q) const {
+        auto [value, speed, by_pinion, by_table] = deflection(n, x);
         double beyond = dead_zone(value, half_gap(n, x));
         double angle = x[of(n, p_.chain > 0 ? pinion_angle : motor_angle)];
         double K = p_.K_t[n] * (1 + cowave(p_.breathing[n], p_.breathing_order[n] * angle + p_.breathing_phase[n]));
         if (p_.hertz[n] > 0) K *= 1 + p_.hertz[n] * std::sqrt(std::abs(beyond) / p_.hertz_scale[n]);
+        if (p_.softening > 0) K /= 1 + p_.softening * std::abs(beyond) / p_.softening_scale;
         q.deflection[n] = value;
         q.flank[n] = sign(beyond);
         q.mesh[n] = contact(K * beyond, p_.c_t[n] * speed, beyond);
@@ -130,9 +163,19 @@ class Plant {
             rate[of(n, flank_state)] = (speed - std::abs(speed) * z) / p_.hysteresis_length;
             q.mesh[n] += p_.hysteresis * z;
         }
+        Pushes own{-q.mesh[n] * by_pinion, -q.mesh[n] * by_table};
+        if (p_.breathing[n] != 0) {  // teeth that grow stiffer push along, whatever the angle moves
+            double swing = wave(p_.breathing[n], p_.breathing_order[n] * angle + p_.breathing_phase[n]);
+            own.pinion += p_.K_t[n] * p_.breathing_order[n] * swing * beyond * beyond / 2;
+        }
+        if (p_.wear != 0) {
+            double slope = -p_.wear * worn(x) * std::sin(x[table_angle] - p_.wear_at) / (p_.wear_width * p_.wear_width);
+            own.table += q.mesh[n] * sign(beyond) * slope;
+        }
+        return own;
     }
 
-    void drive(double t, std::size_t n, const State& x, State& rate, Torques& q) const {
+    void drive(double t, std::size_t n, double push, const State& x, State& rate, Torques& q) const {
         double w = x[of(n, motor_speed)], angle = p_.i * x[of(n, motor_angle)];
         double cog = wave(p_.cog[n], p_.cog_order[n] * angle + p_.cog_phase[n]);
         double motor = p_.i * (motor_torque(n, x) + cog - p_.i * p_.b_d[n] * w);
@@ -144,7 +187,7 @@ class Plant {
             motor -= p_.i * l.friction(x[of(n, motor_bristle)], p_.i * w);
         }
         double v = p_.chain > 0 ? x[of(n, pinion_speed)] : w;
-        double pinion = -q.mesh[n] - p_.b_c[n] * v;
+        double pinion = push - p_.b_c[n] * v;
         if (p_.p_lugre[n] > 0) {
             Lugre l{p_.p_lugre[n], p_.p_lugre_ratio[n], p_.p_lugre_speed[n], p_.p_lugre_stiffness[n],
                     p_.p_lugre_damping[n]};
@@ -176,7 +219,8 @@ class Plant {
             at_table -= pull;
             rate[extra_speed] = pull / p_.second_J;
         } else if (p_.base_J > 0) {
-            double reaction = -p_.i_m * (q.mesh[0] + q.mesh[1]);
+            double reaction = 0;
+            for (double torque : q.mesh) reaction -= p_.i_m * torque;
             rate[extra_speed] = (reaction - p_.base_k * x[extra_angle] - p_.base_c * x[extra_speed]) / p_.base_J;
         } else {
             return;

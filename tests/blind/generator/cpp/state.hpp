@@ -4,6 +4,8 @@
 #include <array>
 #include <cstddef>
 
+#include "parameters.hpp"
+
 namespace blind {
 
 enum Common : std::size_t {
@@ -11,9 +13,15 @@ enum Common : std::size_t {
     table_speed,
     table_bristle,  // LuGre
     extra_angle,
-    extra_speed,  // a second mass or the foundation
+    extra_speed,       // a second mass or the foundation
+    table_hysteresis,  // Bouc-Wen
+    maxwell_1,         // Maxwell slip
+    maxwell_2,
+    maxwell_3,
+    maxwell_4,
     tension,
-    equaliser,  // T_t, x_e
+    position_integral,
+    derivative_filter,  // T_t, x_p, z
     drives_begin
 };
 enum Own : std::size_t {
@@ -24,6 +32,7 @@ enum Own : std::size_t {
     current,
     speed_integral,
     current_integral,
+    equaliser,  // of slaves
     motor_bristle,
     pinion_bristle,
     flank_state,
@@ -31,11 +40,16 @@ enum Own : std::size_t {
 };
 
 constexpr std::size_t of(std::size_t drive, Own what) { return drives_begin + drive * drive_size + what; }
-constexpr std::size_t state_size = of(2, motor_angle);
+constexpr std::size_t state_size = of(max_drives, motor_angle);
 using State = std::array<double, state_size>;
 
 // Bodies that dry friction can hold fast.
-enum Body : std::size_t { table_body, motor_body, pinion_body = motor_body + 2, body_count = pinion_body + 2 };
+enum Body : std::size_t {
+    table_body,
+    motor_body,
+    pinion_body = motor_body + max_drives,
+    body_count = pinion_body + max_drives
+};
 
 // Direction of sliding, 0 while stuck, `nothing` without dry friction.
 constexpr int nothing = 2;

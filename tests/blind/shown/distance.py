@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from tests.blind.generator import machines
 from tests.blind.generator.effects import Hidden
-from tests.blind.generator.records import Plan, Recorder, headline
+from tests.blind.generator.machines import UNCERTAIN
+from tests.blind.shown.records import Plan, Recorder, headline
 
 Array = NDArray[np.float64]
 COARSE = 4e-5
@@ -83,12 +83,12 @@ class Nominals:
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
-        self.names = [p for p in machines.UNCERTAIN if bench.machine.get(p, 0) > 0]
+        self.names = [p for p in UNCERTAIN if bench.machine.get(p, 0) > 0]
         self.at_truth = bench.record()
         slopes = [
             (bench.record(factors={p: 1 + _NUDGE}) - self.at_truth) / _NUDGE for p in self.names
         ]
-        tolerance = np.array([machines.UNCERTAIN[p] for p in self.names])
+        tolerance = np.array([UNCERTAIN[p] for p in self.names])
         self.slopes = np.stack(slopes, axis=1) * tolerance  # by one sigma of each
         self._normal = np.linalg.inv(self.slopes.T @ self.slopes + np.eye(len(self.names)))
         self._tolerance = tolerance

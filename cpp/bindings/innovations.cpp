@@ -1,0 +1,123 @@
+#include "dualdrive/innovations.hpp"
+
+#include <nanobind/eigen/dense.h>
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include "arrays.hpp"
+#include "bindings.hpp"
+
+namespace dualdrive::python {
+
+namespace {
+
+using Doubles = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Table = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using ChannelTuple = std::pair<std::string, std::vector<std::string>>;
+using NoiseTuple = std::tuple<double, double, double>;
+
+std::vector<double> vector_of(const auto& a) { return {a.data(), a.data() + a.size()}; }
+
+}  // namespace
+
+void bind_innovations(nb::module_& m) {
+    nb::class_<SampledRecord>(m, "SampledRecord",
+                              "A stretch of a record, made ready to be predicted sample by sample.\n\n"
+                              "inputs: name -> Waveform. times: s, shape (n,), increasing. channels: (signal of the "
+                              "machine, places whose effects change its reading). measured: SI, shape (n, channels).\n"
+                              "Raises ValueError for lengths that differ and times that do not increase.")
+        .def(
+            "__init__",
+            [](SampledRecord* self, const Inputs& inputs, const Doubles& times,
+               const std::vector<ChannelTuple>& channels, const Table& measured) {
+                std::vector<SampledRecord::Channel> named;
+                for (const auto& [name, places] : channels) named.push_back({name, places});
+                if (measured.shape(0) != times.size() || measured.shape(1) != named.size())
+                    throw std::invalid_argument("record: measured has another shape than (times, channels)");
+                new (self) SampledRecord(inputs, vector_of(times), std::move(named), vector_of(measured));
+            },
+            nb::arg("inputs"), nb::arg("times"), nb::arg("channels"), nb::arg("measured"))
+        .def_prop_ro(
+            "samples", [](const SampledRecord& r) { return r.times().size(); }, "How many.")
+        .def_prop_ro("step", &SampledRecord::step, "Median distance of the times, s.");
+
+    nb::class_<KalmanGains>(m, "KalmanGains", "Steady-state Kalman gains of a machine, one set per contact pattern.")
+        .def("copy", [](const KalmanGains& g) { return KalmanGains(g); })
+        .def_prop_ro(
+            "patterns",
+            [](const KalmanGains& g) {
+                std::vector<unsigned> patterns;
+                for (const auto& [pattern, set] : g.steady) patterns.push_back(pattern);
+                return patterns;
+            },
+            "Contact patterns: bit c is set where connection c carries.")
+        .def(
+            "K", [](const KalmanGains& g, unsigned pattern) { return g.steady.at(pattern).K; }, nb::arg("pattern"),
+            "Shape (states + channels, channels).")
+        .def(
+            "whitening", [](const KalmanGains& g, unsigned pattern) { return g.steady.at(pattern).whitening; },
+            nb::arg("pattern"), "S^(-1/2), lower triangular, shape (channels, channels).")
+        .def(
+            "log_det", [](const KalmanGains& g, unsigned pattern) { return g.steady.at(pattern).log_det; },
+            nb::arg("pattern"))
+        .def_prop_ro(
+            "learned", [](const KalmanGains& g) { return g.first.size(); },
+            "First samples of a record that have gains of their own.");
+
+    m.def(
+        "kalman_gains",
+        [](const Machine& machine, const SampledRecord& record, const std::vector<NoiseTuple>& sensors,
+           const std::map<std::string, double>& torque, double speed) {
+            NoiseModel noise;
+            for (const auto& [drive, memory, white] : sensors) noise.sensors.push_back({drive, memory, white});
+            noise.torque = torque;
+            const nb::gil_scoped_release unlocked;
+            return kalman_gains(machine, record, noise, speed);
+        },
+        nb::arg("machine"), nb::arg("record"), nb::arg("sensors"), nb::arg("torque"), nb::arg("speed") = 0.0,
+        "Steady-state Kalman gains.\n\n"
+        "sensors: (drive, memory, white) per channel: n' = memory n + drive w, and a white part. torque: body -> s.d. "
+        "of a torque of unknown course, constant over a sample, N*m. speed: table speed, rad/s, about which laws that "
+        "are not affine are linearised. Raises ValueError.");
+
+    m.def(
+        "predict",
+        [](const Machine& machine, const SampledRecord& record, KalmanGains& gains,
+           const std::map<std::string, double>& initial, const std::vector<double>& offsets, int substeps, bool states,
+           bool learn_first) -> nb::typed<nb::dict, std::string, nb::any> {
+            PredictionOptions options{initial, offsets, substeps, states, learn_first};
+            Prediction p;
+            {
+                const nb::gil_scoped_release unlocked;
+                p = predict(machine, record, gains, options);
+            }
+            const std::size_t n = record.times().size(), c = record.channels().size(), z = p.states.size();
+            nb::dict d;
+            d["residuals"] = array(std::move(p.residuals), {n, c});
+            d["log_det"] = p.log_det;
+            d["finite"] = p.finite;
+            d["switches"] = p.switches;
+            if (states) {
+                d["states"] = p.states;
+                d["trajectory"] = array(std::move(p.trajectory), {n, z});
+                d["corrections"] = array(std::move(p.corrections), {n, z});
+                d["innovations"] = array(std::move(p.innovations), {n, c});
+                d["pattern"] = array(std::move(p.pattern), {n});
+            }
+            return d;
+        },
+        nb::arg("machine"), nb::arg("record"), nb::arg("gains"), nb::kw_only(), nb::arg("initial") = nb::dict(),
+        nb::arg("offsets") = nb::list(), nb::arg("substeps") = 1, nb::arg("states") = false,
+        nb::arg("learn_first") = false,
+        "Replay a record, the state corrected at every sample.\n\n"
+        "initial: state -> value at the first sample, others 0. offsets: per channel, what its sensor adds. substeps: "
+        "per sample, where a law is not affine. states: also trajectory, corrections (n, states), innovations (n, "
+        "channels) and contact pattern (n,). learn_first: work out the gains of the first samples, into `gains`.\n"
+        "Returns a dict: residuals (n, channels), whitened; log_det; finite; switches. The GIL is released. Raises "
+        "ValueError.");
+}
+
+}  // namespace dualdrive::python

@@ -1,0 +1,113 @@
+// Innovations of a record: what each sample tells that the model, pulled back to the samples before, had not predicted.
+//
+// The machine is a stochastic grey box (Kristensen, Madsen, Jørgensen, Automatica 40 (2004) 225–237): its own equations with
+// all their switches, driven besides by torques of unknown course, one per equation; and sensors with noise that has a
+// memory. Between samples the state flows as it does in a simulation; at a sample it is corrected by the steady-state Kalman
+// gain of the contact pattern it is in:
+//
+//   e_k = y_k − h(z⁻_k) − n⁻_k,   (z_k, n_k) = (z⁻_k, n⁻_k) + K_s e_k,   r_k = S_s^(−1/2) e_k
+//
+// r is white with variance 1 if the model and the noise are right (Ljung, System Identification, 2nd ed., §7.4). With no
+// torque of unknown course K moves the sensors' noise alone: the replay is then a simulation of the whole record.
+#pragma once
+
+#include <Eigen/Core>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "dualdrive/machine.hpp"
+#include "dualdrive/signal.hpp"
+
+namespace dualdrive {
+
+namespace exact {
+class Generator;
+}
+
+// n_{k+1} = memory · n_k + drive · white noise; the reading besides has white noise `white`, of its rounding say.
+struct SensorNoise {
+    double drive, memory, white;
+};
+
+struct NoiseModel {
+    std::vector<SensorNoise> sensors;  // per channel
+    std::map<std::string, double>
+        torque;  // body -> s.d. of a torque that is constant over a sample, N·m in its own frame
+};
+
+// A stretch of a record: times about evenly spaced, what was commanded, and what the sensors said.
+class SampledRecord {
+  public:
+    struct Channel {
+        std::string name;                 // a signal of the machine
+        std::vector<std::string> places;  // where effects change its reading, in this order
+    };
+
+    // measured: times × channels, row-major. Throws std::invalid_argument for lengths that differ, fewer than two samples,
+    // or times that do not increase.
+    SampledRecord(Inputs inputs, std::vector<double> times, std::vector<Channel> channels,
+                  std::vector<double> measured);
+
+    const Inputs& inputs() const { return inputs_; }
+    const exact::Generator& generator() const { return *generator_; }
+    const std::vector<double>& times() const { return times_; }
+    double step() const { return step_; }  // median distance of the times
+    const std::vector<Channel>& channels() const { return channels_; }
+    const double* measured(std::size_t sample) const { return measured_.data() + sample * channels_.size(); }
+    // States of the inputs' generator from a sample on.
+    const double* generator_states(std::size_t sample) const;
+
+  private:
+    Inputs inputs_;
+    std::shared_ptr<const exact::Generator> generator_;
+    std::vector<double> times_, measured_, generator_states_;
+    std::vector<Channel> channels_;
+    double step_;
+};
+
+// Steady-state Kalman gains of a machine, one set per contact pattern (bit c: connection c carries), and those of the first
+// samples of a record, while the filter still learns where the state is.
+struct KalmanGains {
+    struct Set {
+        Eigen::MatrixXd K;          // (states + channels) × channels
+        Eigen::MatrixXd whitening;  // S^(−1/2), lower triangular
+        double log_det = 0.0;       // log det S
+    };
+    NoiseModel noise;
+    Eigen::VectorXd scale;  // typical size of each state within a short while
+    std::map<unsigned, Set> steady;
+    std::vector<Set> first;
+};
+
+// The gains of the machine's tangents about motion at table speed `speed`, rad/s. Throws std::domain_error where a Riccati
+// equation has no solution: a state that grows and that no sensor sees.
+KalmanGains kalman_gains(const Machine& machine, const SampledRecord& record, const NoiseModel& noise, double speed);
+
+struct PredictionOptions {
+    std::map<std::string, double> initial;  // state name -> value at the first sample; all others 0
+    std::vector<double> offsets;            // per channel: what the sensor adds; empty: nothing
+    int substeps = 1;                       // per sample, where a law is not affine
+    bool states = false;                    // keep states and contact patterns
+    bool learn_first = false;               // compute gains.first along this record instead of using them
+};
+
+struct Prediction {
+    std::vector<double> residuals;    // samples × channels, whitened
+    double log_det = 0.0;             // Σ log det S over the samples
+    bool finite = true;               // false: from some sample on the state was lost, and residuals are `lost`
+    long switches = 0;                // of modes
+    std::vector<std::string> states;  // names
+    std::vector<double> trajectory;   // samples × states, corrected; where asked for
+    std::vector<double> corrections;  // samples × states: K e
+    std::vector<double> innovations;  // samples × channels: e, in the channels' units
+    std::vector<int> pattern;         // contact pattern per sample
+    static constexpr double lost = 300.0;
+};
+
+// One replay. `gains` belong to a machine of the same states; with learn_first they are completed.
+Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGains& gains,
+                   const PredictionOptions& options);
+
+}  // namespace dualdrive

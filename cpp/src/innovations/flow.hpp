@@ -1,0 +1,101 @@
+// The flow of a machine between samples: exact where it is affine in its modes, exponential Runge–Kutta of order 2 where a
+// law is not, every switch located within the sample.
+#pragma once
+
+#include <Eigen/Core>
+#include <deque>
+#include <map>
+#include <memory>
+#include <vector>
+
+#include "../solvers/exact/laws.hpp"
+#include "dualdrive/innovations.hpp"
+#include "dualdrive/layout.hpp"
+#include "dualdrive/model.hpp"
+
+namespace dualdrive::innovations {
+
+// One set of modes, prepared. y = (states, generator of the inputs, 1).
+struct Frozen {
+    Eigen::MatrixXd A, outputs, guards;
+    Eigen::MatrixXd phi1, phi2;      // of a substep, for what is not affine
+    std::vector<double> packed;      // A, column-major, padded rows
+    double bound = 0.0;              // on its spectral radius, 1/s
+    std::vector<double> step;        // [e^{A h}; C e^{A h}; G e^{A h}] of a substep, column-major, padded rows
+    int rows = 0;                    // of `step`
+    unsigned pattern = 0;            // contacts that carry
+    std::vector<double> guard_gain;  // G K of the steady gain, column-major; empty until it is first asked for
+};
+
+class Flow final {
+  public:
+    // `modes` of the run stay with the caller of the constructor's arguments; all must outlive the flow.
+    Flow(const Machine& machine, const SampledRecord& record, int substeps);
+    ~Flow();
+
+    const Layout& layout() const { return layout_; }
+    bool affine() const { return affine_; }
+    int states() const { return layout_.size(); }
+    Frozen& now() { return *now_; }
+    const Modes& modes() const { return modes_; }
+    double* y() { return y_.data(); }
+    // Outputs at the present state, before it is corrected.
+    void outputs(double* out) const;
+    std::size_t guard_count() const { return layout_.switches.size() * guards_per_switch; }
+    long switches() const { return switches_; }
+
+    void start(const std::map<std::string, double>& initial);
+    // From sample k to the next one; false where numbers are lost.
+    bool flow(std::size_t sample);
+    // The state moved by K e at a sample; modes that no longer hold there are found anew. `steady`: K is that of the
+    // pattern, whose effect on the guards is kept.
+    void correct(std::size_t sample, const Eigen::MatrixXd& K, const double* e, const double* moved, bool steady);
+    // ∂ż/∂(torque on a body in its own frame), which is constant in all modes in which the body's group may turn.
+    Eigen::VectorXd torque_column(int body);
+    // The tangent for gains: given contacts carry, bodies slide at table speed `speed`, limiters are linear.
+    Frozen tangent(unsigned pattern, double speed);
+    unsigned patterns() const { return 1u << contacts_.size(); }
+    // The signal of a channel as it is, before its recorder.
+    double signal(std::size_t channel) const;
+
+  private:
+    class Memory;  // of delayed signals
+    Frozen prepare(const exact::Laws<double>& laws) const;
+    Frozen& frozen();
+    void evaluate(double t, const double* z);
+    void remainder(double t, const double* y, double* n);
+    bool advance(double t, double length);
+    bool stands() const;
+    bool through_switches(double t, double length);
+    void propagate(const double* from, const double* n0, const double* slope, double length, double* to);
+    bool all_guards(double t, const double* y, double* g);
+    void switch_element(double t, int element, int which);
+    void tick(double t);
+    double next_tick(double t) const;
+    void settle(std::size_t sample);
+    void stop_or_slide(double t, int element);
+    unsigned pattern_of(const Modes& modes) const;
+
+    const Machine& machine_;
+    const SampledRecord& record_;
+    const Layout layout_;
+    Model<double> model_;
+    std::vector<int> recorded_;
+    exact::Reader<double> reader_;
+    const bool affine_;
+    const int n_;  // of y
+    int outputs_, substeps_;
+    double h_;                            // substep
+    std::vector<int> contacts_, sticks_;  // elements: flanks; bodies with dry friction
+    Modes modes_;
+    std::map<Modes, std::unique_ptr<Frozen>> known_;
+    Frozen* now_ = nullptr;
+    std::vector<double> y_, out_, scratch_, trial_, n0_, n1_, slope_, g0_, g1_;
+    Cell cell_;
+    std::vector<long> ticks_, put_out_;
+    std::unique_ptr<Memory> memory_;
+    long switches_ = 0;
+    bool at_end_ = false;  // out_ holds outputs and guards of the present state: the last sample took one whole step
+};
+
+}  // namespace dualdrive::innovations

@@ -1,0 +1,141 @@
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "../solvers/exact/generator.hpp"
+#include "dualdrive/effects.hpp"
+#include "dualdrive/recorder.hpp"
+#include "gains.hpp"
+
+namespace dualdrive {
+
+namespace {
+
+constexpr int most_first = 1000;       // samples with gains of their own
+constexpr double settled_gain = 1e-3;  // relative difference of log det S per channel: the steady gain takes over
+
+// What becomes of a signal on its way into the record; the delay's whole samples shift the record, the rest goes along the
+// signal's own slope and curvature, so that a residual is smooth in it.
+class Reading {
+  public:
+    Reading(const Machine& machine, const SampledRecord& record, std::size_t channel)
+        : effects_(reading_effects(machine, record.channels()[channel].places)),
+          measures_(record.channels()[channel].name.starts_with("theta_") ? Measures::angle : Measures::other) {
+        double late = 0.0;
+        for (const auto& effect : effects_) late += effect->delay();
+        shift_ = static_cast<std::size_t>(std::max(0.0, std::round(late / record.step())));
+        rest_ = late - static_cast<double>(shift_) * record.step();
+    }
+    std::size_t shift() const { return shift_; }
+    bool plain() const { return effects_.empty(); }
+    // value, slope and curvature of the signal at the time of the state; the reading `shift` samples later.
+    double read(double t, double value, double slope, double curvature) const {
+        double y = value - rest_ * slope + 0.5 * rest_ * rest_ * curvature;
+        for (const auto& effect : effects_) y = effect->reading(y, {t, measures_});
+        return y;
+    }
+
+  private:
+    std::vector<std::unique_ptr<Effect<double>>> effects_;
+    Measures measures_;
+    std::size_t shift_ = 0;
+    double rest_ = 0.0;
+};
+
+}  // namespace
+
+Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGains& gains,
+                   const PredictionOptions& options) {
+    using Vector = Eigen::VectorXd;
+    using Map = Eigen::Map<const Vector>;
+    innovations::Flow flow(machine, record, options.substeps);
+    const auto n = static_cast<Eigen::Index>(flow.states()), m = static_cast<Eigen::Index>(record.channels().size());
+    const auto samples = record.times().size();
+    if (!options.offsets.empty() && options.offsets.size() != static_cast<std::size_t>(m))
+        throw std::invalid_argument("predict: one offset per channel");
+    for (const auto& [pattern, set] : gains.steady)
+        if (set.K.rows() != n + m) throw std::invalid_argument("predict: gains of a machine with other states");
+
+    Prediction out;
+    out.states = flow.layout().state_names;
+    out.residuals.assign(samples * static_cast<std::size_t>(m), Prediction::lost);
+    if (options.states) {
+        out.trajectory.assign(samples * static_cast<std::size_t>(n), 0.0);
+        out.corrections.assign(samples * static_cast<std::size_t>(n), 0.0);
+        out.innovations.assign(samples * static_cast<std::size_t>(m), 0.0);
+        out.pattern.assign(samples, 0);
+    }
+    std::vector<Reading> readings;
+    bool plain = true;
+    for (std::size_t j = 0; j < static_cast<std::size_t>(m); ++j) {
+        readings.emplace_back(machine, record, j);
+        plain = plain && readings.back().plain();
+    }
+    const Vector offsets = options.offsets.empty() ? Vector::Zero(m) : Vector(Map(options.offsets.data(), m));
+
+    flow.start(options.initial);
+    Vector noise = Vector::Zero(m), e(m), r(m), output(m), correction(n + m);
+    Eigen::MatrixXd P;
+    std::map<const innovations::Frozen*, std::unique_ptr<innovations::StateSpace>> spaces;
+    bool learning = options.learn_first;
+    if (learning) {
+        gains.first.clear();
+        P = innovations::StateSpace(flow.now(), flow, machine, record, gains.noise).start(gains.scale);
+    }
+    for (std::size_t k = 0; k < samples; ++k) {
+        innovations::Frozen* now = &flow.now();
+        flow.outputs(output.data());
+        if (!plain) {
+            const Map y(flow.y(), now->A.rows());
+            const Vector rate = now->A * y, curvature = now->A * rate;
+            const Vector slopes = now->outputs * rate, bends = now->outputs * curvature;
+            for (Eigen::Index j = 0; j < m; ++j)
+                output(j) =
+                    readings[static_cast<std::size_t>(j)].read(record.times()[k], output(j), slopes(j), bends(j));
+        }
+        for (Eigen::Index j = 0; j < m; ++j) {
+            const std::size_t row = k + readings[static_cast<std::size_t>(j)].shift();
+            e(j) = row < samples ? record.measured(row)[j] - offsets(j) - output(j) - noise(j) : 0.0;
+        }
+        const KalmanGains::Set* set = &gains.steady.at(now->pattern);
+        if (learning) {
+            auto& known = spaces[now];
+            if (!known) known = std::make_unique<innovations::StateSpace>(*now, flow, machine, record, gains.noise);
+            const innovations::StateSpace& space = *known;
+            gains.first.push_back(space.gain(P));
+            P = space.next(P, gains.first.back());
+            learning = gains.first.size() < static_cast<std::size_t>(most_first) &&
+                       std::abs(gains.first.back().log_det - set->log_det) > settled_gain * static_cast<double>(m);
+        }
+        if (k < gains.first.size()) set = &gains.first[k];
+        r.noalias() = set->whitening * e;
+        out.log_det += set->log_det;
+        correction.noalias() = set->K * e;
+        for (Eigen::Index j = 0; j < m; ++j) {
+            const double value = r(j);
+            if (!std::isfinite(value)) {
+                out.finite = false;
+                return out;
+            }
+            out.residuals[k * static_cast<std::size_t>(m) + static_cast<std::size_t>(j)] = value;
+        }
+        for (Eigen::Index j = 0; j < m; ++j)
+            noise(j) = gains.noise.sensors[static_cast<std::size_t>(j)].memory * (noise(j) + correction(n + j));
+        flow.correct(k, set->K, e.data(), correction.data(), k >= gains.first.size());
+        if (options.states) {
+            std::copy_n(flow.y(), n, out.trajectory.begin() + static_cast<std::ptrdiff_t>(k) * n);
+            std::copy_n(correction.data(), n, out.corrections.begin() + static_cast<std::ptrdiff_t>(k) * n);
+            std::copy_n(e.data(), m, out.innovations.begin() + static_cast<std::ptrdiff_t>(k) * m);
+            out.pattern[k] = static_cast<int>(flow.now().pattern);
+        }
+        if (k + 1 == samples) break;
+        if (!flow.flow(k)) {
+            out.finite = false;
+            return out;
+        }
+    }
+    out.switches = flow.switches();
+    return out;
+}
+
+}  // namespace dualdrive

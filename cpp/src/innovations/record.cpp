@@ -1,0 +1,42 @@
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+
+#include "../solvers/exact/generator.hpp"
+#include "dualdrive/innovations.hpp"
+
+namespace dualdrive {
+
+SampledRecord::SampledRecord(Inputs inputs, std::vector<double> times, std::vector<Channel> channels,
+                             std::vector<double> measured)
+    : inputs_(std::move(inputs)),
+      generator_(std::make_shared<exact::Generator>(inputs_)),
+      times_(std::move(times)),
+      measured_(std::move(measured)),
+      channels_(std::move(channels)) {
+    if (times_.size() < 2) throw std::invalid_argument("record: fewer than two samples");
+    if (measured_.size() != times_.size() * channels_.size())
+        throw std::invalid_argument("record: " + std::to_string(measured_.size()) + " readings for " +
+                                    std::to_string(times_.size()) + " times of " + std::to_string(channels_.size()) +
+                                    " channels");
+    std::vector<double> steps;
+    for (std::size_t k = 1; k < times_.size(); ++k) {
+        steps.push_back(times_[k] - times_[k - 1]);
+        if (!(steps.back() > 0))
+            throw std::invalid_argument("record: time does not increase at sample " + std::to_string(k));
+    }
+    std::nth_element(steps.begin(), steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2), steps.end());
+    step_ = steps[steps.size() / 2];
+    const auto size = static_cast<std::size_t>(generator_->size());
+    generator_states_.resize(times_.size() * size);
+    for (std::size_t k = 0; k < times_.size(); ++k) {
+        const double next = k + 1 < times_.size() ? times_[k + 1] : times_[k] + step_;
+        generator_->set(times_[k], Cell{times_[k], next}, generator_states_.data() + k * size);
+    }
+}
+
+const double* SampledRecord::generator_states(std::size_t sample) const {
+    return generator_states_.data() + sample * static_cast<std::size_t>(generator_->size());
+}
+
+}  // namespace dualdrive

@@ -1,0 +1,22 @@
+// Which mode an element has, read off the model as it was last evaluated: at a state that nothing led to, and after a guard
+// fell. Whoever integrates, a simulation or a predictor, asks here.
+#pragma once
+
+#include "dualdrive/model.hpp"
+
+namespace dualdrive {
+
+// A saturated block's mode on the side ±1: frozen while it is driven outward, unwinding else.
+inline Mode saturated_mode(const Block<double>& block, int side) {
+    return static_cast<Mode>(side * (side * block.integrand >= 0 ? 1 : 2));
+}
+
+// The mode of an element at state z that nothing led to: the start of a run, or what a break left. `model` was evaluated
+// there in the mode `m`.
+Mode standing_mode(const Layout& layout, const Model<double>& model, const double* z, int element, Mode m);
+
+// What follows when a guard of mode `m` has fallen through zero; not for limiters, which may slide along their limit. Taken
+// from the guard, not from the state alone: a solver may stand on the far side of its bracket.
+Mode mode_after(const Layout& layout, const Model<double>& model, int element, int which, Mode m);
+
+}  // namespace dualdrive

@@ -1,0 +1,434 @@
+"""Diagnosis where the controller is known: innovations, screening, selection, decision, words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive.compare import compare
+from dualdrive.compare.equation import EquationAtFault
+from dualdrive.diagnose.axis import candidate_on, numbers_on, shape_on
+from dualdrive.diagnose.decision import Decision, MissingTorque, decide, objection
+from dualdrive.diagnose.experiment import next_experiment
+from dualdrive.diagnose.findings import equation_of
+from dualdrive.diagnose.result import Candidate, Diagnosis, Experiment, Interval
+from dualdrive.diagnose.selection import EFFORTS, Fitted, Selection, select
+from dualdrive.diagnose.sentences import paragraph
+from dualdrive.diagnose.shape import shapes
+from dualdrive.identify import FitError
+from dualdrive.identify.unknowns import Unknown, default_free, default_tolerances, unknowns
+from dualdrive.innovations import Counter, GreyBox, flat, predictable
+from dualdrive.replay import (
+    Record,
+    best_offsets,
+    core_of,
+    errors,
+    headline,
+    play_all,
+)
+from dualdrive.traces import Trace
+
+Array = NDArray[np.float64]
+
+_BLOCKS = 8  # of cross-validation
+_TOLD = 8  # candidates in the result
+_SURE = 1.96  # standard deviations of a 95 % interval
+#: relative tolerances of the motors' numbers that a record of currents shows
+_ELECTRIC = {"K_d": 0.05, "R": 0.1}
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is asked of a diagnosis beside machine and records."""
+
+    settings: Mapping[str, Mapping[str, float]]
+    tolerance: float | Mapping[str, float] | None
+    effort: str
+    experiment: bool
+    threads: int
+    tell: Callable[[str], None]
+    stop: Callable[[], bool]
+
+
+def diagnose_closed_loop(
+    machine: Any,
+    played: Sequence[Record],
+    traces: Mapping[str, Trace],
+    warnings: Sequence[str],
+    job: Job,
+) -> Diagnosis:
+    """Diagnose records that can be replayed; see :func:`dualdrive.diagnose.diagnose`."""
+    core = core_of(machine)
+    counter = Counter(job.stop)
+    grey = GreyBox(
+        core,
+        predictable(core, played),
+        nominal_unknowns(core, job.tolerance),
+        threads=job.threads,
+        counter=counter,
+    )
+    found = select(core, grey, EFFORTS[job.effort], job.tell)
+    decision = decide(core, grey, found)
+    job.tell("errors of the simulated loop")
+    return _told(machine, grey, found, decision, played, traces, warnings, job)
+
+
+def nominal_unknowns(core: Any, tolerance: float | Mapping[str, float] | None) -> list[Unknown]:
+    """Numbers of the data sheet that every hypothesis may move, each mesh's play by itself.
+
+    Raises:
+        ValueError: a tolerance for a number that is not among them.
+
+    """
+    paths: list[str] = []
+    for path in default_free(core):
+        paths += core.members(path) if path.endswith(".gap") else [path]
+    electric = [f"{motor}.K_d" for motor in core.motors] + ["motors.R"]
+    paths += [p for p in electric if _readable(core, p)]
+    usual = default_tolerances(core, paths)
+    usual.update({p: _ELECTRIC[p.rpartition(".")[2]] for p in electric if p in paths})
+    if isinstance(tolerance, Mapping):
+        for path, width in tolerance.items():
+            members = [p for p in paths if p == path or p in core.members(path)]
+            if not members:
+                raise ValueError(
+                    f"tolerance: {path} is not refitted here; there are {', '.join(paths)}"
+                )
+            usual.update(dict.fromkeys(members, width))
+    elif tolerance is not None:
+        usual.update({p: tolerance for p in usual if "@" not in p})
+    return unknowns(core, paths, usual, {})
+
+
+def _readable(core: Any, path: str) -> bool:
+    try:
+        return bool(core.get(path) > 0.0 and not core.unread(path))
+    except ValueError:
+        return False
+
+
+def _told(
+    machine: Any,
+    grey: GreyBox,
+    found: Selection,
+    decision: Decision,
+    played: Sequence[Record],
+    traces: Mapping[str, Trace],
+    warnings: Sequence[str],
+    job: Job,
+) -> Diagnosis:
+    named = decision.verdict in ("effect", "ambiguous")
+    leaders = [f for f, _ in decision.ranked if f.variant.effects]
+    best = leaders[0] if leaders else found.base
+    refitted = machine_at(machine, grey, found.base)
+    improved = machine_at(machine, grey, best) if named else None
+    error = {
+        "nominal": simulated_error(core_of(machine), played),
+        "refitted": simulated_error(core_of(refitted), played),
+        "noise_floor": noise_floor(grey, found.best, played),
+    }
+    ratio = _cross_validated(grey, found.base)
+    error["held_out_refitted"] = error["refitted"] * ratio
+    simulated: dict[str, float] = {}
+    for f in leaders[:_TOLD]:
+        simulated[f.variant.key] = simulated_error(core_of(machine_at(machine, grey, f)), played)
+    error["best"] = simulated[best.variant.key] if leaders and named else error["refitted"]
+    error["held_out_best"] = (
+        error["best"] * _cross_validated(grey, best) if named else error["held_out_refitted"]
+    )
+    if why := objection(decision.verdict, error):
+        decision = replace(decision, verdict="unknown", group=())
+        warnings = [*warnings, f"no verdict but unknown can stand: {why}"]
+        named, improved = False, None
+    candidates = [
+        _candidate(grey, found, decision, f, p, simulated[f.variant.key])
+        for f, p in decision.ranked
+        if f.variant.effects and f.variant.key in simulated
+    ]
+    candidates = [candidate_on(machine, c) for c in candidates]
+    candidates += _screened(found, candidates)
+    stands = best if named else found.base
+    numbers = numbers_on(machine, intervals(grey, stands))
+    nominal = {p.path: numbers[p.path] for p in grey.nominal}
+    moved = {
+        p.path: nominal[p.path]
+        for p in grey.nominal
+        if not nominal[p.path].low <= p.nominal <= nominal[p.path].high
+        and abs(nominal[p.path].value - p.nominal) > 0.01 * abs(p.nominal)
+    }
+    equation = _equation(decision, candidates)
+    curves = []
+    if decision.verdict not in ("adequate", "parameters") and not job.stop():
+        job.tell("the shape of what is missing")
+        own = shapes(core_of(refitted), traces, job.settings)
+        curves = [shape_on(machine, s) for s in own]
+    plan = None
+    if job.experiment and decision.verdict == "ambiguous" and not job.stop():
+        job.tell("planning the next experiment")
+        plan = _plan(machine, grey, found, decision, played, job)
+    before = after = None
+    if not job.settings and not job.stop():
+        before = compare(refitted, traces)
+        after = compare(improved, traces) if improved is not None else None
+    groups = [decision.group] if decision.group else []
+    command = command_for(best, grey.core, numbers) if named else ""
+    said = paragraph(
+        decision.verdict, candidates, groups, error, decision.missing, curves, plan, warnings,
+        command, list(moved),
+    )  # fmt: skip
+    cut = [] if found.finished else ["stopped before every law had its turn"]
+    return Diagnosis(
+        machine=core_of(machine).name,
+        mode="closed_loop",
+        records=tuple(traces),
+        verdict=decision.verdict,
+        candidates=candidates,
+        groups=groups,
+        equation=equation,
+        where=before.where if before is not None else (),
+        error=error,
+        shapes=curves,
+        next_experiment=plan,
+        warnings=list(warnings),
+        cut=cut,
+        paragraph=said,
+        command=command,
+        seconds=0.0,
+        refitted=refitted,
+        improved=improved,
+        before=before,
+        after=after,
+        moved=moved,
+        numbers=nominal,
+        over_floor=error["best"] / error["noise_floor"] if error["noise_floor"] else float("nan"),
+        effort={"replays": grey.counter.replays, "of": grey.counter.replays},
+        missing_torque=dict(decision.missing),
+    )
+
+
+def machine_at(machine: Any, grey: GreyBox, f: Fitted) -> Any:
+    """A copy of the machine with a hypothesis in it, all numbers as fitted."""
+    copy = machine.copy()
+    core = core_of(copy)
+    for effect, member in added(grey.core, f):
+        if hasattr(copy, "add"):
+            copy.add(effect, member)
+        else:
+            core.add_effect(effect, member)
+    fitted = grey.machine(f.variant, f.point.theta)
+    known = [p.path for p in grey.nominal] + [p.path for p in f.variant.extra]
+    for path in [*known, *f.variant.fixed]:
+        core.set(path, fitted.get(path))
+    return copy
+
+
+def added(core: Any, f: Fitted) -> list[tuple[str, str]]:
+    """(effect, place) as they were put in: a group's members where each has its own numbers."""
+    known = {e["label"] for e in core.effects}
+    labels = [e["label"] for e in f.variant.grown.effects if e["label"] not in known]
+    return [tuple(label.split("@", 1)) for label in labels]
+
+
+def simulated_error(core: Any, played: Sequence[Record]) -> float:
+    """Headline error of the loop simulated over the records; not a number where it does not run."""
+    try:
+        replays = play_all(core, played, rtol=1e-6)
+    except (ValueError, FitError):
+        return float("nan")
+    if not all(r.ok for r in replays):
+        return float("nan")
+    channels = [c for r in played for c in r.channels]
+    return headline(errors(replays, best_offsets(replays)), channels)
+
+
+def noise_floor(grey: GreyBox, f: Fitted, played: Sequence[Record]) -> float:
+    """Headline error that the sensors' noise alone would leave, as the likelihood has it."""
+    left, whole = dict[str, float](), dict[str, float]()
+    channels = [c for r in played for c in r.channels]
+    for r in grey.records:
+        known = dict(zip(r.channels, f.noise.sensors(r), strict=True))
+        variance = {
+            name: drive**2 / max(1.0 - memory**2, 1e-6) + white**2
+            for name, (drive, memory, white) in known.items()
+        }
+        for c in r.record.channels:
+            own = sum(factor**2 * variance.get(name, 0.0) for name, factor in c.parts)
+            left[c.name] = left.get(c.name, 0.0) + own * len(r.record.t)
+            whole[c.name] = whole.get(c.name, 0.0) + c.spread**2 * len(r.record.t)
+    return headline({n: float(np.sqrt(left[n] / whole[n])) for n in left}, channels)
+
+
+def _cross_validated(grey: GreyBox, f: Fitted) -> float:
+    """Error on blocks of time that a fit did not see, over that on those it saw.
+
+    One Gauss-Newton step takes each block out of the fit (Ljung, System Identification, 16.4).
+    """
+    point = f.point
+    columns = np.stack(grey.columns(point, range(len(point.theta)), f.gains))
+    r = flat(point.residuals)
+    weight = np.zeros(len(point.theta))
+    weight[: grey.shared] = 1.0 / grey.sigma**2
+    s = 1.0 / f.inflation
+    H = s * (columns @ columns.T) + np.diag(weight + 1e-12)
+    blocks = np.concatenate(
+        [
+            np.repeat(np.minimum(np.arange(len(x)) * _BLOCKS // len(x), _BLOCKS - 1), x.shape[1])
+            for x in point.residuals
+        ]
+    )
+    total = 0.0
+    for b in range(_BLOCKS):
+        own = blocks == b
+        J, left = columns[:, own], r[own]
+        step = np.linalg.solve(H - s * (J @ J.T) + 1e-9 * np.diag(np.diag(H)), s * (J @ left))
+        total += float(np.sum((left + J.T @ step) ** 2))
+    return float(np.sqrt(total / max(float(r @ r), 1e-300)))
+
+
+def intervals(grey: GreyBox, f: Fitted) -> dict[str, Interval]:
+    """Path -> value with its 95 % interval, nominal numbers and the effects' own."""
+    point = f.point
+    columns = np.stack(grey.columns(point, range(len(point.theta)), f.gains))
+    weight = np.zeros(len(point.theta))
+    weight[: grey.shared] = 1.0 / grey.sigma**2
+    H = columns @ columns.T / f.inflation + np.diag(weight)
+    scale = np.sqrt(np.diag(H) + 1e-300)
+    covariance = np.linalg.pinv(H / np.outer(scale, scale)) / np.outer(scale, scale)
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    known = [(p, k) for k, p in enumerate(grey.nominal)]
+    known += [(p, grey.shared + k) for k, p in enumerate(f.variant.extra)]
+    found = {}
+    for p, k in known:
+        u, d = float(point.theta[k]), _SURE * float(deviation[k])
+        ends = sorted((p.value(u - d), p.value(u + d)))
+        found[p.path] = Interval(p.value(u), ends[0], ends[1], p.unit)
+    for path, value in f.variant.fixed.items():
+        unit = f.variant.grown.parameter(f.variant.grown.members(path)[0]).unit
+        found[path] = Interval(value, value, value, unit)
+    return found
+
+
+def _candidate(
+    grey: GreyBox, found: Selection, decision: Decision, f: Fitted, p: float, fitted: float
+) -> Candidate:
+    known = intervals(grey, f)
+    nominal = {q.path for q in grey.nominal}
+    base, best = found.base.point, found.best
+    could = base.minus_two_log - best.point.minus_two_log
+    gain = (base.minus_two_log - f.point.minus_two_log) / best.inflation
+    explained = (base.minus_two_log - f.point.minus_two_log) / could if could > 0.0 else 0.0
+    return Candidate(
+        f.variant.effects,
+        p,
+        {path: x for path, x in known.items() if path not in nominal},
+        fitted,
+        fitted * _cross_validated(grey, f),
+        gain,
+        float(min(max(explained, 0.0), 1.0)),
+        True,
+        _at_bound(f),
+    )
+
+
+def _at_bound(f: Fitted) -> str:
+    """Numbers of an effect that stand at what they may be at most or at least."""
+    n = len(f.point.theta) - len(f.variant.extra)
+    stuck = []
+    for p, u in zip(f.variant.extra, f.point.theta[n:], strict=True):
+        low, high = p.bounds
+        if np.isfinite(high) and u >= high - 1e-9 * max(1.0, abs(high)):
+            stuck.append(f"{p.path.rpartition('.')[2]} = {p.value(float(u)):.3g}, its upper limit")
+        elif low != 0.0 and np.isfinite(low) and u <= low + 1e-9 * max(1.0, abs(low)):
+            stuck.append(f"{p.path.rpartition('.')[2]} = {p.value(float(u)):.3g}, its lower limit")
+    return f"needs {' and '.join(stuck)}: implausible" if stuck else ""
+
+
+def _screened(found: Selection, known: Sequence[Candidate]) -> list[Candidate]:
+    """The best by score alone, of those without a refit of their own."""
+    labels, rest, nan = {c.label for c in known}, list[Candidate](), float("nan")
+    for _, s in found.screened:
+        v = s.variant
+        if v.label in labels or not s.gain > 0.0 or len(known) + len(rest) >= _TOLD:
+            continue
+        labels.add(v.label)
+        refitted = found.tried.get(v.key)
+        note = "screened only" if refitted is None else "refitted beside the data sheet's noise"
+        gain = s.gain if refitted is None else refitted
+        rest.append(Candidate(v.effects, 0.0, {}, nan, nan, gain, nan, False, note))
+    return rest
+
+
+def _equation(decision: Decision, candidates: Sequence[Candidate]) -> EquationAtFault | None:
+    """From the names where there are any, else where the torque of unknown course is largest."""
+    if decision.verdict in ("adequate", "parameters"):
+        return None
+    if decision.verdict in ("effect", "ambiguous") and candidates:
+        shares: dict[str, float] = {}
+        for c in candidates:
+            if c.resolved:
+                name = equation_of(*c.effects[0])
+                shares[name] = shares.get(name, 0.0) + c.probability
+        best = max(shares, key=lambda n: shares[n])
+        return EquationAtFault(best, min(shares[best], 1.0), shares)
+    missing: Mapping[str, MissingTorque] = decision.missing
+    if not missing:
+        return None
+    shares = {body if body == "table" else "drive": 0.0 for body in missing}
+    for body, m in missing.items():
+        key = body if body == "table" else "drive"
+        shares[key] = max(shares[key], m.share)
+    best = max(shares, key=lambda n: shares[n])
+    whole = sum(shares.values())
+    return EquationAtFault(best, shares[best] / whole if whole > 0.0 else 0.0, shares)
+
+
+def _plan(
+    machine: Any,
+    grey: GreyBox,
+    found: Selection,
+    decision: Decision,
+    played: Sequence[Record],
+    job: Job,
+) -> Experiment | None:
+    """The experiment that tells the possible names apart, None where there is none."""
+    rivals, noise = list[tuple[str, Any]](), dict[str, float]()
+    for f, _ in decision.ranked:
+        if f.variant.label in decision.group and f.variant.label not in {n for n, _ in rivals}:
+            rivals.append((f.variant.label, machine_at(machine, grey, f)))
+    for r in grey.records:
+        known = dict(zip(r.channels, found.best.noise.sensors(r), strict=True))
+        for c in r.record.channels:
+            variance = 0.0
+            for name, factor in c.parts:
+                drive, memory, white = known.get(name, (0.0, 0.0, 0.0))
+                variance += factor**2 * (drive**2 / max(1.0 - memory**2, 1e-6) + white**2)
+            if c.headline:
+                noise[c.name] = max(noise.get(c.name, 0.0), float(np.sqrt(variance)))
+    try:
+        return next_experiment(
+            rivals[:3], noise=noise, channels=list(noise), budget=20.0, progress=job.tell
+        )
+    except (ValueError, FitError):
+        return None
+
+
+def command_for(best: Fitted, core: Any, known: Mapping[str, Interval]) -> str:
+    """The commands that add the leader, one per effect."""
+    lines, source, effects = [], "MACHINE", added(core, best)
+    for k, (effect, place) in enumerate(effects, 1):
+        label = f"{effect}@{place}"
+        own = {p: v for p, v in known.items() if p.startswith(f"{label}.")}
+        sets = " ".join(f"--set {p.rpartition('.')[2]}={v.value:.6g}" for p, v in own.items())
+        target = "grown.toml" if k == len(effects) else f"grown-{k}.toml"
+        lines.append(f"dualdrive add {source} {label} {sets} -o {target}".replace("  ", " "))
+        source = target
+    return " && ".join(lines)
+
+
+def with_time(found: Diagnosis, seconds: float) -> Diagnosis:
+    """The same with the time it took."""
+    return replace(found, seconds=seconds)

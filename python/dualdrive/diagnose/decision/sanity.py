@@ -1,0 +1,39 @@
+"""What no verdict may contradict: the errors that are printed beside it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from dualdrive.diagnose.decision.thresholds import threshold
+from dualdrive.diagnose.result import Verdict
+
+
+def objection(verdict: Verdict, error: Mapping[str, float]) -> str:
+    """Why a verdict can't stand beside its errors, in words; empty where it can.
+
+    error: headline errors of a diagnosis; NaN where a machine could not be simulated
+    """
+
+    def of(name: str) -> float:
+        return error.get(name, math.nan)
+
+    if of("noise_floor") >= 1.0:
+        return f"the sensors' noise ({of('noise_floor'):.0%}) is larger than the signal"
+    if verdict in ("effect", "ambiguous"):
+        if of("best") >= of("refitted"):
+            return (
+                f"with the best candidate the error is {of('best'):.3g}, without it "
+                f"{of('refitted'):.3g}"
+            )
+        if of("held_out_best") > of("nominal"):
+            return (
+                f"cross-validated, the best candidate leaves {of('held_out_best'):.1%}, the data "
+                f"sheet {of('nominal'):.1%}"
+            )
+    if verdict in ("adequate", "parameters"):
+        if of("refitted") > threshold("simulated error"):
+            return f"the refitted machine still leaves {of('refitted'):.0%}"
+        if of("held_out_refitted") > max(of("nominal"), threshold("simulated error")):
+            return f"cross-validated, the refitted machine leaves {of('held_out_refitted'):.0%}"
+    return ""

@@ -1,0 +1,112 @@
+"""Verdict and probabilities from likelihoods, and from the torque that stays unexplained."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from dualdrive.diagnose.decision.thresholds import threshold
+from dualdrive.diagnose.result import Verdict
+from dualdrive.diagnose.selection import Fitted, Selection
+from dualdrive.innovations import GreyBox
+from dualdrive.replay import ratio_to_table
+
+
+@dataclass(frozen=True)
+class MissingTorque:
+    """What an equation of motion lacks, RMS over the samples, N*m in the frame of its body.
+
+    rms:         of the torque of unknown course that the innovations ask for, low-passed
+    share:       of the drives' torque there
+    noise_share: of the drives' torque, what the sensors' noise makes of such an estimate alone
+    """
+
+    rms: float
+    share: float
+    noise_share: float
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """What may be said.
+
+    ranked:  fitted hypotheses with their probabilities, best first, `nothing` among them
+    group:   labels that can't be told apart, the leader first; empty unless several are possible
+    missing: equation -> torque that the refitted machine lacks
+    left:    the same beside the leader
+    """
+
+    verdict: Verdict
+    ranked: Sequence[tuple[Fitted, float]]
+    group: tuple[str, ...] = ()
+    missing: Mapping[str, MissingTorque] = field(default_factory=dict)
+    left: Mapping[str, MissingTorque] = field(default_factory=dict)
+
+    @property
+    def best(self) -> Fitted:
+        """The leader."""
+        return self.ranked[0][0]
+
+
+def decide(core: Any, grey: GreyBox, found: Selection) -> Decision:
+    """Say no more than a search allows."""
+    ranked = _probabilities(found)
+    best = found.best
+    missing = missing_torque(core, grey, found.base)
+    left = missing_torque(core, grey, best)
+    if not found.finished:
+        return Decision("unfinished", ranked, (), missing, left)
+    explained = max((m.share for m in left.values()), default=0.0) <= threshold(
+        "unexplained torque"
+    ) and best.inflation <= threshold("inflation")
+    if not explained:
+        return Decision("unknown", ranked, (), missing, left)
+    if not best.variant.effects:
+        return Decision(
+            "parameters" if _moved(grey, best) else "adequate", ranked, (), missing, left
+        )
+    possible = [f for f, p in ranked if p >= threshold("possible") and f.variant.effects]
+    group = tuple(dict.fromkeys(f.variant.label for f in possible))
+    certain = ranked[0][1] >= threshold("certain")
+    verdict: Verdict = "effect" if certain or len(group) < 2 else "ambiguous"
+    return Decision(verdict, ranked, group if verdict == "ambiguous" else (), missing, left)
+
+
+def _probabilities(found: Selection) -> list[tuple[Fitted, float]]:
+    """Tempered weights of the criterion, one for each label."""
+    criteria = np.array([f.criterion for f in found.finals])
+    weights = np.exp(-0.5 * threshold("temper") * (criteria - criteria.min()))
+    weights /= weights.sum()
+    return [(f, float(w)) for f, w in zip(found.finals, weights, strict=True)]
+
+
+def _moved(grey: GreyBox, f: Fitted) -> bool:
+    """Whether the data sheet's numbers had to move beyond doubt, by the fall of -2 log L."""
+    [nominal] = grey.points([f.variant], [grey.start(f.variant)], f.gains)
+    fall = (nominal.chi2 - f.point.chi2) / f.inflation
+    return bool(fall > threshold("gain") + len(f.point.theta) * np.log(grey.samples))
+
+
+def missing_torque(core: Any, grey: GreyBox, f: Fitted) -> dict[str, MissingTorque]:
+    """Equation -> torque of unknown course that a fitted machine still asks for."""
+    drives = {motor: _torque_of(core, grey, motor) for motor in core.motors}
+    at_table = float(np.sqrt(sum((ratio_to_table(core, m) * t) ** 2 for m, t in drives.items())))
+    found = {}
+    for body, deviation in f.noise.torque.items():
+        scale = at_table if body == "table" else drives.get(body, 0.0)
+        found[body] = MissingTorque(deviation, deviation / scale if scale > 0.0 else 0.0, 0.0)
+    return found
+
+
+def _torque_of(core: Any, grey: GreyBox, motor: str) -> float:
+    """RMS torque of a motor over the records, N*m."""
+    n, squares = motor.rpartition("_")[2], []
+    for r in grey.records:
+        for channel, factor in ((f"T_{n}", 1.0), (f"I_{n}", core.get(f"{motor}.K_d"))):
+            if channel in r.record.trace:
+                squares.append(float(np.mean((factor * r.record.trace[channel]) ** 2)))
+                break
+    return float(np.sqrt(np.mean(squares))) if squares else 0.0

@@ -1,0 +1,9 @@
+"""Which laws are worth a refit: hypotheses as variants of a machine, and their score tests."""
+
+from __future__ import annotations
+
+from dualdrive.diagnose.screening.orders import strongest_orders
+from dualdrive.diagnose.screening.score import Scored, scores
+from dualdrive.diagnose.screening.variants import Library
+
+__all__ = ["Library", "Scored", "scores", "strongest_orders"]

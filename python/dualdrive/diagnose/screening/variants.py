@@ -1,0 +1,122 @@
+"""Every effect of the library at every place, as variants of a machine that can be fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from dualdrive import _core
+from dualdrive.diagnose.candidates import candidates, parts_of
+from dualdrive.diagnose.hypotheses import Hypothesis
+from dualdrive.diagnose.screening.orders import strongest_orders
+from dualdrive.identify.parts import sizes_of_part
+from dualdrive.innovations import GreyBox, Point, Variant
+from dualdrive.replay import ratio_to_table
+
+_ORDERS = 2  # that an effect with an order is tried at, beside its usual one
+_DELAY = 5e-5  # s: a delay below that shows in no record
+
+
+class Library:
+    """What may be missing of a machine, sized for its records."""
+
+    def __init__(self, core: Any, grey: GreyBox) -> None:
+        self.core, self.grey = core, grey
+        channels = [c for r in grey.records for c in r.channels]
+        self.hypotheses = candidates(core, list(dict.fromkeys(channels)))
+        self.sizes = usual_sizes(core, grey)
+
+    def variants(self, base: Variant, point: Point) -> list[Variant]:
+        """Every law beside those of a variant, orders as its innovations show them."""
+        known: dict[tuple[str, str], list[int]] = {}
+        found = []
+        for h in self.hypotheses:
+            [(effect, place)] = h.effects
+            if any(effect == e and place == p for e, p in base.effects):
+                continue
+            for order in self._orders(h, point, known):
+                variant = self._beside(base, h, order)
+                if variant is not None:
+                    found.append(variant)
+        return found
+
+    def _orders(
+        self, h: Hypothesis, point: Point, known: dict[tuple[str, str], list[int]]
+    ) -> list[float | None]:
+        [(effect, place)] = h.effects
+        counted = _counted(effect)
+        if not counted:
+            return [None]
+        part = (parts_of(self.core, place) or [place])[0]
+        if (effect, part) not in known:
+            own = strongest_orders(self.core, self.grey.records, point, part, effect, _ORDERS)
+            known[effect, part] = own
+        usual = float(_declared(effect, counted).standard)
+        return [float(n) for n in dict.fromkeys([*known[effect, part], usual])]
+
+    def _beside(self, base: Variant, h: Hypothesis, order: float | None) -> Variant | None:
+        [(effect, place)] = h.effects
+        members = parts_of(self.core, place)
+        phased = any(p.path == "phase" for p in _core.effect_type(effect).parameters)
+        # what turns with a part has a phase of its own at each
+        places = members if phased and len(members) > 1 else [place]
+        counted = _counted(effect)
+        fixed = dict(h.fixed)
+        if order is not None:
+            fixed.update({f"{effect}@{p}.{counted}": order for p in places})
+        own = Hypothesis(tuple((effect, p) for p in places), fixed, h.searched, h.begins)
+        try:
+            parts = {}
+            for e, p in own.effects:
+                if _core.effect_type(e).structural:
+                    trial = base.grown.copy()
+                    label = trial.add_effect(e, p)
+                    [row] = [x for x in trial.effects if x["label"] == label]
+                    parts[label] = sizes_of_part(trial, row, [r.record for r in self.grey.records])
+            grown, free = own.put_in(base.grown, self.sizes, parts)
+            extra = own.unknowns(grown, free, self.sizes)
+        except ValueError:
+            return None  # the machine has no such part, or nothing of it was recorded
+        looks = base.looks * (100.0 if order is not None else 1.0)
+        return Variant(
+            grown,
+            (*base.extra, *extra),
+            (*base.effects, (effect, place)),
+            {**base.fixed, **fixed},
+            looks,
+        )
+
+
+def usual_sizes(core: Any, grey: GreyBox) -> dict[str, float]:
+    """Spread of the drives' torque at the table, N*m, of its speed, its travel; of a current, A."""
+    torque = current = 0.0
+    for r in grey.records:
+        for motor in core.motors:
+            n, constant = motor.rpartition("_")[2], core.get(f"{motor}.K_d")
+            for name, factor in ((f"T_{n}", 1.0), (f"I_{n}", constant)):
+                if name in r.record.trace:
+                    spread = factor * float(np.std(r.record.trace[name]))
+                    torque = max(torque, ratio_to_table(core, motor) * spread)
+                    current = max(current, spread / constant)
+    references = [(r.record.reference, r.record.t) for r in grey.records]
+    speed = max(float(np.std(np.gradient(x, t))) for x, t in references)
+    travel = max(float(np.ptp(x)) for x, _ in references)
+    known = {"torque": torque, "speed": speed, "travel": travel, "current": current}
+    return {**known, "delay": _DELAY}
+
+
+def _counted(effect: str) -> str:
+    """The number of an effect that is an order or a count of teeth; empty: it has none."""
+    names = [p.path for p in _core.effect_type(effect).parameters]
+    return next((n for n in ("order", "teeth") if n in names), "")
+
+
+def _declared(effect: str, name: str) -> Any:
+    return next(p for p in _core.effect_type(effect).parameters if p.path == name)
+
+
+def labels(variants: Sequence[Variant]) -> Mapping[str, Variant]:
+    """Label -> variant."""
+    return {v.label: v for v in variants}

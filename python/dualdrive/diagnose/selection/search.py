@@ -1,0 +1,314 @@
+"""Forward selection of laws by likelihood, the noise estimated beside every leader.
+
+A torque of unknown course bears what a model lacks: estimated by likelihood it is large where a
+law is missing and small once the right one is in. A refit begins with much of it (any machine
+follows the record then) and ends with the least that the records allow, where all of their
+information counts
+(Kristensen, Madsen, Jørgensen, Computers & Chemical Engineering 28 (2004) 1431-1449).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive.diagnose.screening import Library, Scored, scores
+from dualdrive.innovations import (
+    GreyBox,
+    Noise,
+    Point,
+    Variant,
+    first_noise,
+    fit,
+    inflation,
+    maximum_likelihood,
+)
+
+Array = NDArray[np.float64]
+
+_WIDE = 0.1  # of the drives' torque: unknown course at first
+_TRIAL = (
+    0.03  # the same where laws are tried: little enough that they show, enough that refits arrive
+)
+_LOWERING, _LOWERINGS = 0.2, 8  # of the unknown torque, step by step
+_BEGINS = (1.0, 0.3, 3.0, 10.0)  # where the first number of a part begins, times its usual one
+_HOPELESS = 3.0  # gain of a score test, over the inflation, below which no refit is worth it
+_WORTH = 25.0  # gain in -2 log L, over the inflation, that a further effect must bring
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is tried.
+
+    samples:  of all records together; longer ones are cut
+    refitted: laws refitted beside a base, best scores first
+    finals:   of them, how many under a noise of their own
+    most:     effects at once
+    """
+
+    samples: int
+    refitted: int
+    finals: int
+    most: int
+
+
+EFFORTS = {
+    "quick": Effort(20_000, 4, 2, 2),
+    "normal": Effort(80_000, 8, 3, 3),
+    "thorough": Effort(1_000_000, 20, 5, 3),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A variant at its best, under the noise that it leaves itself.
+
+    criterion: -2 log L over the inflation, plus log n for every number, plus what was searched
+    """
+
+    point: Point
+    noise: Noise
+    inflation: float
+    criterion: float
+    gains: Sequence[Any] = field(repr=False)
+
+    @property
+    def variant(self) -> Variant:
+        """What was fitted."""
+        return self.point.variant
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """What a search found.
+
+    base:     nothing but refitted numbers
+    finals:   best first, `base` among them
+    screened: every score test that was done, best gain first: (beside what, score)
+    tried:    label -> gain of laws refitted under a base's noise, over the inflation
+    finished: False: it was stopped
+    """
+
+    base: Fitted
+    finals: Sequence[Fitted]
+    screened: Sequence[tuple[str, Scored]]
+    tried: dict[str, float]
+    finished: bool
+
+    @property
+    def best(self) -> Fitted:
+        """The leader."""
+        return self.finals[0]
+
+
+def select(
+    core: Any,
+    grey: GreyBox,
+    effort: Effort = EFFORTS["normal"],
+    tell: Callable[[str], None] = lambda _: None,
+) -> Selection:
+    """Search the library; see the module."""
+    return _Search(core, grey, effort, tell).run()
+
+
+class _Search:
+    def __init__(
+        self, core: Any, grey: GreyBox, effort: Effort, tell: Callable[[str], None]
+    ) -> None:
+        self.core, self.grey, self.effort, self.tell = core, grey, effort, tell
+        self.library = Library(core, grey)
+        self.screened: list[tuple[str, Scored]] = []
+        self.tried: dict[str, float] = {}
+        self.finals: dict[str, Fitted] = {}
+        self.trial: Noise
+
+    def run(self) -> Selection:
+        base = self._base()
+        self.finals[base.variant.key] = base
+        leader = base
+        for count in range(self.effort.most):
+            if self.grey.counter.stop():
+                break
+            found = self._step(leader, lower=count == 0)
+            for f in found:
+                known = self.finals.get(f.variant.key)
+                if known is None or f.criterion < known.criterion:
+                    self.finals[f.variant.key] = f
+            best = min(self.finals.values(), key=lambda f: self._criterion(f))
+            if best is leader or self._criterion(best) > self._criterion(leader) - _WORTH:
+                break
+            leader = best
+        own = (replace(f, criterion=self._criterion(f)) for f in self.finals.values())
+        every = sorted(own, key=lambda f: f.criterion)
+        order = sorted(self.screened, key=lambda s: -np.nan_to_num(s[1].gain, nan=-np.inf))
+        return Selection(base, every, order, self.tried, not self.grey.counter.stop())
+
+    def _criterion(self, f: Fitted) -> float:
+        """Under the inflation of the best, lest a bad model's colour speaks for it."""
+        least = min((g.inflation for g in self.finals.values()), default=f.inflation)
+        n = self.grey.samples
+        numbers = len(f.variant.extra) * np.log(n) + 2.0 * np.log(f.variant.looks)
+        return float(f.point.minus_two_log / least + numbers)
+
+    def _final(self, point: Point, noise: Noise) -> Fitted:
+        """A variant under its own noise.
+
+        Numbers fitted under much unknown torque are blunt, and a likelihood that knows only these
+        keeps it: so it is lowered step by step, the numbers refitted each time, as long as the
+        records become likelier; then all of the noise is estimated.
+        """
+        grey, variant = self.grey, point.variant
+        noise, _ = maximum_likelihood(noise, grey.under(variant, point.theta), steps=self._steps(6))
+        gains = grey.gains(variant, point.theta, noise)
+        point = fit(grey, variant, point.theta, gains, steps=3, refresh=(0, 2))
+        for _ in range(_LOWERINGS):
+            if grey.counter.stop():
+                break
+            lower = noise.with_torque(_LOWERING)
+            try:
+                own = grey.gains(variant, point.theta, lower)
+            except ValueError:
+                break
+            trial = fit(grey, variant, point.theta, own, steps=3, refresh=(0, 2))
+            if trial.lost or trial.minus_two_log > point.minus_two_log:
+                break
+            noise, gains, point = lower, own, trial
+        noise, _ = maximum_likelihood(noise, grey.under(variant, point.theta), steps=self._steps(8))
+        gains = grey.gains(variant, point.theta, noise)
+        point = fit(grey, variant, point.theta, gains, steps=4, refresh=(0, 2))
+        return Fitted(point, noise, inflation(point), 0.0, gains)
+
+    def _steps(self, most: int) -> int:
+        """Iterations of an estimate; none once the search is stopped."""
+        return 0 if self.grey.counter.stop() else most
+
+    def _base(self) -> Fitted:
+        """Nothing is missing: numbers alone, from far."""
+        self.tell("refitting the data sheet's numbers")
+        grey = self.grey
+        nothing = Variant(self.core)
+        wide = first_noise(self.core, grey.records, _WIDE)
+        theta = grey.start(nothing)
+        point = fit(grey, nothing, theta, grey.gains(nothing, theta, wide), refresh=(0, 2, 4))
+        # under so much unknown torque any machine follows: what is left is the sensors' own
+        under = grey.under(nothing, point.theta)
+        wide, _ = maximum_likelihood(wide, under, torques=False, steps=self._steps(10))
+        self.trial = wide.with_torque(_TRIAL / _WIDE)
+        return self._final(point, wide)
+
+    def _step(self, leader: Fitted, lower: bool) -> list[Fitted]:
+        """Every law beside the leader: screened, the best refitted, their noise estimated."""
+        grey = self.grey
+        noise, point, gains = leader.noise, leader.point, leader.gains
+        if lower and any(noise.torque[b] > s for b, s in self.trial.torque.items()):
+            noise = self.trial
+            gains = grey.gains(leader.variant, point.theta, noise)
+            point = fit(grey, leader.variant, point.theta, gains, steps=4, refresh=(0, 2))
+        over = inflation(point)
+        columns = grey.columns(point, range(len(point.theta)), gains)
+        variants = self.library.variants(leader.variant, leader.point)
+        beside = leader.variant.label
+        self.tell(f"{len(variants)} laws beside {beside}")
+        found = scores(
+            grey, point, columns, variants, gains, over,
+            lambda done, of: self.tell(f"score tests beside {beside}: {done} of {of}"),
+        )  # fmt: skip
+        self.screened += [(beside, s) for s in found]
+        refits: list[Point] = []
+        chosen = self._chosen(found, noise is self.trial)
+        for k, s in enumerate(chosen, 1):
+            if grey.counter.stop():
+                break
+            self.tell(f"refitting {s.variant.key} ({k} of {len(chosen)})")
+            own = self._refit(point, s, columns, gains, noise)
+            if not own.lost:
+                refits.append(own)
+        # what the best of them leaves is nearest to noise: its colour weighs the gains of all
+        over = min([over, *map(inflation, refits)])
+        gains_of = {p.variant.key: (point.minus_two_log - p.minus_two_log) / over for p in refits}
+        self.tried.update(gains_of)
+        looked = [(gains_of[p.variant.key] - 2.0 * np.log(p.variant.looks), p) for p in refits]
+        looked.sort(key=lambda x: -x[0])
+        best = _one_each([p for gain, p in looked if gain > _WORTH])[: self.effort.finals]
+        return self._compared(best, noise)
+
+    def _compared(self, points: Sequence[Point], noise: Noise) -> list[Fitted]:
+        """Laws under one noise, that of their leader, which is estimated anew when it changes."""
+        grey, found = self.grey, dict[str, Fitted]()
+        if not points:
+            return []
+        leader = points[0]
+        for _ in range(2):
+            self.tell(f"the noise beside {leader.variant.key}")
+            final = self._final(leader, noise)
+            noise, found[leader.variant.key] = final.noise, final
+            for point in points:
+                if point.variant.key == leader.variant.key or grey.counter.stop():
+                    continue
+                self.tell(f"{point.variant.key} under the noise of {leader.variant.key}")
+                gains = self._gains(point, noise)
+                if gains is not None:
+                    own = fit(grey, point.variant, point.theta, gains, steps=5, refresh=(0, 2, 4))
+                    found[point.variant.key] = Fitted(own, noise, inflation(own), 0.0, gains)
+            best = min(found.values(), key=self._criterion)
+            if best is final or grey.counter.stop():
+                break
+            leader = best.point
+        return list(found.values())
+
+    def _gains(self, point: Point, noise: Noise) -> list[Any] | None:
+        try:
+            return self.grey.gains(point.variant, point.theta, noise)
+        except ValueError:
+            return None
+
+    def _chosen(self, found: Sequence[Scored], lacks: bool) -> list[Scored]:
+        """What is refitted: the best scores, and parts whose probe says little of their size."""
+        known = [s for s in found if np.isfinite(s.gain)]
+        known.sort(key=lambda s: -(s.gain - 2.0 * np.log(s.variant.looks)))
+        best = [s for s in known if s.gain > _HOPELESS][: self.effort.refitted]
+        far = [s for s in found if s not in best and _is_part(s.variant)] if lacks else []
+        return best + far
+
+    def _refit(
+        self, point: Point, s: Scored, columns: Sequence[Array], gains: Sequence[Any], noise: Noise
+    ) -> Point:
+        grey, variant = self.grey, s.variant
+        start = np.r_[point.theta, grey.start(variant)[len(point.theta) :]]
+        if not _is_part(variant):
+            shared = columns[: grey.shared]
+            return fit(grey, variant, start, gains, steps=5, shared_columns=shared, refresh=(2,))
+        best: Point | None = None  # other states: gains of its own
+        for factor in _BEGINS:
+            there = start.copy()
+            there[len(point.theta)] *= factor
+            try:
+                own = grey.gains(variant, there, noise)
+            except ValueError:
+                continue
+            [trial] = grey.points([variant], [there], own)
+            if not trial.lost and (best is None or trial.minus_two_log < best.minus_two_log):
+                best, gains = trial, own
+        if best is None:
+            return replace(point, variant=variant, lost=True)
+        best = fit(grey, variant, best.theta, gains, steps=5, refresh=(0, 2, 4))
+        return fit(grey, variant, best.theta, grey.gains(variant, best.theta, noise), steps=3)
+
+
+def _is_part(variant: Variant) -> bool:
+    """Whether its last effect is a part of the machine with states of its own."""
+    from dualdrive import _core
+
+    return bool(_core.effect_type(variant.effects[-1][0]).structural)
+
+
+def _one_each(points: Sequence[Point]) -> list[Point]:
+    """The best of each label: orders of one law are one law."""
+    found: dict[str, Point] = {}
+    for p in points:
+        found.setdefault(p.variant.label, p)
+    return list(found.values())

@@ -1,0 +1,28 @@
+"""Innovations: the machine as a stochastic grey box, predicted one sample ahead.
+
+The record pulls the state back at every sample (`_core.predict`), so that a model is judged by what
+each sample tells that the ones before had not; numbers and noise are estimated by likelihood.
+Sources: Kristensen, Madsen, Jørgensen, Automatica 40 (2004) 225-237; Ljung, System Identification.
+"""
+
+from __future__ import annotations
+
+from dualdrive.innovations.fit import fit, inflation
+from dualdrive.innovations.greybox import Counter, GreyBox, Point, Variant, flat
+from dualdrive.innovations.noise import Noise, first_noise, maximum_likelihood
+from dualdrive.innovations.records import Predictable, predictable
+
+__all__ = [
+    "Counter",
+    "GreyBox",
+    "Noise",
+    "Point",
+    "Predictable",
+    "Variant",
+    "first_noise",
+    "fit",
+    "flat",
+    "inflation",
+    "maximum_likelihood",
+    "predictable",
+]

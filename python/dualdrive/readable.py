@@ -1,0 +1,59 @@
+"""The unit in which values read best, for tables and pictures alike: arc seconds, mm/s, kN·m."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dualdrive.units import conversion
+
+__all__ = ["Scale", "scale"]
+
+Array = NDArray[np.float64]
+
+
+class Scale(NamedTuple):
+    """A unit to read: ``shown = si / factor``, and how the unit is printed."""
+
+    factor: float
+    unit: str
+
+    def __call__(self, si: ArrayLike) -> Array:
+        """SI values as they are drawn."""
+        return np.asarray(si, dtype=np.float64) / self.factor
+
+    def label(self, what: str) -> str:
+        """The axis label: what it is and in which unit."""
+        return f"{what} [{self.unit}]" if self.unit else what
+
+
+# SI unit -> (peak up to which it is used, unit), rising; the last one takes the rest.
+_READABLE: Final[dict[str, tuple[tuple[float, str], ...]]] = {
+    "rad": ((1e-2, "arcsec"), (0.2, "mrad"), (np.inf, "deg")),
+    "m": ((2e-4, "um"), (1.0, "mm"), (np.inf, "m")),
+    "rad/s": ((0.5, "mrad/s"), (np.inf, "rad/s")),
+    "m/s": ((1.0, "mm/s"), (np.inf, "m/s")),
+    "N*m": ((1.0, "mN*m"), (2e4, "N*m"), (2e7, "kN*m"), (np.inf, "MN*m")),
+    "N": ((2e4, "N"), (np.inf, "kN")),
+    "s": ((0.5, "ms"), (np.inf, "s")),
+}
+
+
+def scale(unit: str, values: ArrayLike = (), prefer: str | None = None) -> Scale:
+    """The unit in which values read best: arc seconds for small angles, ms for short times.
+
+    values: SI, to judge the size by
+    prefer: a unit to take whatever the size
+    """
+    if prefer is None:
+        peak = float(np.max(np.abs(np.asarray(values, dtype=np.float64)), initial=0.0))
+        prefer = next((name for top, name in _READABLE.get(unit, ()) if peak < top), unit)
+    return Scale(conversion(prefer, unit).scale, _printed(prefer))
+
+
+def _printed(unit: str) -> str:
+    for written, shown in (("*", "·"), ("^2", "²"), ("um", "µm"), ("ohm", "Ω")):
+        unit = unit.replace(written, shown)
+    return unit
