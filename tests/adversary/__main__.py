@@ -27,6 +27,7 @@ ROWS: Final[dict[str, Callable[[random.Random], Iterator[Attempt]]]] = {
     "outputs": rows_command_line.outputs,
     "places": rows_command_line.places,
     "interrupts": rows_command_line.interrupts,
+    "early interrupts": rows_command_line.interrupts_early,
     "machine files": rows_files.machine_files,
     "broken text": rows_files.broken_text,
     "mappings": rows_files.mappings,

@@ -17,7 +17,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
@@ -47,7 +47,7 @@ class Attempt:
     prepare: Callable[[], object] | None = None  # puts files there, in that folder
     interrupt: float | None = None  # s until Ctrl-C
     allowed: tuple[int, ...] = (0, 1, 2)
-    kept: tuple[str, ...] = field(default=())  # files that `prepare` made and nobody may change
+    cold: bool = False  # in an interpreter of its own, which loads everything itself
 
 
 def judge(attempt: Attempt, inputs: Path, folder: Path) -> str:
@@ -76,6 +76,8 @@ def _ending(attempt: Attempt, status: int, folder: Path) -> list[str]:
     said = (folder / ".stderr").read_text("utf-8", "replace")
     out = (folder / ".stdout").read_text("utf-8", "replace")
     if os.WIFSIGNALED(status):
+        if attempt.cold and os.WTERMSIG(status) == signal.SIGINT:
+            return []  # before the interpreter listens, the system ends it, which is the same
         number = signal.Signals(os.WTERMSIG(status))
         slow = f"more than {PROCESSOR} s of the processor" if number == signal.SIGXCPU else ""
         return [slow or f"killed by {number.name}"]
@@ -115,6 +117,9 @@ def _run(attempt: Attempt, folder: Path) -> NoReturn:
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
         resource.setrlimit(resource.RLIMIT_CPU, (PROCESSOR, PROCESSOR + 1))
+        if attempt.cold:
+            command = [sys.executable, "-m", "dualdrive_cli.main", *attempt.arguments]
+            os.execv(sys.executable, command)
         code = _call(attempt.call) if attempt.call else _command(attempt.arguments)
     except BaseException:
         traceback.print_exc()

@@ -173,6 +173,15 @@ def interrupts(chance: random.Random) -> Iterator[Attempt]:
                 yield Attempt(what, arguments, interrupt=after, allowed=(0, 1, 2, 130))
 
 
+def interrupts_early(chance: random.Random) -> Iterator[Attempt]:
+    """Ctrl-C while the interpreter starts and modules load."""
+    for _ in range(60):
+        after = chance.uniform(0.0, 0.8)
+        arguments = ["simulate", "bench", "--end", "5"]
+        what = f"{_shown(arguments)}, started anew, with Ctrl-C after {after:.2f} s"
+        yield Attempt(what, arguments, interrupt=after, allowed=(0, 130), cold=True)
+
+
 def _command(arguments: list[str]) -> Attempt:
     return Attempt(_shown(arguments), arguments)
 
