@@ -33,7 +33,6 @@ class Controller {
         double now = p_.position_sample > 0 ? held_.position : position(c, r, x, rate);
         double master = late_.on() ? late_.at(part) : now;
         double slave = lag_.on() ? lag_.at(part) : master;
-        rate[tension] = p_.tau_t > 0 ? (p_.T_ten - x[tension]) / p_.tau_t : 0;
         PerDrive<double> y = p_.tension_sample > 0 ? held_.tension : corrections(r, x, rate);
         PerDrive<double> wanted = set_points(master, slave, y), voltage{};
         for (std::size_t n = 0; n < p_.count(); ++n) {
@@ -43,12 +42,14 @@ class Controller {
         return voltage;
     }
 
-    // Once at the start of every step: samplers that are due, signals that are delayed later.
+    // Once at the start of every step: samplers that are due, signals that are delayed later. Integrators and
+    // filters of a sampled loop step with its clock, by forward Euler.
     void begin_step(std::size_t k, const Command& c, const Readings& r, State& x) {
         State rate{};
         if (due(k, p_.position_sample)) {
             held_.position = position(c, r, x, rate);
             x[position_integral] += p_.position_sample * rate[position_integral];
+            x[derivative_filter] += p_.position_sample * rate[derivative_filter];
         }
         double master = p_.position_sample > 0 ? held_.position : position(c, r, x, rate);
         late_.push(master);
@@ -58,6 +59,7 @@ class Controller {
         PerDrive<double> y = p_.tension_sample > 0 ? held_.tension : corrections(r, x, rate);
         if (due(k, p_.tension_sample)) {
             held_.tension = y = corrections(r, x, rate);
+            x[tension] += p_.tension_sample * rate[tension];
             for (std::size_t n = 1; n < p_.count(); ++n)
                 x[of(n, equaliser)] += p_.tension_sample * rate[of(n, equaliser)];
         }
@@ -89,6 +91,7 @@ class Controller {
     PerDrive<double> corrections(const Readings& r, const State& x, State& rate) const {
         PerDrive<double> y{};
         double filtered = p_.tau_t > 0 ? x[tension] : p_.T_ten;
+        rate[tension] = p_.tau_t > 0 ? (p_.T_ten - x[tension]) / p_.tau_t : 0;
         for (std::size_t n = 1; n < p_.count(); ++n) {
             double error = 2 * (p_.w * told(0, r) - (1 - p_.w) * told(n, r)) - filtered;
             double raw = p_.K_E * (error + x[of(n, equaliser)]);
