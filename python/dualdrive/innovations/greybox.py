@@ -27,7 +27,6 @@ Array = NDArray[np.float64]
 #: one-sigma of a sensor's constant: of a motor's encoder at the pinion, rad; of a current, relative
 _ZERO_ANGLE, _ZERO_CURRENT = 1e-3, 0.02
 _DIFFERENCE = 1e-3  # of a unit of an unknown, for finite differences
-_LEARNING = 300  # samples of a record
 _LOST = 300.0  # whitened: what a replay that broke down is counted with
 
 
@@ -175,16 +174,13 @@ class GreyBox:
         }
 
     def under(self, variant: Variant, theta: Array) -> Evaluate:
-        """Innovations of a variant at a point under several noises, as their likelihood needs them.
-
-        First samples, in which the filter learns where the state is, are left out.
-        """
+        """Innovations of a variant at a point under several noises, first samples included."""
         core, offsets = self.machine(variant, theta), self.constants(theta)
 
         def evaluate(noises: Sequence[Noise]) -> list[tuple[Array, float] | None]:
             own = list(self.pool.map(lambda n: self._steady(core, n), noises))
             jobs = [
-                (core, offsets, r, g, False)
+                (core, offsets, r, g, True)
                 for gains in own
                 if gains
                 for r, g in zip(self.records, gains, strict=True)
@@ -197,7 +193,7 @@ class GreyBox:
                     result.append(None)
                     continue
                 parts = [next(found) for _ in self.records]
-                rows = [f.residuals[min(_LEARNING, len(f.residuals) // 4) :].ravel() for f in parts]
+                rows = [f.residuals.ravel() for f in parts]
                 result.append((np.concatenate(rows), sum(f.log_det for f in parts)))
             return result
 

@@ -168,8 +168,7 @@ def maximum_likelihood(
         g, H = 2.0 * (J @ r) + slope, 2.0 * (J @ J.T)
         better: tuple[Array, tuple[Array, float], float] | None = None
         for _ in range(3):
-            d = -np.linalg.solve(H + damping * np.diag(np.diag(H)) + 1e-9 * np.eye(len(x)), g)
-            d *= min(1.0, _LONGEST / max(float(np.max(np.abs(d))), 1e-300))
+            d = _step_within(H + damping * np.diag(np.diag(H)) + 1e-9 * np.eye(len(x)), g)
             trials = [x + a * d for a in (1.0, 0.5)]
             tried = [
                 (t, f, float(f[0] @ f[0]) + f[1])
@@ -189,6 +188,20 @@ def maximum_likelihood(
         if fall < _ENOUGH:
             break
     return own.at(x), cost
+
+
+def _step_within(H: Array, g: Array) -> Array:
+    """Newton step in a box: what the records hardly tell may not shorten what they tell."""
+    d, held = np.zeros(len(g)), np.zeros(len(g), dtype=bool)
+    for _ in range(len(g)):
+        move = ~held
+        d[move] = -np.linalg.solve(H[np.ix_(move, move)], g[move] + H[np.ix_(move, held)] @ d[held])
+        beyond = move & (np.abs(d) > _LONGEST)
+        if not beyond.any():
+            break
+        d[beyond] = np.sign(d[beyond]) * _LONGEST
+        held |= beyond
+    return d
 
 
 def _tie(body: str) -> str:
