@@ -18,6 +18,7 @@ using Doubles = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device:
 using Table = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using ChannelTuple = std::pair<std::string, std::vector<std::string>>;
 using NoiseTuple = std::tuple<double, double, double>;
+using TorqueTuple = std::pair<double, double>;
 
 std::vector<double> vector_of(const auto& a) { return {a.data(), a.data() + a.size()}; }
 
@@ -56,7 +57,7 @@ void bind_innovations(nb::module_& m) {
             "Contact patterns: bit c is set where connection c carries.")
         .def(
             "K", [](const KalmanGains& g, unsigned pattern) { return g.steady.at(pattern).K; }, nb::arg("pattern"),
-            "Shape (states + channels, channels).")
+            "Shape (states + torques + channels, channels).")
         .def(
             "whitening", [](const KalmanGains& g, unsigned pattern) { return g.steady.at(pattern).whitening; },
             nb::arg("pattern"), "S^(-1/2), lower triangular, shape (channels, channels).")
@@ -70,17 +71,17 @@ void bind_innovations(nb::module_& m) {
     m.def(
         "kalman_gains",
         [](const Machine& machine, const SampledRecord& record, const std::vector<NoiseTuple>& sensors,
-           const std::map<std::string, double>& torque, double speed) {
+           const std::map<std::string, TorqueTuple>& torque, double speed) {
             NoiseModel noise;
             for (const auto& [drive, memory, white] : sensors) noise.sensors.push_back({drive, memory, white});
-            noise.torque = torque;
+            for (const auto& [body, n] : torque) noise.torque[body] = {n.first, n.second};
             const nb::gil_scoped_release unlocked;
             return kalman_gains(machine, record, noise, speed);
         },
         nb::arg("machine"), nb::arg("record"), nb::arg("sensors"), nb::arg("torque"), nb::arg("speed") = 0.0,
         "Steady-state Kalman gains.\n\n"
-        "sensors: (drive, memory, white) per channel: n' = memory n + drive w, and a white part. torque: body -> s.d. "
-        "of a torque of unknown course, constant over a sample, N*m. speed: table speed, rad/s, about which laws that "
+        "sensors: (drive, memory, white) per channel: n' = memory n + drive w, and a white part. torque: body -> "
+        "(drive, memory) of a torque of unknown course, constant over a sample, d' = memory d + drive w, N*m. speed: table speed, rad/s, about which laws that "
         "are not affine are linearised. Raises ValueError.");
 
     m.def(
@@ -104,6 +105,9 @@ void bind_innovations(nb::module_& m) {
                 d["states"] = p.states;
                 d["trajectory"] = array(std::move(p.trajectory), {n, z});
                 d["corrections"] = array(std::move(p.corrections), {n, z});
+                const std::size_t bodies = p.bodies.size();
+                d["bodies"] = p.bodies;
+                d["torques"] = array(std::move(p.torques), {n, bodies});
                 d["innovations"] = array(std::move(p.innovations), {n, c});
                 d["pattern"] = array(std::move(p.pattern), {n});
             }
@@ -114,7 +118,7 @@ void bind_innovations(nb::module_& m) {
         nb::arg("learn_first") = false,
         "Replay a record, the state corrected at every sample.\n\n"
         "initial: state -> value at the first sample, others 0. offsets: per channel, what its sensor adds. substeps: "
-        "per sample, where a law is not affine. states: also trajectory, corrections (n, states), innovations (n, "
+        "per sample, where a law is not affine. states: also trajectory, corrections (n, states), torques of unknown course (n, bodies), innovations (n, "
         "channels) and contact pattern (n,). learn_first: work out the gains of the first samples, into `gains`.\n"
         "Returns a dict: residuals (n, channels), whitened; log_det; finite; switches. The GIL is released. Raises "
         "ValueError.");

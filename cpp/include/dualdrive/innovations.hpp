@@ -1,11 +1,11 @@
 // Innovations of a record: what each sample tells that the model, pulled back to the samples before, had not predicted.
 //
 // The machine is a stochastic grey box (Kristensen, Madsen, Jørgensen, Automatica 40 (2004) 225–237): its own equations with
-// all their switches, driven besides by torques of unknown course, one per equation; and sensors with noise that has a
-// memory. Between samples the state flows as it does in a simulation; at a sample it is corrected by the steady-state Kalman
+// all their switches, driven besides by torques d of unknown course, one per equation, states of the filter themselves; and
+// sensors with noise that has a memory. Between samples the state flows as it does in a simulation; at a sample it is corrected by the steady-state Kalman
 // gain of the contact pattern it is in:
 //
-//   e_k = y_k − h(z⁻_k) − n⁻_k,   (z_k, n_k) = (z⁻_k, n⁻_k) + K_s e_k,   r_k = S_s^(−1/2) e_k
+//   e_k = y_k − h(z⁻_k) − n⁻_k,   (z_k, d_k, n_k) = (z⁻_k, d⁻_k, n⁻_k) + K_s e_k,   r_k = S_s^(−1/2) e_k
 //
 // r is white with variance 1 if the model and the noise are right (Ljung, System Identification, 2nd ed., §7.4). With no
 // torque of unknown course K moves the sensors' noise alone: the replay is then a simulation of the whole record.
@@ -31,10 +31,14 @@ struct SensorNoise {
     double drive, memory, white;
 };
 
+// A torque of unknown course, constant over a sample, N·m in its body's own frame: d_{k+1} = memory · d_k + drive · w.
+struct TorqueNoise {
+    double drive, memory;
+};
+
 struct NoiseModel {
-    std::vector<SensorNoise> sensors;  // per channel
-    std::map<std::string, double>
-        torque;  // body -> s.d. of a torque that is constant over a sample, N·m in its own frame
+    std::vector<SensorNoise> sensors;           // per channel
+    std::map<std::string, TorqueNoise> torque;  // by body
 };
 
 // A stretch of a record: times about evenly spaced, what was commanded, and what the sensors said.
@@ -71,7 +75,7 @@ class SampledRecord {
 // samples of a record, while the filter still learns where the state is.
 struct KalmanGains {
     struct Set {
-        Eigen::MatrixXd K;          // (states + channels) × channels
+        Eigen::MatrixXd K;          // (states + torques + channels) × channels
         Eigen::MatrixXd whitening;  // S^(−1/2), lower triangular
         double log_det = 0.0;       // log det S
     };
@@ -101,6 +105,8 @@ struct Prediction {
     std::vector<std::string> states;  // names
     std::vector<double> trajectory;   // samples × states, corrected; where asked for
     std::vector<double> corrections;  // samples × states: K e
+    std::vector<std::string> bodies;  // of the torques of unknown course
+    std::vector<double> torques;      // samples × bodies, corrected, N·m
     std::vector<double> innovations;  // samples × channels: e, in the channels' units
     std::vector<int> pattern;         // contact pattern per sample
     static constexpr double lost = 300.0;

@@ -33,6 +33,15 @@ std::vector<int> signals_of(const Layout& layout, const SampledRecord& record) {
     return signals;
 }
 
+std::vector<int> bodies_of(const Machine& machine, const std::vector<std::string>& names) {
+    std::vector<int> bodies;
+    for (const auto& name : names) {
+        bodies.push_back(machine.body(name));
+        if (bodies.back() < 0) throw std::invalid_argument("kalman_gains: no body " + name);
+    }
+    return bodies;
+}
+
 }  // namespace
 
 // Past values of the delayed signals, one a substep, with straight lines between them.
@@ -75,7 +84,7 @@ class Flow::Memory final : public Past<double> {
     std::vector<std::deque<double>> lines_;
 };
 
-Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps)
+Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, const std::vector<std::string>& bodies)
     : machine_(machine),
       record_(record),
       layout_(machine, record.inputs()),
@@ -83,7 +92,8 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps)
       recorded_(signals_of(layout_, record)),
       reader_(machine, record.inputs(), layout_, record.generator(), recorded_),
       affine_(!effect_that_is_not_affine(machine) && layout_.delays.empty()),
-      n_(reader_.size()),
+      bodies_(bodies_of(machine, bodies)),
+      n_(reader_.size() + static_cast<int>(bodies_.size())),
       outputs_(static_cast<int>(recorded_.size())),
       substeps_(affine_ ? 1 : std::max(1, substeps)),
       h_(record.step() / substeps_) {
@@ -111,11 +121,23 @@ unsigned Flow::pattern_of(const Modes& modes) const {
     return pattern;
 }
 
-Frozen Flow::prepare(const exact::Laws<double>& laws) const {
+Frozen Flow::prepare(const exact::Laws<double>& laws, const Modes& modes) const {
+    const auto widened = [&](const Eigen::MatrixXd& rows, Eigen::Index height) {
+        Eigen::MatrixXd wide = Eigen::MatrixXd::Zero(height, n_);
+        wide.topLeftCorner(rows.rows(), rows.cols()) = rows;
+        return wide;
+    };
     Frozen f;
-    f.A = laws.A;
-    f.outputs = laws.outputs;
-    f.guards = laws.guards;
+    f.A = widened(laws.A, n_);
+    f.outputs = widened(laws.outputs, laws.outputs.rows());
+    f.guards = widened(laws.guards, laws.guards.rows());
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        const int g = layout_.group_of[static_cast<std::size_t>(bodies_[b])];
+        const int element = layout_.stick_of[static_cast<std::size_t>(g)];
+        const bool rests = element >= 0 && modes[static_cast<std::size_t>(element)] == stick::stuck;
+        if (!layout_.locked[static_cast<std::size_t>(g)] && !rests)
+            f.A(g, first_torque() + static_cast<Eigen::Index>(b)) = model_.ratio(bodies_[b]) / model_.group_inertia(g);
+    }
     f.bound = spectral_bound(f.A);
     const int padded = exact::padded(n_);
     f.packed.assign(static_cast<std::size_t>(padded * n_), 0.0);
@@ -136,7 +158,7 @@ Frozen& Flow::frozen() {
     auto& known = known_[modes_];
     if (!known) {
         known = std::make_unique<Frozen>(
-            prepare(affine_ ? reader_.read(modes_) : reader_.tangent(modes_, cell_.low, y_.data())));
+            prepare(affine_ ? reader_.read(modes_) : reader_.tangent(modes_, cell_.low, y_.data()), modes_));
         known->pattern = pattern_of(modes_);
     }
     return *known;
@@ -160,7 +182,8 @@ Frozen Flow::tangent(unsigned pattern, double speed) {
                 read_component<Connection<double>>(machine_.values().data() + machine_.connections()[connection].first);
             z[static_cast<std::size_t>(layout_.twist[connection])] = 1.5 * p.gap + 1e-4;
         }
-    Frozen f = prepare(affine_ ? reader_.read(modes) : reader_.tangent(modes, 0.0, z.data()));
+    model_.evaluate(0.0, z.data(), {modes.data(), cell_, nullptr, nullptr});
+    Frozen f = prepare(affine_ ? reader_.read(modes) : reader_.tangent(modes, 0.0, z.data()), modes);
     f.pattern = pattern;
     return f;
 }
@@ -266,7 +289,8 @@ void Flow::remainder(double t, const double* y, double* n) {
     evaluate(t, y);
     const auto rows = states();
     Eigen::Map<Eigen::VectorXd> rest(n, n_);
-    rest = -(now_->A * Eigen::Map<const Eigen::VectorXd>(y, n_));
+    const auto known = first_torque();
+    rest = -(now_->A.leftCols(known) * Eigen::Map<const Eigen::VectorXd>(y, known));
     for (int k = 0; k < rows; ++k) n[k] += model_.rate()[static_cast<std::size_t>(k)];
     for (int k = rows; k < n_; ++k) n[k] = 0.0;
 }
@@ -515,14 +539,6 @@ void Flow::correct(std::size_t sample, const Eigen::MatrixXd& K, const double* e
     }
     all_guards(record_.times()[sample], y_.data(), g0_.data());
     if (std::any_of(g0_.begin(), g0_.end(), [](double g) { return g < 0.0; }) || !stands()) settle(sample);
-}
-
-Eigen::VectorXd Flow::torque_column(int body) {
-    Eigen::VectorXd column = Eigen::VectorXd::Zero(states());
-    evaluate(record_.times().front(), y_.data());
-    const auto group = layout_.group_of[static_cast<std::size_t>(body)];
-    column(group) = model_.ratio(body) / model_.group_inertia(group);
-    return column;
 }
 
 void Flow::settle(std::size_t sample) {

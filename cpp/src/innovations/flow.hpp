@@ -15,7 +15,7 @@
 
 namespace dualdrive::innovations {
 
-// One set of modes, prepared. y = (states, generator of the inputs, 1).
+// One set of modes, prepared. y = (states, generator of the inputs, 1, torques of unknown course).
 struct Frozen {
     Eigen::MatrixXd A, outputs, guards;
     Eigen::MatrixXd phi1, phi2;      // of a substep, for what is not affine
@@ -29,8 +29,8 @@ struct Frozen {
 
 class Flow final {
   public:
-    // `modes` of the run stay with the caller of the constructor's arguments; all must outlive the flow.
-    Flow(const Machine& machine, const SampledRecord& record, int substeps);
+    // Machine and record must outlive the flow. bodies: on which torques of unknown course act.
+    Flow(const Machine& machine, const SampledRecord& record, int substeps, const std::vector<std::string>& bodies);
     ~Flow();
 
     const Layout& layout() const { return layout_; }
@@ -39,6 +39,10 @@ class Flow final {
     Frozen& now() { return *now_; }
     const Modes& modes() const { return modes_; }
     double* y() { return y_.data(); }
+    // Torques of unknown course, one a body, and where they stand in y. They do not move what rests: friction bears them.
+    double* torques() { return y_.data() + reader_.size(); }
+    int torque_count() const { return static_cast<int>(bodies_.size()); }
+    int first_torque() const { return reader_.size(); }
     // Outputs at the present state, before it is corrected.
     void outputs(double* out) const;
     std::size_t guard_count() const { return layout_.switches.size() * guards_per_switch; }
@@ -50,8 +54,6 @@ class Flow final {
     // The state moved by K e at a sample; modes that no longer hold there are found anew. `steady`: K is that of the
     // pattern, whose effect on the guards is kept.
     void correct(std::size_t sample, const Eigen::MatrixXd& K, const double* e, const double* moved, bool steady);
-    // ∂ż/∂(torque on a body in its own frame), which is constant in all modes in which the body's group may turn.
-    Eigen::VectorXd torque_column(int body);
     // The tangent for gains: given contacts carry, bodies slide at table speed `speed`, limiters are linear.
     Frozen tangent(unsigned pattern, double speed);
     unsigned patterns() const { return 1u << contacts_.size(); }
@@ -60,7 +62,7 @@ class Flow final {
 
   private:
     class Memory;  // of delayed signals
-    Frozen prepare(const exact::Laws<double>& laws) const;
+    Frozen prepare(const exact::Laws<double>& laws, const Modes& modes) const;
     Frozen& frozen();
     void evaluate(double t, const double* z);
     void remainder(double t, const double* y, double* n);
@@ -83,6 +85,7 @@ class Flow final {
     std::vector<int> recorded_;
     exact::Reader<double> reader_;
     const bool affine_;
+    const std::vector<int> bodies_;
     const int n_;  // of y
     int outputs_, substeps_;
     double h_;                            // substep

@@ -21,20 +21,21 @@ constexpr double white_floor = 1e-3;  // of a sensor's drive: no reading is exac
 
 }  // namespace
 
-StateSpace::StateSpace(Flow& flow, const Machine& machine, const SampledRecord& record, const NoiseModel& noise,
-                       unsigned pattern, double speed)
-    : StateSpace(flow.tangent(pattern, speed), flow, machine, record, noise) {}
+StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel& noise, unsigned pattern,
+                       double speed)
+    : StateSpace(flow.tangent(pattern, speed), flow, record, noise) {}
 
-StateSpace::StateSpace(const Frozen& frozen, Flow& flow, const Machine& machine, const SampledRecord& record,
-                       const NoiseModel& noise) {
-    const auto n = static_cast<Eigen::Index>(flow.states()), m = static_cast<Eigen::Index>(record.channels().size());
-    const double h = record.step();
-    const Exponentials e = exponentials(frozen.A, h);
+StateSpace::StateSpace(const Frozen& frozen, const Flow& flow, const SampledRecord& record, const NoiseModel& noise)
+    : states_(flow.states()) {
+    const auto states = static_cast<Eigen::Index>(flow.states()), torques = Eigen::Index{flow.torque_count()},
+               n = states + torques, m = static_cast<Eigen::Index>(record.channels().size());
+    const Exponentials e = exponentials(frozen.A, record.step());
     F = MatrixXd::Zero(n + m, n + m);
-    F.topLeftCorner(n, n) = e.flow.topLeftCorner(n, n);
+    F.topLeftCorner(states, states) = e.flow.topLeftCorner(states, states);
+    F.block(0, states, states, torques) = e.flow.block(0, flow.first_torque(), states, torques);
     Q = MatrixXd::Zero(n + m, n + m);
     C = MatrixXd::Zero(m, n + m);
-    C.leftCols(n) = frozen.outputs.leftCols(n);
+    C.leftCols(states) = frozen.outputs.leftCols(states);
     C.rightCols(m) = MatrixXd::Identity(m, m);
     R = MatrixXd::Zero(m, m);
     for (Eigen::Index j = 0; j < m; ++j) {
@@ -43,13 +44,11 @@ StateSpace::StateSpace(const Frozen& frozen, Flow& flow, const Machine& machine,
         Q(n + j, n + j) = s.drive * s.drive;
         R(j, j) = s.white * s.white + white_floor * white_floor * s.drive * s.drive;
     }
-    for (const auto& [name, deviation] : noise.torque) {
-        const int body = machine.body(name);
-        if (body < 0) throw std::invalid_argument("kalman_gains: no body " + name);
-        // a torque on the body is ratio times as much on its group
-        const VectorXd rate = flow.torque_column(body);
-        const VectorXd moved = e.phi1.topLeftCorner(n, n) * rate * deviation;
-        Q.topLeftCorner(n, n) += moved * moved.transpose();
+    Eigen::Index b = states;
+    for (const auto& [body, torque] : noise.torque) {
+        F(b, b) = torque.memory;
+        Q(b, b) = torque.drive * torque.drive;
+        ++b;
     }
 }
 
@@ -98,8 +97,8 @@ KalmanGains::Set StateSpace::steady(const VectorXd& reached) const {
 MatrixXd StateSpace::start(const VectorXd& s) const {
     const auto m = C.rows(), n = F.rows() - m;
     MatrixXd P = MatrixXd::Zero(F.rows(), F.rows());
-    for (Eigen::Index k = 0; k < n; ++k) P(k, k) = std::pow(unknown * s(k), 2);
-    for (Eigen::Index k = n; k < n + m; ++k) P(k, k) = Q(k, k) / std::max(1e-9, 1.0 - F(k, k) * F(k, k));
+    for (Eigen::Index k = 0; k < states_; ++k) P(k, k) = std::pow(unknown * s(k), 2);
+    for (Eigen::Index k = states_; k < n + m; ++k) P(k, k) = Q(k, k) / std::max(1e-9, 1.0 - F(k, k) * F(k, k));
     return P;
 }
 
@@ -115,11 +114,13 @@ KalmanGains kalman_gains(const Machine& machine, const SampledRecord& record, co
     if (noise.sensors.size() != record.channels().size())
         throw std::invalid_argument("kalman_gains: " + std::to_string(noise.sensors.size()) + " noises for " +
                                     std::to_string(record.channels().size()) + " channels");
-    innovations::Flow flow(machine, record, 1);
+    std::vector<std::string> bodies;
+    for (const auto& [body, torque] : noise.torque) bodies.push_back(body);
+    innovations::Flow flow(machine, record, 1, bodies);
     KalmanGains gains;
     gains.noise = noise;
     for (unsigned pattern = 0; pattern < flow.patterns(); ++pattern) {
-        const innovations::StateSpace space(flow, machine, record, noise, pattern, speed);
+        const innovations::StateSpace space(flow, record, noise, pattern, speed);
         const Eigen::VectorXd scale = space.scale();
         if (pattern == flow.patterns() - 1) gains.scale = scale;
         gains.steady[pattern] = space.steady(scale);

@@ -7,20 +7,22 @@
 
 namespace dualdrive::innovations {
 
-// x_{k+1} = F x_k + w, y_k = C x_k + v with covariances Q and R; x = (states of the machine, noise of the sensors).
+// x_{k+1} = F x_k + w, y_k = C x_k + v with covariances Q and R; x = (states of the machine, torques of
+// unknown course, noise of the sensors).
 struct StateSpace {
     Eigen::MatrixXd F, Q, C, R;
 
-    StateSpace(Flow& flow, const Machine& machine, const SampledRecord& record, const NoiseModel& noise,
-               unsigned pattern, double speed);
-    StateSpace(const Frozen& frozen, Flow& flow, const Machine& machine, const SampledRecord& record,
-               const NoiseModel& noise);
+    StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel& noise, unsigned pattern, double speed);
+    StateSpace(const Frozen& frozen, const Flow& flow, const SampledRecord& record, const NoiseModel& noise);
 
     Eigen::VectorXd scale() const;                                // typical size of each state within a short while
     KalmanGains::Set gain(const Eigen::MatrixXd& P) const;        // from the covariance before a measurement
     KalmanGains::Set steady(const Eigen::VectorXd& scale) const;  // throws std::domain_error
     Eigen::MatrixXd start(const Eigen::VectorXd& scale) const;    // covariance of what is not known at first
     Eigen::MatrixXd next(const Eigen::MatrixXd& P, const KalmanGains::Set& set) const;
+
+  private:
+    Eigen::Index states_;  // of the machine alone
 };
 
 }  // namespace dualdrive::innovations

@@ -48,8 +48,15 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
                    const PredictionOptions& options) {
     using Vector = Eigen::VectorXd;
     using Map = Eigen::Map<const Vector>;
-    innovations::Flow flow(machine, record, options.substeps);
-    const auto n = static_cast<Eigen::Index>(flow.states()), m = static_cast<Eigen::Index>(record.channels().size());
+    std::vector<std::string> bodies;
+    std::vector<double> memory;
+    for (const auto& [body, torque] : gains.noise.torque) {
+        bodies.push_back(body);
+        memory.push_back(torque.memory);
+    }
+    innovations::Flow flow(machine, record, options.substeps, bodies);
+    const auto states = static_cast<Eigen::Index>(flow.states()), torques = Eigen::Index{flow.torque_count()},
+               n = states + torques, m = static_cast<Eigen::Index>(record.channels().size());
     const auto samples = record.times().size();
     if (!options.offsets.empty() && options.offsets.size() != static_cast<std::size_t>(m))
         throw std::invalid_argument("predict: one offset per channel");
@@ -58,10 +65,12 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
 
     Prediction out;
     out.states = flow.layout().state_names;
+    out.bodies = bodies;
     out.residuals.assign(samples * static_cast<std::size_t>(m), Prediction::lost);
     if (options.states) {
-        out.trajectory.assign(samples * static_cast<std::size_t>(n), 0.0);
-        out.corrections.assign(samples * static_cast<std::size_t>(n), 0.0);
+        out.trajectory.assign(samples * static_cast<std::size_t>(states), 0.0);
+        out.corrections.assign(samples * static_cast<std::size_t>(states), 0.0);
+        out.torques.assign(samples * static_cast<std::size_t>(torques), 0.0);
         out.innovations.assign(samples * static_cast<std::size_t>(m), 0.0);
         out.pattern.assign(samples, 0);
     }
@@ -80,7 +89,7 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
     bool learning = options.learn_first;
     if (learning) {
         gains.first.clear();
-        P = innovations::StateSpace(flow.now(), flow, machine, record, gains.noise).start(gains.scale);
+        P = innovations::StateSpace(flow.now(), flow, record, gains.noise).start(gains.scale);
     }
     for (std::size_t k = 0; k < samples; ++k) {
         innovations::Frozen* now = &flow.now();
@@ -100,7 +109,7 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
         const KalmanGains::Set* set = &gains.steady.at(now->pattern);
         if (learning) {
             auto& known = spaces[now];
-            if (!known) known = std::make_unique<innovations::StateSpace>(*now, flow, machine, record, gains.noise);
+            if (!known) known = std::make_unique<innovations::StateSpace>(*now, flow, record, gains.noise);
             const innovations::StateSpace& space = *known;
             gains.first.push_back(space.gain(P));
             P = space.next(P, gains.first.back());
@@ -121,10 +130,13 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
         }
         for (Eigen::Index j = 0; j < m; ++j)
             noise(j) = gains.noise.sensors[static_cast<std::size_t>(j)].memory * (noise(j) + correction(n + j));
+        for (Eigen::Index j = 0; j < torques; ++j) flow.torques()[j] += correction(states + j);
         flow.correct(k, set->K, e.data(), correction.data(), k >= gains.first.size());
         if (options.states) {
-            std::copy_n(flow.y(), n, out.trajectory.begin() + static_cast<std::ptrdiff_t>(k) * n);
-            std::copy_n(correction.data(), n, out.corrections.begin() + static_cast<std::ptrdiff_t>(k) * n);
+            const auto row = static_cast<std::ptrdiff_t>(k);
+            std::copy_n(flow.y(), states, out.trajectory.begin() + row * states);
+            std::copy_n(correction.data(), states, out.corrections.begin() + row * states);
+            std::copy_n(flow.torques(), torques, out.torques.begin() + row * torques);
             std::copy_n(e.data(), m, out.innovations.begin() + static_cast<std::ptrdiff_t>(k) * m);
             out.pattern[k] = static_cast<int>(flow.now().pattern);
         }
@@ -133,6 +145,7 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
             out.finite = false;
             return out;
         }
+        for (Eigen::Index j = 0; j < torques; ++j) flow.torques()[j] *= memory[static_cast<std::size_t>(j)];
     }
     out.switches = flow.switches();
     return out;

@@ -15,15 +15,12 @@ from dualdrive.diagnose.axis import candidate_on, numbers_on, shape_on
 from dualdrive.diagnose.decision import Decision, MissingTorque, decide, objection
 from dualdrive.diagnose.experiment import next_experiment
 from dualdrive.diagnose.findings import equation_of
-from dualdrive.diagnose.loop import ClosedLoop
 from dualdrive.diagnose.result import Candidate, Diagnosis, Experiment, Interval
-from dualdrive.diagnose.search import records_alone
 from dualdrive.diagnose.selection import EFFORTS, Fitted, Selection, select
 from dualdrive.diagnose.sentences import paragraph
 from dualdrive.diagnose.shape import shapes
-from dualdrive.identify import FitError
 from dualdrive.identify.unknowns import Unknown, default_free, default_tolerances, unknowns
-from dualdrive.innovations import Counter, GreyBox, flat, predictable
+from dualdrive.innovations import Counter, GreyBox, Variant, flat, predictable, simulated
 from dualdrive.replay import (
     Record,
     core_of,
@@ -126,16 +123,16 @@ def _told(
     refitted = machine_at(machine, grey, found.base)
     improved = machine_at(machine, grey, best) if named else None
     error = {
-        "nominal": simulated_error(core_of(machine), played),
-        "refitted": simulated_error(core_of(refitted), played),
-        "noise_floor": noise_floor(grey, found.best, played),
+        "nominal": simulated_error(grey, Variant(grey.core), grey.start(Variant(grey.core))),
+        "refitted": simulated_error(grey, found.base.variant, found.base.point.theta),
+        "noise_floor": noise_floor(grey, found.best),
     }
     ratio = _cross_validated(grey, found.base)
     error["held_out_refitted"] = error["refitted"] * ratio
-    simulated: dict[str, float] = {}
+    errors: dict[str, float] = {}
     for f in leaders[:_TOLD]:
-        simulated[f.variant.key] = simulated_error(core_of(machine_at(machine, grey, f)), played)
-    error["best"] = simulated[best.variant.key] if leaders and named else error["refitted"]
+        errors[f.variant.key] = simulated_error(grey, f.variant, f.point.theta)
+    error["best"] = errors[best.variant.key] if leaders and named else error["refitted"]
     error["held_out_best"] = (
         error["best"] * _cross_validated(grey, best) if named else error["held_out_refitted"]
     )
@@ -144,9 +141,9 @@ def _told(
         warnings = [*warnings, f"no verdict but unknown can stand: {why}"]
         named, improved = False, None
     candidates = [
-        _candidate(grey, found, decision, f, p, simulated[f.variant.key])
+        _candidate(grey, found, decision, f, p, errors[f.variant.key])
         for f, p in decision.ranked
-        if f.variant.effects and f.variant.key in simulated
+        if f.variant.effects and f.variant.key in errors
     ]
     candidates = [candidate_on(machine, c) for c in candidates]
     candidates += _screened(found, candidates)
@@ -232,23 +229,32 @@ def added(core: Any, f: Fitted) -> list[tuple[str, str]]:
     return [tuple(label.split("@", 1)) for label in labels]
 
 
-def simulated_error(core: Any, played: Sequence[Record]) -> float:
+def simulated_error(grey: GreyBox, variant: Variant, theta: Array) -> float:
     """Headline error of the loop simulated over the records, the machine's numbers held.
 
-    Constants of sensors and initial states are the records' own, and fitted. Not a number where the
+    Constants of the sensors, on which the initial state rests, are fitted. Not a number where the
     machine does not run there.
     """
-    try:
-        c = ClosedLoop(core, played)
-        return c.headline(records_alone(c).left)
-    except (ValueError, FitError):
+    found = simulated(grey, variant, theta)
+    if found is None:
         return float("nan")
+    left, whole = dict[str, float](), dict[str, float]()
+    for r, missed in zip(grey.records, found, strict=True):
+        own = dict(zip(r.channels, missed.T, strict=True))
+        for c in r.record.channels:
+            total = sum(factor * own[name] for name, factor in c.parts if name in own)
+            residual = np.broadcast_to(total, len(r.record.t))
+            residual = residual - np.mean(residual) if c.floating else residual
+            left[c.name] = left.get(c.name, 0.0) + float(residual @ residual)
+            whole[c.name] = whole.get(c.name, 0.0) + c.spread**2 * len(r.record.t)
+    channels = [c for r in grey.records for c in r.record.channels]
+    return headline({n: float(np.sqrt(left[n] / whole[n])) for n in left}, channels)
 
 
-def noise_floor(grey: GreyBox, f: Fitted, played: Sequence[Record]) -> float:
+def noise_floor(grey: GreyBox, f: Fitted) -> float:
     """Headline error that the sensors' noise alone would leave, as the likelihood has it."""
     left, whole = dict[str, float](), dict[str, float]()
-    channels = [c for r in played for c in r.channels]
+    channels = [c for r in grey.records for c in r.record.channels]
     for r in grey.records:
         known = dict(zip(r.channels, f.noise.sensors(r), strict=True))
         variance = {

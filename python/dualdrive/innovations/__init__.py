@@ -11,6 +11,7 @@ from dualdrive.innovations.fit import fit, inflation
 from dualdrive.innovations.greybox import Counter, GreyBox, Point, Variant, flat
 from dualdrive.innovations.noise import Noise, first_noise, maximum_likelihood
 from dualdrive.innovations.records import Predictable, predictable
+from dualdrive.innovations.simulated import simulated
 
 __all__ = [
     "Counter",
@@ -25,4 +26,5 @@ __all__ = [
     "inflation",
     "maximum_likelihood",
     "predictable",
+    "simulated",
 ]

@@ -178,7 +178,7 @@ class GreyBox:
         core, offsets = self.machine(variant, theta), self.constants(theta)
 
         def evaluate(noises: Sequence[Noise]) -> list[tuple[Array, float] | None]:
-            own = list(self.pool.map(lambda n: self._steady(core, n), noises))
+            own = list(self.pool.map(lambda n: self.steady(core, n), noises))
             jobs = [
                 (core, offsets, r, g, True)
                 for gains in own
@@ -207,7 +207,7 @@ class GreyBox:
 
         """
         core, offsets = self.machine(variant, theta), self.constants(theta)
-        own = self._steady(core, noise)
+        own = self.steady(core, noise)
         if own is None:
             raise ValueError(f"{variant.label}: no Kalman filter is steady under this noise")
         jobs = [(core, offsets, r, g, True) for r, g in zip(self.records, own, strict=True)]
@@ -215,7 +215,8 @@ class GreyBox:
         self.counter.replays += len(jobs)
         return own
 
-    def _steady(self, core: Any, noise: Noise) -> list[Any] | None:
+    def steady(self, core: Any, noise: Noise) -> list[Any] | None:
+        """Steady Kalman gains per record; None where no filter is steady under this noise."""
         steady: dict[Any, Any] = {}
         own = []
         for r in self.records:
@@ -224,7 +225,7 @@ class GreyBox:
                 there = with_settings(core, r.record.settings)
                 try:
                     steady[key] = _core.kalman_gains(
-                        there, r.sampled, noise.sensors(r), dict(noise.torque), self.speed
+                        there, r.sampled, noise.sensors(r), noise.torques(), self.speed
                     )
                 except ValueError:
                     return None
@@ -253,6 +254,18 @@ class GreyBox:
             residuals = tuple(f.residuals for f in own)
             points.append(Point(variant, theta, residuals, det, self.prior(theta), lost))
         return points
+
+    def torques(self, point: Point, gains: Sequence[Any]) -> list[dict[str, Array]]:
+        """Body -> torque of unknown course that the filter asks for, N*m, shape (n,), per record."""
+        core, offsets = self.machine(point.variant, point.theta), self.constants(point.theta)
+        self.counter.replays += len(self.records)
+
+        def one(job: tuple[Predictable, Any]) -> dict[str, Array]:
+            record, own = job
+            found = predicted(core, offsets, record, own, states=True)
+            return dict(zip(found["bodies"], found["torques"].T, strict=True))
+
+        return list(self.pool.map(one, zip(self.records, gains, strict=True)))
 
     def prior(self, theta: Array) -> float:
         """Squared distance of the shared unknowns from what is believed, in sigma."""
@@ -286,6 +299,40 @@ def flat(residuals: Sequence[Array]) -> Array:
     return np.concatenate([r.ravel() for r in residuals])
 
 
+def predicted(
+    core: Any,
+    offsets: Mapping[str, float],
+    record: Predictable,
+    gains: Any,
+    *,
+    moved: Mapping[str, float] | None = None,
+    **options: bool,
+) -> Any:
+    """What `_core.predict` finds of one record.
+
+    Args:
+        core: the machine, the record's own settings not yet in it.
+        offsets: channel -> what its sensor adds.
+        record: what was measured.
+        gains: of `GreyBox.gains`.
+        moved: state -> what is added to it where the record begins.
+        options: of `_core.predict`.
+
+    """
+    there = with_settings(core, record.record.settings)
+    initial = record.initial(there, offsets)
+    for state, x in (moved or {}).items():
+        initial[state] = initial.get(state, 0.0) + x
+    return _core.predict(
+        there,
+        record.sampled,
+        gains,
+        initial=initial,
+        offsets=[offsets.get(c, 0.0) for c in record.channels],
+        **options,
+    )
+
+
 class _Replayed(NamedTuple):
     residuals: Array
     log_det: float
@@ -298,15 +345,7 @@ def _replay(job: tuple[Any, Mapping[str, float], Predictable, Any, bool]) -> _Re
     if core is None:
         return nothing
     try:
-        there = with_settings(core, record.record.settings)
-        found = _core.predict(
-            there,
-            record.sampled,
-            gains,
-            initial=record.initial(there, offsets),
-            offsets=[offsets.get(c, 0.0) for c in record.channels],
-            learn_first=learn,
-        )
+        found = predicted(core, offsets, record, gains, learn_first=learn)
     except (ValueError, RuntimeError):
         return nothing
     residuals = np.clip(found["residuals"], -_LOST, _LOST)

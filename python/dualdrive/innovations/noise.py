@@ -14,8 +14,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_LEAST_MEMORY, _MOST_MEMORY = 0.0, 0.9999
+_LEAST_MEMORY, _MOST_MEMORY = -0.5, 0.9999
 _KNOWN = 0.05  # of the share at the table: a motor's unknown torque
+_COURSE = 0.9  # pole over a sample of a torque of unknown course, at first
 _STEP = 1e-3  # of a logarithm, for finite differences
 _LONGEST = 1.5  # step of a logarithm
 _FARTHEST = 14.0  # of a logarithm, from where the search began
@@ -28,13 +29,19 @@ class Noise:
 
     drive:  kind of channel -> what drives its autoregression of order one, SI of the channel
     memory: kind of channel -> its pole over a sample, 0 white .. 1 a random walk
-    torque: body -> torque of unknown course, constant over a sample, N*m in its own frame;
-        empty: the replay is a simulation
+    torque: body -> what drives the torque of unknown course there, constant over a sample, N*m in
+        the body's own frame; empty: the replay is a simulation
+    course: pole over a sample of these torques, an autoregression of order one, too
     """
 
     drive: Mapping[str, float]
     memory: Mapping[str, float]
     torque: Mapping[str, float]
+    course: float = 0.0
+
+    def torques(self) -> dict[str, tuple[float, float]]:
+        """Body -> (drive, memory)."""
+        return {body: (s, self.course) for body, s in self.torque.items()}
 
     def sensors(self, record: Predictable) -> list[tuple[float, float, float]]:
         """(drive, memory, white part of the rounding) per channel of a record."""
@@ -59,7 +66,9 @@ def first_noise(core: Any, records: Sequence[Predictable], share: float) -> Nois
             # third differences of white noise are sqrt(20) times as large; motion hardly has any
             rough.setdefault(kind, []).append(float(np.std(np.diff(y, 3))) / np.sqrt(20.0))
     drive = {kind: max(float(np.median(s)), 1e-300) for kind, s in rough.items()}
-    return Noise(drive, dict.fromkeys(drive, 0.5), _wide(core, records, share))
+    scale = float(np.sqrt(1.0 - _COURSE**2))
+    wide = {body: scale * s for body, s in _wide(core, records, share).items()}
+    return Noise(drive, dict.fromkeys(drive, 0.5), wide, _COURSE)
 
 
 def _wide(core: Any, records: Sequence[Predictable], share: float) -> dict[str, float]:
@@ -102,23 +111,36 @@ class _Coordinates:
     floor: Mapping[str, float]
 
     def __len__(self) -> int:
-        return 2 * len(self.kinds) + len(self.ties)
+        return 2 * len(self.kinds) + len(self.ties) + bool(self.ties)
 
     def at(self, x: Array) -> Noise:
         """The noise at a vector; zero is the one it was begun with."""
         n, own = len(self.kinds), self.noise
-        x = np.clip(x, -_FARTHEST, _FARTHEST)
         grown = {k: float(own.drive[k] * np.exp(v)) for k, v in zip(self.kinds, x[:n], strict=True)}
         kept = {
             k: _memory(_logit(own.memory[k]) + v)
             for k, v in zip(self.kinds, x[n : 2 * n], strict=True)
         }
-        factor = dict(zip(self.ties, np.exp(x[2 * n :]), strict=True))
+        last = 2 * n + len(self.ties)
+        factor = dict(zip(self.ties, np.exp(x[2 * n : last]), strict=True))
+        course = _memory(_logit(own.course) + x[last]) if self.ties else own.course
         torque = {
             body: max(float(s * factor.get(_tie(body), 1.0)), self.floor.get(body, 0.0))
             for body, s in own.torque.items()
         }
-        return Noise({**own.drive, **grown}, {**own.memory, **kept}, torque)
+        return Noise({**own.drive, **grown}, {**own.memory, **kept}, torque, course)
+
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Lowest and highest of every logarithm; a memory's are those of a pole."""
+        far = np.full(len(self), _FARTHEST)
+        low, high, n = -far, far.copy(), len(self.kinds)
+        poles = [(n + k, self.noise.memory[kind]) for k, kind in enumerate(self.kinds)]
+        if self.ties:
+            poles.append((len(self) - 1, self.noise.course))
+        for k, pole in poles:
+            low[k], high[k] = _logit(_LEAST_MEMORY) - _logit(pole), _logit(_MOST_MEMORY) - _logit(pole)
+        return np.minimum(low, 0.0), np.maximum(high, 0.0)
 
 
 #: innovations (whitened, flat) and log det of each noise, None where no filter is steady
@@ -155,6 +177,7 @@ def maximum_likelihood(
         dict(floor or {}),
     )
     x = np.zeros(len(own))
+    low, high = own.bounds()
     [first] = evaluate([own.at(x)])
     if first is None:
         return noise, np.inf
@@ -162,13 +185,19 @@ def maximum_likelihood(
     cost = float(r @ r) + det
     damping = 1e-3
     for _ in range(steps):
-        moved = evaluate([own.at(x + _STEP * e) for e in np.eye(len(x))])
-        J = np.stack([(m[0] - r) / _STEP if m else np.zeros_like(r) for m in moved])
-        slope = np.array([(m[1] - det) / _STEP if m else 0.0 for m in moved])
+        inward = np.where(x + _STEP > high, -_STEP, _STEP)
+        moved = evaluate([own.at(x + e) for e in np.diag(inward)])
+        J = np.stack(
+            [(m[0] - r) / s if m else np.zeros_like(r) for m, s in zip(moved, inward, strict=True)]
+        )
+        slope = np.array([(m[1] - det) / s if m else 0.0 for m, s in zip(moved, inward, strict=True)])
         g, H = 2.0 * (J @ r) + slope, 2.0 * (J @ J.T)
         better: tuple[Array, tuple[Array, float], float] | None = None
         for _ in range(3):
-            d = _step_within(H + damping * np.diag(np.diag(H)) + 1e-9 * np.eye(len(x)), g)
+            damped = H + damping * np.diag(np.diag(H)) + 1e-9 * np.eye(len(x))
+            d = _step_within(
+                damped, g, np.maximum(low - x, -_LONGEST), np.minimum(high - x, _LONGEST)
+            )
             trials = [x + a * d for a in (1.0, 0.5)]
             tried = [
                 (t, f, float(f[0] @ f[0]) + f[1])
@@ -190,16 +219,16 @@ def maximum_likelihood(
     return own.at(x), cost
 
 
-def _step_within(H: Array, g: Array) -> Array:
+def _step_within(H: Array, g: Array, low: Array, high: Array) -> Array:
     """Newton step in a box: what the records hardly tell may not shorten what they tell."""
     d, held = np.zeros(len(g)), np.zeros(len(g), dtype=bool)
     for _ in range(len(g)):
         move = ~held
         d[move] = -np.linalg.solve(H[np.ix_(move, move)], g[move] + H[np.ix_(move, held)] @ d[held])
-        beyond = move & (np.abs(d) > _LONGEST)
+        beyond = move & ((d > high) | (d < low))
         if not beyond.any():
             break
-        d[beyond] = np.sign(d[beyond]) * _LONGEST
+        d[beyond] = np.clip(d, low, high)[beyond]
         held |= beyond
     return d
 

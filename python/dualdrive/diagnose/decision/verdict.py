@@ -19,7 +19,7 @@ from dualdrive.replay import ratio_to_table
 class MissingTorque:
     """What an equation of motion lacks, RMS over the samples, N*m in the frame of its body.
 
-    rms:         of the torque of unknown course that the innovations ask for, low-passed
+    rms:         of the torque of unknown course that the filter asks for
     share:       of the drives' torque there
     noise_share: of the drives' torque, what the sensors' noise makes of such an estimate alone
     """
@@ -94,10 +94,13 @@ def missing_torque(core: Any, grey: GreyBox, f: Fitted) -> dict[str, MissingTorq
     """Equation -> torque of unknown course that a fitted machine still asks for."""
     drives = {motor: _torque_of(core, grey, motor) for motor in core.motors}
     at_table = float(np.sqrt(sum((ratio_to_table(core, m) * t) ** 2 for m, t in drives.items())))
+    records = grey.torques(f.point, f.gains)
     found = {}
-    for body, deviation in f.noise.torque.items():
+    for body in f.noise.torque:
+        course = np.concatenate([r[body] for r in records])
+        rms = float(np.sqrt(np.mean(course**2)))
         scale = at_table if body == "table" else drives.get(body, 0.0)
-        found[body] = MissingTorque(deviation, deviation / scale if scale > 0.0 else 0.0, 0.0)
+        found[body] = MissingTorque(rms, rms / scale if scale > 0.0 else 0.0, 0.0)
     return found
 
 

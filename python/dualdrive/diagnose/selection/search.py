@@ -31,9 +31,6 @@ from dualdrive.innovations import (
 Array = NDArray[np.float64]
 
 _WIDE = 0.1  # of the drives' torque: unknown course at first
-_TRIAL = (
-    0.03  # the same where laws are tried: little enough that they show, enough that refits arrive
-)
 _LOWERING, _LOWERINGS = 0.2, 8  # of the unknown torque, step by step
 _BEGINS = (1.0, 0.3, 3.0, 10.0)  # where the first number of a part begins, times its usual one
 _HOPELESS = 3.0  # gain of a score test, over the inflation, below which no refit is worth it
@@ -124,7 +121,6 @@ class _Search:
         self.screened: list[tuple[str, Scored]] = []
         self.tried: dict[str, float] = {}
         self.finals: dict[str, Fitted] = {}
-        self.trial: Noise
 
     def run(self) -> Selection:
         base = self._base()
@@ -133,7 +129,7 @@ class _Search:
         for count in range(self.effort.most):
             if self.grey.counter.stop():
                 break
-            found = self._step(leader, lower=count == 0)
+            found = self._step(leader, parts=count == 0)
             for f in found:
                 known = self.finals.get(f.variant.key)
                 if known is None or f.criterion < known.criterion:
@@ -194,20 +190,12 @@ class _Search:
         wide = first_noise(self.core, grey.records, _WIDE)
         theta = grey.start(nothing)
         point = fit(grey, nothing, theta, grey.gains(nothing, theta, wide), refresh=(0, 2, 4))
-        # under so much unknown torque any machine follows: what is left is the sensors' own
-        under = grey.under(nothing, point.theta)
-        wide, _ = maximum_likelihood(wide, under, torques=False, steps=self._steps(10))
-        self.trial = wide.with_torque(_TRIAL / _WIDE)
         return self._final(point, wide)
 
-    def _step(self, leader: Fitted, lower: bool) -> list[Fitted]:
+    def _step(self, leader: Fitted, parts: bool) -> list[Fitted]:
         """Every law beside the leader: screened, the best refitted, their noise estimated."""
         grey = self.grey
         noise, point, gains = leader.noise, leader.point, leader.gains
-        if lower and any(noise.torque[b] > s for b, s in self.trial.torque.items()):
-            noise = self.trial
-            gains = grey.gains(leader.variant, point.theta, noise)
-            point = fit(grey, leader.variant, point.theta, gains, steps=4, refresh=(0, 2))
         over = inflation(point)
         columns = grey.columns(point, range(len(point.theta)), gains)
         variants = self.library.variants(leader.variant, leader.point)
@@ -219,7 +207,7 @@ class _Search:
         )  # fmt: skip
         self.screened += [(beside, s) for s in found]
         refits: list[Point] = []
-        chosen = self._chosen(found, noise is self.trial)
+        chosen = self._chosen(found, parts)
         for k, s in enumerate(chosen, 1):
             if grey.counter.stop():
                 break
@@ -266,12 +254,12 @@ class _Search:
         except ValueError:
             return None
 
-    def _chosen(self, found: Sequence[Scored], lacks: bool) -> list[Scored]:
+    def _chosen(self, found: Sequence[Scored], parts: bool) -> list[Scored]:
         """What is refitted: the best scores, and parts whose probe says little of their size."""
         known = [s for s in found if np.isfinite(s.gain)]
         known.sort(key=lambda s: -(s.gain - 2.0 * np.log(s.variant.looks)))
         best = [s for s in known if s.gain > _HOPELESS][: self.effort.refitted]
-        far = [s for s in found if s not in best and _is_part(s.variant)] if lacks else []
+        far = [s for s in found if s not in best and _is_part(s.variant)] if parts else []
         return best + far
 
     def _refit(

@@ -1,0 +1,136 @@
+"""Records simulated whole: the filter without a torque of unknown course is a simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive.innovations.greybox import GreyBox, Variant, predicted
+from dualdrive.innovations.noise import Noise
+from dualdrive.innovations.records import Predictable
+
+Array = NDArray[np.float64]
+
+_STEPS = 4  # of Gauss-Newton
+_BEGIN = 1e-4  # rad: how well the first angles are believed, and their unit
+_DIFFERENCE = 1e-3  # of a unit, for finite differences
+_GAIN = 1e-3  # of the cost: a step that brings less ends the fit
+
+
+def simulated(grey: GreyBox, variant: Variant, theta: Array) -> list[Array] | None:
+    """Measured less simulated of every record, SI, shape (rows, channels) each.
+
+    The machine's numbers are held; what belongs to the records is fitted by Gauss-Newton: the
+    sensors' constants, and at which angles of table and meshes each record begins. None where the
+    machine does not run.
+
+    Args:
+        grey: records and their sensors.
+        variant: the machine.
+        theta: its numbers, shape (unknowns,).
+
+    """
+    loop = _Loop(grey, variant, theta)
+    now = loop.residuals(np.zeros(loop.size))
+    if now is None:
+        return None
+    x = np.zeros(loop.size)
+    for _ in range(_STEPS):
+        J = loop.slopes(x, now)
+        r = np.concatenate([part.ravel() for part in now])
+        d = np.linalg.solve(J @ J.T + np.eye(loop.size), J @ r + x)
+        cost = float(r @ r + x @ x)
+        trials = [(y, loop.residuals(y)) for y in (x - d, x - 0.3 * d)]
+        costs = [_square(f) + float(y @ y) if f else np.inf for y, f in trials]
+        k = int(np.argmin(costs))
+        if not costs[k] < cost:
+            break
+        x, now = trials[k][0], trials[k][1] or now
+        if costs[k] > (1.0 - _GAIN) * cost:
+            break
+    return [part * loop.scale[k] for k, part in enumerate(now)]
+
+
+def _square(parts: Sequence[Array]) -> float:
+    return float(sum(np.einsum("ij,ij->", part, part) for part in parts))
+
+
+class _Loop:
+    """Residuals of simulations, every channel over its spread, at what belongs to the records."""
+
+    def __init__(self, grey: GreyBox, variant: Variant, theta: Array) -> None:
+        self.grey, self.core = grey, grey.machine(variant, theta)
+        self.constants = grey.constants(theta)
+        spread: dict[str, float] = {}
+        for r in grey.records:
+            for kind, y in zip(r.kinds, r.measured.T, strict=True):
+                spread[kind] = max(spread.get(kind, 0.0), float(np.std(y)))
+        noise = Noise(spread, dict.fromkeys(spread, 0.0), {})
+        self.gains = grey.steady(self.core, noise)
+        self.scale = [np.array([spread[kind] for kind in r.kinds]) for r in grey.records]
+        known = {state for state, _ in self.core.states()}
+        self.begins = [s for s in ("theta_m", *_twists(self.core)) if s in known]
+        self.size = len(grey.offsets) + len(grey.records) * len(self.begins)
+
+    def residuals(self, x: Array) -> list[Array] | None:
+        """Per record; None where one is lost."""
+        found = self._runs([(k, x) for k in range(len(self.grey.records))])
+        return None if any(f is None for f in found) else [f for f in found if f is not None]
+
+    def slopes(self, x: Array, now: Sequence[Array]) -> Array:
+        """Derivatives, shape (unknowns, residuals); a record's own angles move no other one."""
+        shared, own = len(self.grey.offsets), len(self.begins)
+        jobs: list[tuple[int, Array]] = []
+        rows: list[int] = []
+        for k in range(len(now)):
+            first = shared + k * own
+            for u in (*range(shared), *range(first, first + own)):
+                y = x.copy()
+                y[u] += _DIFFERENCE
+                jobs.append((k, y))
+                rows.append(u)
+        ends = np.cumsum([0, *(part.size for part in now)])
+        J = np.zeros((self.size, ends[-1]))
+        for (k, _), u, f in zip(jobs, rows, self._runs(jobs), strict=True):
+            if f is not None:
+                J[u, ends[k] : ends[k + 1]] = (f - now[k]).ravel() / _DIFFERENCE
+        return J
+
+    def _runs(self, jobs: Sequence[tuple[int, Array]]) -> list[Array | None]:
+        self.grey.counter.replays += len(jobs)
+        return list(self.grey.pool.map(lambda job: self._run(*job), jobs))
+
+    def _run(self, k: int, x: Array) -> Array | None:
+        if self.gains is None:
+            return None
+        record, shared, own = self.grey.records[k], len(self.grey.offsets), len(self.begins)
+        constants = dict(self.constants)
+        for (channel, sigma), value in zip(self.grey.offsets.items(), x[:shared], strict=True):
+            constants[channel] += sigma * float(value)
+        first = x[shared + k * own : shared + (k + 1) * own]
+        moved = {s: _BEGIN * float(v) for s, v in zip(self.begins, first, strict=True)}
+        return _missed(self.core, constants, record, self.gains[k], moved, self.scale[k])
+
+
+def _missed(
+    core: Any,
+    constants: Mapping[str, float],
+    record: Predictable,
+    gains: Any,
+    moved: Mapping[str, float],
+    scale: Array,
+) -> Array | None:
+    try:
+        found = predicted(core, constants, record, gains, moved=moved, states=True)
+    except (ValueError, RuntimeError):
+        return None
+    if not found["finite"]:
+        return None
+    return np.asarray(found["innovations"]) / scale
+
+
+def _twists(core: Any) -> list[str]:
+    return [f"{name}.twist" for name in core.connections]
