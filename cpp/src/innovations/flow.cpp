@@ -510,35 +510,36 @@ void Flow::outputs(double* out) const {
     }
 }
 
-// Whether no body that rests has a speed.
-bool Flow::stands() const {
-    for (const int e : sticks_)
-        if (modes_[static_cast<std::size_t>(e)] == stick::stuck &&
-            y_[static_cast<std::size_t>(layout_.switches[static_cast<std::size_t>(e)].index)] != 0.0)
-            return false;
-    return true;
+std::size_t Flow::resting(int element) const {
+    return static_cast<std::size_t>(layout_.switches[static_cast<std::size_t>(element)].index);
 }
 
 void Flow::correct(std::size_t sample, const Eigen::MatrixXd& K, const double* e, const double* moved, bool steady) {
     for (int i = 0; i < states(); ++i) y_[static_cast<std::size_t>(i)] += moved[i];
+    for (const int element : sticks_)  // friction holds what rests
+        if (modes_[static_cast<std::size_t>(element)] == stick::stuck) y_[resting(element)] = 0.0;
     const auto count = guard_count();
     if (steady && at_end_ && affine_) {
         auto& gain = now_->guard_gain;
         if (gain.empty()) {
             gain.resize(count * static_cast<std::size_t>(outputs_));
+            Eigen::MatrixXd own = K.topRows(states());
+            for (const int element : sticks_)
+                if (modes_[static_cast<std::size_t>(element)] == stick::stuck)
+                    own.row(static_cast<Eigen::Index>(resting(element))).setZero();
             Eigen::Map<Eigen::MatrixXd>(gain.data(), static_cast<Eigen::Index>(count), outputs_) =
-                now_->guards.leftCols(states()) * K.topRows(states());
+                now_->guards.leftCols(states()) * own;
         }
         double* g = out_.data() + n_ + outputs_;
         for (int j = 0; j < outputs_; ++j)
             for (std::size_t k = 0; k < count; ++k) g[k] += gain[static_cast<std::size_t>(j) * count + k] * e[j];
         bool holds = true;
         for (std::size_t k = 0; k < count; ++k) holds = holds && !(g[k] < 0.0);
-        if (!holds || !stands()) settle(sample);
+        if (!holds) settle(sample);
         return;
     }
     all_guards(record_.times()[sample], y_.data(), g0_.data());
-    if (std::any_of(g0_.begin(), g0_.end(), [](double g) { return g < 0.0; }) || !stands()) settle(sample);
+    if (std::any_of(g0_.begin(), g0_.end(), [](double g) { return g < 0.0; })) settle(sample);
 }
 
 void Flow::settle(std::size_t sample) {

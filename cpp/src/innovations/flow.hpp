@@ -51,7 +51,7 @@ class Flow final {
     void start(const std::map<std::string, double>& initial);
     // From sample k to the next one; false where numbers are lost.
     bool flow(std::size_t sample);
-    // The state moved by K e at a sample; modes that no longer hold there are found anew. `steady`: K is that of the
+    // The state moved by K e at a sample, what rests excepted: friction holds it. Modes that no longer hold there are found anew. `steady`: K is that of the
     // pattern, whose effect on the guards is kept.
     void correct(std::size_t sample, const Eigen::MatrixXd& K, const double* e, const double* moved, bool steady);
     // The tangent for gains: given contacts carry, bodies slide at table speed `speed`, limiters are linear.
@@ -67,7 +67,7 @@ class Flow final {
     void evaluate(double t, const double* z);
     void remainder(double t, const double* y, double* n);
     bool advance(double t, double length);
-    bool stands() const;
+    std::size_t resting(int element) const;  // the speed that a friction holds
     bool through_switches(double t, double length);
     void propagate(const double* from, const double* n0, const double* slope, double length, double* to);
     bool all_guards(double t, const double* y, double* g);

@@ -31,6 +31,7 @@ from dualdrive.traces import Trace
 Array = NDArray[np.float64]
 
 _BLOCKS = 8  # of cross-validation
+_FAR = 10.0  # standard errors that a number may move where a block is left out
 _TOLD = 8  # candidates in the result
 _SURE = 1.96  # standard deviations of a 95 % interval
 #: relative tolerances of the motors' numbers that a record of currents shows
@@ -280,6 +281,9 @@ def _cross_validated(grey: GreyBox, f: Fitted) -> float:
     weight[: grey.shared] = 1.0 / grey.sigma**2
     s = 1.0 / f.inflation
     H = s * (columns @ columns.T) + np.diag(weight + 1e-12)
+    scale = np.sqrt(np.diag(np.linalg.pinv(H, hermitian=True)).clip(0.0) + 1e-300)
+    # a linear step says nothing far away, where only one block tells a number
+    held = np.diag(1.0 / (_FAR * scale) ** 2)
     blocks = np.concatenate(
         [
             np.repeat(np.minimum(np.arange(len(x)) * _BLOCKS // len(x), _BLOCKS - 1), x.shape[1])
@@ -290,7 +294,7 @@ def _cross_validated(grey: GreyBox, f: Fitted) -> float:
     for b in range(_BLOCKS):
         own = blocks == b
         J, left = columns[:, own], r[own]
-        step = np.linalg.solve(H - s * (J @ J.T) + 1e-9 * np.diag(np.diag(H)), s * (J @ left))
+        step = np.linalg.solve(H - s * (J @ J.T) + held, s * (J @ left))
         total += float(np.sum((left + J.T @ step) ** 2))
     return float(np.sqrt(total / max(float(r @ r), 1e-300)))
 

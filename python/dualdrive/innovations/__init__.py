@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from dualdrive.innovations.fit import fit, inflation
 from dualdrive.innovations.greybox import Counter, GreyBox, Point, Variant, flat
-from dualdrive.innovations.noise import Noise, first_noise, maximum_likelihood
+from dualdrive.innovations.likelihood import maximum_likelihood
+from dualdrive.innovations.noise import Noise, drive_torque, first_noise
 from dualdrive.innovations.records import Predictable, predictable
 from dualdrive.innovations.simulated import simulated
 
@@ -20,6 +21,7 @@ __all__ = [
     "Point",
     "Predictable",
     "Variant",
+    "drive_torque",
     "first_noise",
     "fit",
     "flat",

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.identify.unknowns import Unknown
-from dualdrive.innovations.noise import Evaluate, Noise
+from dualdrive.innovations.noise import Noise
 from dualdrive.innovations.records import Predictable
 from dualdrive.replay.record import with_settings
 
@@ -173,31 +173,42 @@ class GreyBox:
             for (c, s), x in zip(self.offsets.items(), theta[n : self.shared], strict=True)
         }
 
-    def under(self, variant: Variant, theta: Array) -> Evaluate:
-        """Innovations of a variant at a point under several noises, first samples included."""
-        core, offsets = self.machine(variant, theta), self.constants(theta)
+    def likelihoods(
+        self, variant: Variant, places: Sequence[tuple[Array, Noise]]
+    ) -> list[tuple[Point, list[Any]] | None]:
+        """Innovations and gains of a variant at several points, each under a noise of its own.
 
-        def evaluate(noises: Sequence[Noise]) -> list[tuple[Array, float] | None]:
-            own = list(self.pool.map(lambda n: self.steady(core, n), noises))
-            jobs = [
-                (core, offsets, r, g, True)
-                for gains in own
-                if gains
-                for r, g in zip(self.records, gains, strict=True)
-            ]
-            self.counter.replays += len(jobs)
-            found = iter(list(self.pool.map(_replay, jobs)))
-            result: list[tuple[Array, float] | None] = []
-            for gains in own:
-                if not gains:
-                    result.append(None)
-                    continue
-                parts = [next(found) for _ in self.records]
-                rows = [f.residuals.ravel() for f in parts]
-                result.append((np.concatenate(rows), sum(f.log_det for f in parts)))
-            return result
+        None where no filter is steady or a replay breaks down.
+        """
 
-        return evaluate
+        def job(place: tuple[Array, Noise]) -> tuple[Any, list[Any] | None]:
+            try:
+                core = self.machine(variant, place[0])
+            except ValueError:
+                return None, None
+            return core, self.steady(core, place[1])
+
+        own = list(self.pool.map(job, places))
+        jobs = [
+            (core, self.constants(theta), r, g, True)
+            for (core, gains), (theta, _) in zip(own, places, strict=True)
+            for r, g in zip(self.records, gains or [], strict=bool(gains))
+        ]
+        self.counter.replays += len(jobs)
+        found = iter(list(self.pool.map(_replay, jobs)))
+        result: list[tuple[Point, list[Any]] | None] = []
+        for (_, gains), (theta, _) in zip(own, places, strict=True):
+            if gains is None:
+                result.append(None)
+                continue
+            point = self._point(variant, theta, [next(found) for _ in self.records])
+            result.append(None if point.lost else (point, gains))
+        return result
+
+    def _point(self, variant: Variant, theta: Array, found: Sequence[_Replayed]) -> Point:
+        det, lost = sum(f.log_det for f in found), any(f.lost for f in found)
+        residuals = tuple(f.residuals for f in found)
+        return Point(variant, theta, residuals, det, self.prior(theta), lost)
 
     def gains(self, variant: Variant, theta: Array, noise: Noise) -> list[Any]:
         """Kalman gains per record, about the variant at a point, first samples included.
@@ -250,9 +261,7 @@ class GreyBox:
         points = []
         for k, (variant, theta) in enumerate(zip(variants, thetas, strict=True)):
             own = [f for f, owner in zip(found, owners, strict=True) if owner == k]
-            det, lost = sum(f.log_det for f in own), any(f.lost for f in own)
-            residuals = tuple(f.residuals for f in own)
-            points.append(Point(variant, theta, residuals, det, self.prior(theta), lost))
+            points.append(self._point(variant, theta, own))
         return points
 
     def torques(self, point: Point, gains: Sequence[Any]) -> list[dict[str, Array]]:

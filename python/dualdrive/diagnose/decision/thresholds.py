@@ -21,7 +21,7 @@ THRESHOLDS = {
         "but what numbers within their tolerances and the noise model leave",
     ),
     "inflation": Threshold(
-        1.5,
+        4.0,
         "mean square of innovations summed over 1, 50 or 400 samples, 1 where white: more is left "
         "than the noise model can bear",
     ),

@@ -11,8 +11,7 @@ import numpy as np
 from dualdrive.diagnose.decision.thresholds import threshold
 from dualdrive.diagnose.result import Verdict
 from dualdrive.diagnose.selection import Fitted, Selection
-from dualdrive.innovations import GreyBox
-from dualdrive.replay import ratio_to_table
+from dualdrive.innovations import GreyBox, drive_torque
 
 
 @dataclass(frozen=True)
@@ -92,24 +91,12 @@ def _moved(grey: GreyBox, f: Fitted) -> bool:
 
 def missing_torque(core: Any, grey: GreyBox, f: Fitted) -> dict[str, MissingTorque]:
     """Equation -> torque of unknown course that a fitted machine still asks for."""
-    drives = {motor: _torque_of(core, grey, motor) for motor in core.motors}
-    at_table = float(np.sqrt(sum((ratio_to_table(core, m) * t) ** 2 for m, t in drives.items())))
+    drives = drive_torque(core, grey.records)
     records = grey.torques(f.point, f.gains)
     found = {}
     for body in f.noise.torque:
         course = np.concatenate([r[body] for r in records])
         rms = float(np.sqrt(np.mean(course**2)))
-        scale = at_table if body == "table" else drives.get(body, 0.0)
+        scale = drives.get(body, 0.0)
         found[body] = MissingTorque(rms, rms / scale if scale > 0.0 else 0.0, 0.0)
     return found
-
-
-def _torque_of(core: Any, grey: GreyBox, motor: str) -> float:
-    """RMS torque of a motor over the records, N*m."""
-    n, squares = motor.rpartition("_")[2], []
-    for r in grey.records:
-        for channel, factor in ((f"T_{n}", 1.0), (f"I_{n}", core.get(f"{motor}.K_d"))):
-            if channel in r.record.trace:
-                squares.append(float(np.mean((factor * r.record.trace[channel]) ** 2)))
-                break
-    return float(np.sqrt(np.mean(squares))) if squares else 0.0

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.screening import Library, Scored, scores
+from dualdrive.identify import FitError
 from dualdrive.innovations import (
     GreyBox,
     Noise,
@@ -31,7 +32,9 @@ from dualdrive.innovations import (
 Array = NDArray[np.float64]
 
 _WIDE = 0.1  # of the drives' torque: unknown course at first
-_LOWERING, _LOWERINGS = 0.2, 8  # of the unknown torque, step by step
+# Least torque of unknown course, of the drives': no law is known better, near rest above all
+_FLOOR = 0.005
+_SCORINGS = 15  # steps of an estimate of numbers and noise together
 _BEGINS = (1.0, 0.3, 3.0, 10.0)  # where the first number of a part begins, times its usual one
 _HOPELESS = 3.0  # gain of a score test, over the inflation, below which no refit is worth it
 _WORTH = 25.0  # gain in -2 log L, over the inflation, that a further effect must bring
@@ -121,6 +124,7 @@ class _Search:
         self.screened: list[tuple[str, Scored]] = []
         self.tried: dict[str, float] = {}
         self.finals: dict[str, Fitted] = {}
+        self.floor = first_noise(core, grey.records, _FLOOR).torque
 
     def run(self) -> Selection:
         base = self._base()
@@ -150,37 +154,15 @@ class _Search:
         numbers = len(f.variant.extra) * np.log(n) + 2.0 * np.log(f.variant.looks)
         return float(f.point.minus_two_log / least + numbers)
 
-    def _final(self, point: Point, noise: Noise) -> Fitted:
-        """A variant under its own noise.
-
-        Numbers fitted under much unknown torque are blunt, and a likelihood that knows only these
-        keeps it: so it is lowered step by step, the numbers refitted each time, as long as the
-        records become likelier; then all of the noise is estimated.
-        """
-        grey, variant = self.grey, point.variant
-        noise, _ = maximum_likelihood(noise, grey.under(variant, point.theta), steps=self._steps(6))
-        gains = grey.gains(variant, point.theta, noise)
-        point = fit(grey, variant, point.theta, gains, steps=3, refresh=(0, 2))
-        for _ in range(_LOWERINGS):
-            if grey.counter.stop():
-                break
-            lower = noise.with_torque(_LOWERING)
-            try:
-                own = grey.gains(variant, point.theta, lower)
-            except ValueError:
-                break
-            trial = fit(grey, variant, point.theta, own, steps=3, refresh=(0, 2))
-            if trial.lost or trial.minus_two_log > point.minus_two_log:
-                break
-            noise, gains, point = lower, own, trial
-        noise, _ = maximum_likelihood(noise, grey.under(variant, point.theta), steps=self._steps(8))
-        gains = grey.gains(variant, point.theta, noise)
-        point = fit(grey, variant, point.theta, gains, steps=4, refresh=(0, 2))
-        return Fitted(point, noise, inflation(point), 0.0, gains)
-
-    def _steps(self, most: int) -> int:
-        """Iterations of an estimate; none once the search is stopped."""
-        return 0 if self.grey.counter.stop() else most
+    def _final(self, point: Point, noise: Noise) -> Fitted | None:
+        """A variant under its own noise; None where it can't be followed."""
+        found = maximum_likelihood(
+            self.grey, point.variant, point.theta, noise, floor=self.floor, steps=_SCORINGS
+        )
+        if found is None:
+            return None
+        own, likeliest, gains = found
+        return Fitted(own, likeliest, inflation(own), 0.0, gains)
 
     def _base(self) -> Fitted:
         """Nothing is missing: numbers alone, from far."""
@@ -190,7 +172,10 @@ class _Search:
         wide = first_noise(self.core, grey.records, _WIDE)
         theta = grey.start(nothing)
         point = fit(grey, nothing, theta, grey.gains(nothing, theta, wide), refresh=(0, 2, 4))
-        return self._final(point, wide)
+        found = self._final(point, wide)
+        if found is None:
+            raise FitError(f"{self.core.name}: no Kalman filter follows these records")
+        return found
 
     def _step(self, leader: Fitted, parts: bool) -> list[Fitted]:
         """Every law beside the leader: screened, the best refitted, their noise estimated."""
@@ -225,34 +210,16 @@ class _Search:
         return self._compared(best, noise)
 
     def _compared(self, points: Sequence[Point], noise: Noise) -> list[Fitted]:
-        """Laws under one noise, that of their leader, which is estimated anew when it changes."""
-        grey, found = self.grey, dict[str, Fitted]()
-        if not points:
-            return []
-        leader = points[0]
-        for _ in range(2):
-            self.tell(f"the noise beside {leader.variant.key}")
-            final = self._final(leader, noise)
-            noise, found[leader.variant.key] = final.noise, final
-            for point in points:
-                if point.variant.key == leader.variant.key or grey.counter.stop():
-                    continue
-                self.tell(f"{point.variant.key} under the noise of {leader.variant.key}")
-                gains = self._gains(point, noise)
-                if gains is not None:
-                    own = fit(grey, point.variant, point.theta, gains, steps=5, refresh=(0, 2, 4))
-                    found[point.variant.key] = Fitted(own, noise, inflation(own), 0.0, gains)
-            best = min(found.values(), key=self._criterion)
-            if best is final or grey.counter.stop():
+        """Laws, each under the noise that it leaves itself."""
+        found = []
+        for point in points:
+            if self.grey.counter.stop():
                 break
-            leader = best.point
-        return list(found.values())
-
-    def _gains(self, point: Point, noise: Noise) -> list[Any] | None:
-        try:
-            return self.grey.gains(point.variant, point.theta, noise)
-        except ValueError:
-            return None
+            self.tell(f"the noise beside {point.variant.key}")
+            final = self._final(point, noise)
+            if final is not None:
+                found.append(final)
+        return found
 
     def _chosen(self, found: Sequence[Scored], parts: bool) -> list[Scored]:
         """What is refitted: the best scores, and parts whose probe says little of their size."""

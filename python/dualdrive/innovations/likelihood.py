@@ -1,0 +1,142 @@
+"""Numbers and noise by maximum likelihood, together.
+
+-2 log L = sum |r|^2 + sum log det S + priors falls by Gauss-Newton steps in the numbers and by
+Fisher scoring in the logarithms of the noise: the information of the two is block-diagonal where
+the model is right (Ljung, System Identification, 2nd ed., ch. 7 and 9), but not on the way there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive.innovations.greybox import GreyBox, Point, Variant, flat
+from dualdrive.innovations.noise import Logarithms, Noise
+
+Array = NDArray[np.float64]
+
+_STEP = 1e-3  # of a logarithm, for finite differences
+_LONGEST = 1.5  # step of a logarithm
+_DAMPINGS = (1e-4, 0.03, 1.0, 30.0)
+_ENOUGH = 1.0  # of -2 log L: a step that brings less ends the search
+
+
+def maximum_likelihood(
+    grey: GreyBox,
+    variant: Variant,
+    theta: Array,
+    noise: Noise,
+    *,
+    floor: Mapping[str, float] | None = None,
+    steps: int = 15,
+) -> tuple[Point, Noise, list[Any]] | None:
+    """Numbers and noise under which the records are likeliest, and the gains there.
+
+    None where the filter is lost from the first.
+
+    Args:
+        grey: records and shared unknowns.
+        variant: what is fitted.
+        theta: where its numbers begin, shape (unknowns,).
+        noise: where the noise begins.
+        floor: body -> what drives the torque of unknown course at least, N*m.
+        steps: most iterations.
+
+    """
+    own = Logarithms(noise, dict(floor or {}))
+    n, m = len(theta), len(own)
+    low, high = (np.r_[a, b] for a, b in zip(grey.bounds(variant), own.bounds(), strict=True))
+    reach = np.r_[np.full(n, np.inf), np.full(m, _LONGEST)]
+    weight = np.zeros(n + m)
+    weight[: grey.shared] = 1.0 / grey.sigma**2
+    centre = np.zeros(n + m)
+    centre[: grey.shared] = grey.centre
+
+    def at(places: Sequence[Array]) -> list[tuple[Point, list[Any]] | None]:
+        return grey.likelihoods(variant, [(x[:n], own.at(x[n:])) for x in places])
+
+    x = np.clip(np.r_[theta, np.zeros(m)], low, high)
+    [now] = at([x])
+    if now is None:
+        return None
+    for _ in range(steps):
+        if grey.counter.stop():
+            break
+        point, gains = now
+        inward = np.where(x[n:] + _STEP > high[n:], -_STEP, _STEP)
+        moved = at([x + np.r_[np.zeros(n), e] for e in np.diag(inward)])
+        r = flat(point.residuals)
+        noisy = [
+            (flat(f[0].residuals) - r) / s if f else np.zeros_like(r)
+            for f, s in zip(moved, inward, strict=True)
+        ]
+        bend = [
+            (f[0].log_det - point.log_det) / s if f else 0.0
+            for f, s in zip(moved, inward, strict=True)
+        ]
+        J = np.stack([*grey.columns(point, range(n), gains), *noisy])
+        H = J @ J.T + np.diag(weight)
+        H[n:, n:] += _scale_information(gains, moved, inward, point)
+        g = J @ r + weight * (x - centre)
+        g[n:] += 0.5 * np.array(bend)
+        best = None
+        for damping in _DAMPINGS:
+            d = _step_within(
+                H + damping * np.diag(np.diag(H)) + 1e-9 * np.eye(n + m),
+                g,
+                np.maximum(low - x, -reach),
+                np.minimum(high - x, reach),
+            )
+            trials = [x + a * d for a in (1.0, 0.3)]
+            tried = [(t, f) for t, f in zip(trials, at(trials), strict=True) if f]
+            lowest = min(tried, key=lambda t: t[1][0].minus_two_log, default=None)
+            if lowest and lowest[1][0].minus_two_log < point.minus_two_log:
+                best = lowest
+                break
+        if best is None:
+            break
+        x, now = best
+        if point.minus_two_log - now[0].minus_two_log < _ENOUGH:
+            break
+    return now[0], own.at(x[n:]), now[1]
+
+
+def _scale_information(
+    gains: Sequence[Any],
+    moved: Sequence[tuple[Point, list[Any]] | None],
+    steps: Array,
+    point: Point,
+) -> Array:
+    """What Gauss-Newton lacks of the information on the noise: 1/4 tr(S^-1 dS S^-1 dS) a sample.
+
+    From the steady covariance where all contacts carry.
+    """
+    total = np.zeros((len(moved), len(moved)))
+    for k, (own, r) in enumerate(zip(gains, point.residuals, strict=True)):
+        pattern = max(own.patterns)
+        W = own.whitening(pattern)
+        inverse = np.linalg.inv(W)
+        rows = [
+            ((f[1][k].whitening(pattern) - W) / s @ inverse).ravel() if f else np.zeros(W.size)
+            for f, s in zip(moved, steps, strict=True)
+        ]
+        B = np.stack(rows)
+        total += len(r) * (B @ B.T)
+    return total
+
+
+def _step_within(H: Array, g: Array, low: Array, high: Array) -> Array:
+    """Newton step in a box: what the records hardly tell may not shorten what they tell."""
+    d, held = np.zeros(len(g)), np.zeros(len(g), dtype=bool)
+    for _ in range(len(g)):
+        move = ~held
+        d[move] = -np.linalg.solve(H[np.ix_(move, move)], g[move] + H[np.ix_(move, held)] @ d[held])
+        beyond = move & ((d > high) | (d < low))
+        if not beyond.any():
+            break
+        d[beyond] = np.clip(d, low, high)[beyond]
+        held |= beyond
+    return d
