@@ -7,32 +7,50 @@ multiplier test, with a finite probe in place of the derivative so that limits a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
-from dualdrive.diagnose.hypotheses import probes
+from dualdrive.diagnose.hypotheses import is_strength, probes
+from dualdrive.identify.unknowns import Unknown
 from dualdrive.innovations import GreyBox, Point, Variant, flat
 
 Array = NDArray[np.float64]
 
 _WITHIN = 0.3  # of a sample
 _BATCH = 16  # probes whose innovations are kept at a time
+_SMALLEST = 0.1  # of its usual size: a strength that the score has smaller begins there
 
 
 @dataclass(frozen=True, eq=False)
 class Scored:
     """A law and what it would gain.
 
-    gain: fall of chi-squared, over the inflation of what the base leaves; NaN: its probe broke down
+    gain:  fall of chi-squared, over the inflation of what the base leaves; NaN: its probe broke down
+    start: parameter path -> value that the regression asks for, where it is one of sizes and phases
     """
 
     variant: Variant
     gain: float
+    start: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class _Probe:
+    """A law at trial values, and what each regression coefficient is a size of.
+
+    strength: path of the strength that this probe lets in; empty: its coefficient means nothing
+    turned: the probe a quarter of a turn after the one before
+    """
+
+    setting: Mapping[str, float]
+    strength: str = ""
+    phase: str = ""
+    turned: bool = False
 
 
 def scores(
@@ -40,7 +58,7 @@ def scores(
     base: Point,
     columns: Sequence[Array],
     variants: Sequence[Variant],
-    gains: Sequence[Any],
+    gains: Sequence[object],
     inflation: float,
     tell: Callable[[int, int], None] = lambda done, of: None,
 ) -> list[Scored]:
@@ -66,35 +84,80 @@ def scores(
     rest = r - J.T @ (factor @ (J @ r))
 
     within = _WITHIN * min(x.sampled.step for x in grey.records)
-    jobs: list[tuple[int, Variant, Array]] = []
+    jobs: list[tuple[int, Variant, Array, _Probe]] = []
     for k, v in enumerate(variants):
         if _core.effect_type(v.effects[-1][0]).structural:
             continue  # has other states
         own = v.extra[len(base.variant.extra) :]
-        for setting in probes(v.grown, own, ()):
+        for probe in _probes(v.grown, own):
             # a reading that moves by whole samples moves its noise, too: a probe stays within one
-            held = {p: min(x, within) if p.endswith(".time") else x for p, x in setting.items()}
+            held = {
+                p: min(x, within) if p.endswith(".time") else x for p, x in probe.setting.items()
+            }
             at = [p.coordinate(held[p.path]) if p.path in held else p.start for p in own]
-            jobs.append((k, v, np.r_[base.theta, at]))
-    found: dict[int, list[Array]] = {}
+            jobs.append((k, v, np.r_[base.theta, at], probe))
+    found: dict[int, list[tuple[_Probe, Array]]] = {}
     for first in range(0, len(jobs), _BATCH):
         if grey.counter.stop():
             break
         batch = jobs[first : first + _BATCH]
-        points = grey.points([v for _, v, _ in batch], [x for _, _, x in batch], gains)
-        for (k, _, _), p in zip(batch, points, strict=True):
+        points = grey.points([j[1] for j in batch], [j[2] for j in batch], gains)
+        for (k, _, _, probe), p in zip(batch, points, strict=True):
             change = flat(p.residuals) - r
             if not p.lost:
-                found.setdefault(k, []).append(change - J.T @ (factor @ (J @ change)))
+                own_change = change - J.T @ (factor @ (J @ change))
+                found.setdefault(k, []).append((probe, own_change))
         tell(min(first + _BATCH, len(jobs)), len(jobs))
-    return [Scored(v, _gain(found.get(k, []), rest) / inflation) for k, v in enumerate(variants)]
+    return [_scored(v, found.get(k, []), rest, inflation) for k, v in enumerate(variants)]
 
 
-def _gain(regressors: Sequence[Array], rest: Array) -> float:
-    if not regressors:
-        return float("nan")
-    C = np.stack(regressors)
+def _probes(core: object, free: Sequence[Unknown]) -> list[_Probe]:
+    """Every strength by itself, at two phases where it has one; other laws at usual values."""
+    strengths = [p for p in free if is_strength(core, p.path)]
+    if not strengths:
+        return [_Probe(s) for s in probes(core, free)]
+    phases = {p.path.rpartition(".")[0]: p for p in free if p.path.endswith(".phase")}
+    off = {p.path: 0.0 for p in strengths}
+    found = []
+    for p in strengths:
+        on = {**off, p.path: p.scale}
+        phase = phases.get(p.path.rpartition(".")[0])
+        if phase is None:
+            found.append(_Probe(on, p.path))
+            continue
+        first = phase.value(phase.start)
+        found.append(_Probe({**on, phase.path: first}, p.path, phase.path))
+        turned = {**on, phase.path: first + 0.5 * math.pi}
+        found.append(_Probe(turned, p.path, phase.path, turned=True))
+    known = {p.path for p in strengths}
+    shapes = [p for p in free if p.path not in known and not p.path.endswith(".phase")]
+    return found + [_Probe(s) for s in probes(core, [strengths[0], *shapes])[1:]]
+
+
+def _scored(
+    variant: Variant, found: Sequence[tuple[_Probe, Array]], rest: Array, inflation: float
+) -> Scored:
+    if not found:
+        return Scored(variant, float("nan"), {})
+    C = np.stack([change for _, change in found])
     M = C @ C.T
     M += 1e-9 * np.diag(np.diag(M)) + 1e-300 * np.eye(len(M))
     b = C @ rest
-    return float(b @ np.linalg.solve(M, b))
+    size = -np.linalg.solve(M, b)  # what is left falls when the change is added so many times
+    return Scored(variant, -float(b @ size) / inflation, _start(found, size))
+
+
+def _start(found: Sequence[tuple[_Probe, Array]], sizes: Array) -> dict[str, float]:
+    """Strengths and phases at the regression's minimum."""
+    start: dict[str, float] = {}
+    for k, (probe, _) in enumerate(found):
+        if not probe.strength:
+            continue
+        scale, size = probe.setting[probe.strength], float(sizes[k])
+        if probe.phase and not probe.turned:
+            quarter = float(sizes[k + 1]) if k + 1 < len(found) and found[k + 1][0].turned else 0.0
+            start[probe.strength] = scale * max(math.hypot(size, quarter), _SMALLEST)
+            start[probe.phase] = probe.setting[probe.phase] + math.atan2(quarter, size)
+        elif not probe.phase:
+            start[probe.strength] = scale * max(size, _SMALLEST)
+    return start

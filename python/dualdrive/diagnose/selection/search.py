@@ -234,6 +234,9 @@ class _Search:
     ) -> Point:
         grey, variant = self.grey, s.variant
         start = np.r_[point.theta, grey.start(variant)[len(point.theta) :]]
+        for k, p in enumerate(variant.extra, grey.shared):
+            if p.path in s.start:
+                start[k] = p.coordinate(min(max(s.start[p.path], p.low), p.high))
         if not _is_part(variant):
             shared = columns[: grey.shared]
             return fit(grey, variant, start, gains, steps=5, shared_columns=shared, refresh=(2,))

@@ -1,0 +1,222 @@
+"""The predictor against the engines, against scipy's Riccati equation, and against its own noise.
+
+A record is simulated by the exact engine with a torque of unknown course as a held input, and
+sensors' noise of a recursion of its own is added: under the right model its innovations must be
+white with variance 1, in contact, in play and at rest alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.linalg import expm, solve_discrete_are
+from scipy.signal import lfilter
+
+from dualdrive import Machine, _core
+from dualdrive.linear.small_signal import push, small_signal
+from dualdrive.replay import core_of
+
+Array = NDArray[np.float64]
+
+STEP, CHANNELS = 1e-3, ("theta_m", "theta_1", "theta_2", "I_1", "I_2")
+SENSORS = [(1e-6, 0.9, 0.0), (1e-5, 0.5, 0.0), (1e-5, 0.5, 0.0), (5e-3, 0.9, 0.0), (5e-3, 0.9, 0.0)]
+TORQUE = {"table": (2e-3, 0.99)}
+QUIET = dict.fromkeys(("motor_1", "motor_2", "table"), (0.0, 0.99))
+REVERSALS = _core.cycle_of_moves([0.0, 0.05, -0.05, 0.0], 0.1, 1.0, 20.0)
+
+
+def bench(
+    effects: Mapping[str, Mapping[str, float]] | None = None, gap: float | None = None
+) -> Any:
+    machine = Machine.load("bench")
+    for label, numbers in (effects or {}).items():
+        machine.add(*label.split("@"), **numbers)
+    if gap is not None:
+        machine.set("meshes.gap", gap)
+    return core_of(machine)
+
+
+def run(core: Any, inputs: Mapping[str, Any], samples: int) -> Array:
+    """Signals at the samples, by the exact engine, shape (samples, channels)."""
+    times = STEP * np.arange(samples)
+    found = _core.simulate(core, inputs, end=times[-1], times=list(times), signals=list(CHANNELS))
+    column = {name: k for k, name in enumerate(found.names)}
+    return np.column_stack([found.values[:, column[c]] for c in CHANNELS])
+
+
+def record(inputs: Mapping[str, Any], measured: Array) -> Any:
+    channels = [(c, [c]) for c in CHANNELS]
+    times = STEP * np.arange(len(measured))
+    return _core.SampledRecord(dict(inputs), times, channels, np.ascontiguousarray(measured))
+
+
+def coloured(random: np.random.Generator, samples: int) -> Array:
+    """Noise of the sensors, stationary from the first sample on, shape (samples, channels)."""
+    columns = []
+    for drive, memory, _ in SENSORS:
+        first = random.normal(0.0, drive / np.sqrt(1.0 - memory**2))
+        w = drive * random.normal(size=samples)
+        columns.append(lfilter([1.0], [1.0, -memory], np.r_[first, w[1:]]))
+    return np.column_stack(columns)
+
+
+def predicted(
+    core: Any, seen: Any, torque: Mapping[str, tuple[float, float]], **options: Any
+) -> Any:
+    gains = _core.kalman_gains(core, seen, SENSORS, dict(torque))
+    return _core.predict(core, seen, gains, **options)
+
+
+@pytest.mark.parametrize(
+    ("effects", "error"),
+    [
+        ({}, 2e-5),
+        ({"coulomb@table": {"torque": 0.5}}, 2e-5),
+        ({"torque_ripple@motors": {"amplitude": 0.03}}, 2e-4),
+        ({"stribeck@table": {"torque": 0.5}}, 2e-4),
+        ({"eccentricity@table": {"amplitude": 1e-4}}, 2e-5),
+    ],
+    ids=["plain", "coulomb", "ripple", "stribeck", "eccentricity"],
+)
+def test_without_unknown_torque_it_is_a_simulation(
+    effects: dict[str, dict[str, float]], error: float
+) -> None:
+    """Against the exact engine, RMS; the worst are currents in the sample of an impact."""
+    core, inputs = bench(effects), {"theta_ref": REVERSALS}
+    core.set("controller.T_ten", 0.0)  # flanks open and close
+    truth = run(core, inputs, 3000)
+    found = predicted(core, record(inputs, truth), {}, states=True)
+    assert found["finite"]
+    off = np.sqrt(np.mean(found["innovations"] ** 2, axis=0)) / np.std(truth, axis=0)
+    assert np.max(off) < error
+    assert np.max(off[:3]) < 0.01 * error, "angles"
+    assert found["switches"] > 4, "the meshes' flanks open and close in this record"
+
+
+def test_gains_are_those_of_a_riccati_equation() -> None:
+    """In contact, against scipy, with the torque of unknown course as a state and a short memory."""
+    core = bench()
+    system = small_signal(core, (1, 1))
+    n, m = len(system.states), len(CHANNELS)
+    column = system.B[:, system.inputs.index("torque@table")]
+    C = np.array([system.C[system.signals.index(c)] for c in CHANNELS])
+    drive, memory = TORQUE["table"]
+    whole = np.zeros((n + 1, n + 1))
+    whole[:n, :n], whole[:n, n] = system.A, column
+    flow = expm(STEP * whole)
+    F, Q, H = np.zeros((n + 1 + m, n + 1 + m)), np.zeros((n + 1 + m,) * 2), np.zeros((m, n + 1 + m))
+    F[: n + 1, : n + 1] = flow
+    F[n, n], Q[n, n] = memory, drive**2
+    H[:, :n], H[:, n + 1 :] = C, np.eye(m)
+    R = np.zeros((m, m))
+    for j, (d, rho, white) in enumerate(SENSORS):
+        F[n + 1 + j, n + 1 + j], Q[n + 1 + j, n + 1 + j] = rho, d**2
+        R[j, j] = white**2 + (1e-3 * d) ** 2
+    seen = record({"theta_ref": REVERSALS}, np.zeros((10, m)) + np.arange(10)[:, None])
+    gains = _core.kalman_gains(core, seen, SENSORS, TORQUE)
+    # scaled: scipy's solver is not balanced for states between 1e-6 rad and 1e2 V
+    s = np.r_[np.full(n, 1e-3), 1e-2, [d for d, _, _ in SENSORS]]
+    P = solve_discrete_are(
+        (F / s[:, None] * s).T, (H * s).T, Q / np.outer(s, s), R, balanced=True
+    ) * np.outer(s, s)
+    S = H @ P @ H.T + R
+    K = np.linalg.solve(S, H @ P).T
+    both = max(gains.patterns)
+    W = gains.whitening(both)
+    assert W @ S @ W.T == pytest.approx(np.eye(m), abs=1e-6)
+    assert gains.log_det(both) == pytest.approx(np.linalg.slogdet(S)[1], abs=1e-6)
+    scaled = (gains.K(both) - K) / s[:, None] * np.sqrt(np.diag(S))
+    assert np.max(np.abs(scaled)) < 1e-5
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.4], ids=["no friction", "coulomb"])
+def test_innovations_of_a_right_model_are_white(friction: float) -> None:
+    """Mean square 1 and no correlation, the torque of unknown course known by its statistics alone."""
+    samples, random = 8000, np.random.default_rng(5)
+    own = {"coulomb@table": {"torque": friction}} if friction else {}
+    core, pushed = bench(own), bench(own)
+    name = push(pushed, "table")
+    drive, memory = TORQUE["table"]
+    torque = lfilter([1.0], [1.0, -memory], drive * random.normal(size=samples))
+    times = STEP * np.arange(samples)
+    held = _core.sampled(times, torque, _core.Interpolation.hold)
+    inputs = {"theta_ref": REVERSALS}
+    truth = run(pushed, {**inputs, name: held}, samples)
+    seen = record(inputs, truth + coloured(random, samples))
+    found = predicted(core, seen, TORQUE, learn_first=True, states=True)
+    r = found["residuals"][1000:]
+    assert np.mean(r**2, axis=0) == pytest.approx(np.ones(r.shape[1]), abs=0.1)
+    for lag in (1, 2, 10):
+        correlation = np.mean(r[lag:] * r[:-lag], axis=0)
+        # what rests is corrected by the gains of what slides
+        most = 0.1 if friction else 5.0 / np.sqrt(len(r))
+        assert np.max(np.abs(correlation)) < most, f"lag {lag}"
+    if not friction:
+        course = found["torques"][1000:, found["bodies"].index("table")]
+        assert np.corrcoef(course, torque[1000:])[0, 1] > 0.8, "the torque itself is told"
+
+
+def test_a_wrong_model_is_not_white() -> None:
+    samples, random = 3000, np.random.default_rng(6)
+    inputs = {"theta_ref": REVERSALS}
+    truth = run(bench({"coulomb@table": {"torque": 0.4}}), inputs, samples)
+    seen = record(inputs, truth + coloured(random, samples))
+    found = predicted(bench(), seen, TORQUE)
+    assert np.mean(found["residuals"] ** 2) > 2.0
+
+
+def test_it_returns_from_a_wrong_start() -> None:
+    """The record pulls the state back: the first angle is off by a hundred times the noise."""
+    samples, random = 3000, np.random.default_rng(7)
+    inputs = {"theta_ref": REVERSALS}
+    core = bench()
+    seen = record(inputs, run(core, inputs, samples) + coloured(random, samples))
+    off = predicted(core, seen, TORQUE, initial={"theta_m": 1e-3}, learn_first=True)
+    assert np.mean(off["residuals"][500:] ** 2) == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"sensors": SENSORS[:3]}, "3 noises for 5 channels"),
+        ({"torque": {"flywheel": (1.0, 0.9)}}, "no body flywheel"),
+        ({"initial": {"theta_x": 1.0}}, "no state theta_x"),
+        ({"offsets": [0.0]}, "one offset per channel"),
+        ({"channel": "theta_9"}, "no signal theta_9"),
+        ({"times": np.array([0.0, 1e-3, 1e-3])}, "time does not increase at sample 2"),
+        ({"measured": np.zeros((3, 2))}, "another shape"),
+    ],
+)
+def test_bad_input_is_told(change: dict[str, Any], words: str) -> None:
+    core = bench()
+    names = [change.get("channel", "theta_m"), *CHANNELS[1:]]
+    with pytest.raises(ValueError, match=words):
+        seen = _core.SampledRecord(
+            {"theta_ref": REVERSALS},
+            change.get("times", STEP * np.arange(3)),
+            [(c, [c]) for c in names],
+            change.get("measured", np.zeros((3, 5))),
+        )
+        gains = _core.kalman_gains(
+            core, seen, change.get("sensors", SENSORS), change.get("torque", TORQUE)
+        )
+        _core.predict(
+            core,
+            seen,
+            gains,
+            initial=change.get("initial", {}),
+            offsets=change.get("offsets", []),
+        )
+
+
+def test_same_input_same_bits() -> None:
+    random = np.random.default_rng(8)
+    core, inputs = bench({"stribeck@table": {"torque": 0.5}}), {"theta_ref": REVERSALS}
+    seen = record(inputs, run(core, inputs, 1000) + coloured(random, 1000))
+    first, second = (predicted(core, seen, TORQUE, learn_first=True) for _ in range(2))
+    assert np.array_equal(first["residuals"], second["residuals"])
+    assert first["log_det"] == second["log_det"]
