@@ -19,6 +19,7 @@ from dualdrive.diagnose.result import Candidate, Diagnosis, Experiment, Interval
 from dualdrive.diagnose.selection import EFFORTS, Fitted, Selection, select
 from dualdrive.diagnose.sentences import paragraph
 from dualdrive.diagnose.shape import shapes
+from dualdrive.identify import FitError
 from dualdrive.identify.unknowns import Unknown, default_free, default_tolerances, unknowns
 from dualdrive.innovations import Counter, GreyBox, Variant, flat, predictable, simulated
 from dualdrive.replay import (

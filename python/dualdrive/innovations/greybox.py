@@ -265,7 +265,7 @@ class GreyBox:
         return points
 
     def torques(self, point: Point, gains: Sequence[Any]) -> list[dict[str, Array]]:
-        """Body -> torque of unknown course that the filter asks for, N*m, shape (n,), per record."""
+        """Per record: body -> torque of unknown course that the filter asks for, N*m, shape (n,)."""
         core, offsets = self.machine(point.variant, point.theta), self.constants(point.theta)
         self.counter.replays += len(self.records)
 

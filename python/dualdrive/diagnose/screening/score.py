@@ -30,7 +30,7 @@ _SMALLEST = 0.1  # of its usual size: a strength that the score has smaller begi
 class Scored:
     """A law and what it would gain.
 
-    gain:  fall of chi-squared, over the inflation of what the base leaves; NaN: its probe broke down
+    gain:  fall of chi-squared, over the inflation of what the base leaves; NaN: a probe broke down
     start: parameter path -> value that the regression asks for, where it is one of sizes and phases
     """
 
