@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 __sundials_version__: str = '6.4.1'
 
-__kernels__: str = 'avx2'
+__kernels__: str = 'avx512'
 
 class Waveform:
     """
@@ -679,7 +679,7 @@ class KalmanGains:
         """Contact patterns: bit c is set where connection c carries."""
 
     def K(self, pattern: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]:
-        """Shape (states + channels, channels)."""
+        """Shape (states + torques + channels, channels)."""
 
     def whitening(self, pattern: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]:
         """S^(-1/2), lower triangular, shape (channels, channels)."""
@@ -690,18 +690,18 @@ class KalmanGains:
     def learned(self) -> int:
         """First samples of a record that have gains of their own."""
 
-def kalman_gains(machine: Machine, record: SampledRecord, sensors: Sequence[tuple[float, float, float]], torque: Mapping[str, float], speed: float = 0.0) -> KalmanGains:
+def kalman_gains(machine: Machine, record: SampledRecord, sensors: Sequence[tuple[float, float, float]], torque: Mapping[str, tuple[float, float]], speed: float = 0.0) -> KalmanGains:
     """
     Steady-state Kalman gains.
 
-    sensors: (drive, memory, white) per channel: n' = memory n + drive w, and a white part. torque: body -> s.d. of a torque of unknown course, constant over a sample, N*m. speed: table speed, rad/s, about which laws that are not affine are linearised. Raises ValueError.
+    sensors: (drive, memory, white) per channel: n' = memory n + drive w, and a white part. torque: body -> (drive, memory) of a torque of unknown course, constant over a sample, d' = memory d + drive w, N*m. speed: table speed, rad/s, about which laws that are not affine are linearised. Raises ValueError.
     """
 
 def predict(machine: Machine, record: SampledRecord, gains: KalmanGains, *, initial: Mapping[str, float] = {}, offsets: Sequence[float] = [], substeps: int = 1, states: bool = False, learn_first: bool = False) -> dict[str, Any]:
     """
     Replay a record, the state corrected at every sample.
 
-    initial: state -> value at the first sample, others 0. offsets: per channel, what its sensor adds. substeps: per sample, where a law is not affine. states: also trajectory, corrections (n, states), innovations (n, channels) and contact pattern (n,). learn_first: work out the gains of the first samples, into `gains`.
+    initial: state -> value at the first sample, others 0. offsets: per channel, what its sensor adds. substeps: per sample, where a law is not affine. states: also trajectory, corrections (n, states), torques of unknown course (n, bodies), innovations (n, channels) and contact pattern (n,). learn_first: work out the gains of the first samples, into `gains`.
     Returns a dict: residuals (n, channels), whitened; log_det; finite; switches. The GIL is released. Raises ValueError.
     """
 

@@ -50,7 +50,7 @@ def run(core: Any, inputs: Mapping[str, Any], samples: int) -> Array:
 
 def record(inputs: Mapping[str, Any], measured: Array) -> Any:
     channels = [(c, [c]) for c in CHANNELS]
-    times = STEP * np.arange(len(measured))
+    times: Array = STEP * np.arange(len(measured))
     return _core.SampledRecord(dict(inputs), times, channels, np.ascontiguousarray(measured))
 
 
@@ -205,9 +205,14 @@ def of_three_samples(
     **options: Any,
 ) -> None:
     core, channels = bench(), [(c, [c]) for c in (channel, *CHANNELS[1:])]
-    times = STEP * np.arange(3) if times is None else times
-    measured = np.zeros((3, 5)) if measured is None else measured
-    seen = _core.SampledRecord({"theta_ref": REVERSALS}, times, channels, measured)
+    even: Array = STEP * np.arange(3)
+    zeros: Array = np.zeros((3, 5))
+    seen = _core.SampledRecord(
+        {"theta_ref": REVERSALS},
+        even if times is None else times,
+        channels,
+        zeros if measured is None else measured,
+    )
     _core.predict(core, seen, _core.kalman_gains(core, seen, sensors, torque), **options)
 
 

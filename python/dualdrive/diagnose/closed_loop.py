@@ -125,15 +125,15 @@ def _told(
     refitted = machine_at(machine, grey, found.base)
     improved = machine_at(machine, grey, best) if named else None
     error = {
-        "nominal": simulated_error(grey, Variant(grey.core), grey.start(Variant(grey.core))),
-        "refitted": simulated_error(grey, found.base.variant, found.base.point.theta),
+        "nominal": _simulated_error(grey, Variant(grey.core), grey.start(Variant(grey.core))),
+        "refitted": _simulated_error(grey, found.base.variant, found.base.point.theta),
         "noise_floor": noise_floor(grey, found.best),
     }
     ratio = _cross_validated(grey, found.base)
     error["held_out_refitted"] = error["refitted"] * ratio
     errors: dict[str, float] = {}
     for f in leaders[:_TOLD]:
-        errors[f.variant.key] = simulated_error(grey, f.variant, f.point.theta)
+        errors[f.variant.key] = _simulated_error(grey, f.variant, f.point.theta)
     error["best"] = errors[best.variant.key] if leaders and named else error["refitted"]
     error["held_out_best"] = (
         error["best"] * _cross_validated(grey, best) if named else error["held_out_refitted"]
@@ -231,12 +231,17 @@ def added(core: Any, f: Fitted) -> list[tuple[str, str]]:
     return [tuple(label.split("@", 1)) for label in labels]
 
 
-def simulated_error(grey: GreyBox, variant: Variant, theta: Array) -> float:
-    """Headline error of the loop simulated over the records, the machine's numbers held.
+def simulated_error(core: Any, played: Sequence[Record]) -> float:
+    """Headline error of a machine simulated over records, its numbers held.
 
-    Constants of the sensors, on which the initial state rests, are fitted. Not a number where the
-    machine does not run there.
+    Constants of the sensors and the first angles are fitted. Not a number where the machine does
+    not run there.
     """
+    grey = GreyBox(core, predictable(core, played), [])
+    return _simulated_error(grey, Variant(core), np.zeros(grey.shared))
+
+
+def _simulated_error(grey: GreyBox, variant: Variant, theta: Array) -> float:
     found = simulated(grey, variant, theta)
     if found is None:
         return float("nan")

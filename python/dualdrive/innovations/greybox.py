@@ -265,7 +265,7 @@ class GreyBox:
         return points
 
     def torques(self, point: Point, gains: Sequence[Any]) -> list[dict[str, Array]]:
-        """Per record: body -> torque of unknown course that the filter asks for, N*m, shape (n,)."""
+        """Per record: body -> torque of unknown course as the filter has it, N*m, shape (n,)."""
         core, offsets = self.machine(point.variant, point.theta), self.constants(point.theta)
         self.counter.replays += len(self.records)
 

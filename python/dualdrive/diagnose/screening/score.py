@@ -143,7 +143,9 @@ def _scored(
     M = C @ C.T
     M += 1e-9 * np.diag(np.diag(M)) + 1e-300 * np.eye(len(M))
     b = C @ rest
-    size = -np.linalg.solve(M, b)  # what is left falls when the change is added so many times
+    size: Array = -np.linalg.solve(
+        M, b
+    )  # what is left falls when the change is added so many times
     return Scored(variant, -float(b @ size) / inflation, _start(found, size))
 
 
