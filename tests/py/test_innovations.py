@@ -50,7 +50,7 @@ def run(core: Any, inputs: Mapping[str, Any], samples: int) -> Array:
 
 def record(inputs: Mapping[str, Any], measured: Array) -> Any:
     channels = [(c, [c]) for c in CHANNELS]
-    times: Array = STEP * np.arange(len(measured))
+    times = STEP * np.arange(len(measured), dtype=np.float64)
     return _core.SampledRecord(dict(inputs), times, channels, np.ascontiguousarray(measured))
 
 
@@ -205,8 +205,7 @@ def of_three_samples(
     **options: Any,
 ) -> None:
     core, channels = bench(), [(c, [c]) for c in (channel, *CHANNELS[1:])]
-    even: Array = STEP * np.arange(3)
-    zeros: Array = np.zeros((3, 5))
+    even, zeros = STEP * np.arange(3, dtype=np.float64), np.zeros((3, 5))
     seen = _core.SampledRecord(
         {"theta_ref": REVERSALS},
         even if times is None else times,

@@ -143,9 +143,8 @@ def _scored(
     M = C @ C.T
     M += 1e-9 * np.diag(np.diag(M)) + 1e-300 * np.eye(len(M))
     b = C @ rest
-    size: Array = -np.linalg.solve(
-        M, b
-    )  # what is left falls when the change is added so many times
+    # what is left is least with so many times each change
+    size: Array = -np.asarray(np.linalg.solve(M, b), dtype=np.float64)
     return Scored(variant, -float(b @ size) / inflation, _start(found, size))
 
 

@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 _WIDE = 0.1  # of the drives' torque: unknown course at first
 # Least torque of unknown course, of the drives': no law is known better, near rest above all
 _FLOOR = 0.005
-_SCORINGS = 15  # steps of an estimate of numbers and noise together
+_SCORINGS = 25  # steps of an estimate of numbers and noise together
 _BEGINS = (1.0, 0.3, 3.0, 10.0)  # where the first number of a part begins, times its usual one
 _HOPELESS = 3.0  # gain of a score test, over the inflation, below which no refit is worth it
 _WORTH = 25.0  # gain in -2 log L, over the inflation, that a further effect must bring
@@ -124,6 +124,7 @@ class _Search:
         self.screened: list[tuple[str, Scored]] = []
         self.tried: dict[str, float] = {}
         self.finals: dict[str, Fitted] = {}
+        self.wide = first_noise(core, grey.records, _WIDE)
         self.floor = first_noise(core, grey.records, _FLOOR).torque
 
     def run(self) -> Selection:
@@ -154,10 +155,14 @@ class _Search:
         numbers = len(f.variant.extra) * np.log(n) + 2.0 * np.log(f.variant.looks)
         return float(f.point.minus_two_log / least + numbers)
 
-    def _final(self, point: Point, noise: Noise) -> Fitted | None:
-        """A variant under its own noise; None where it can't be followed."""
+    def _final(self, point: Point) -> Fitted | None:
+        """A variant under its own noise; None where it can't be followed.
+
+        From much unknown torque and sensors as their records alone have them: a noise that a worse
+        machine left would hold it back.
+        """
         found = maximum_likelihood(
-            self.grey, point.variant, point.theta, noise, floor=self.floor, steps=_SCORINGS
+            self.grey, point.variant, point.theta, self.wide, floor=self.floor, steps=_SCORINGS
         )
         if found is None:
             return None
@@ -169,10 +174,10 @@ class _Search:
         self.tell("refitting the data sheet's numbers")
         grey = self.grey
         nothing = Variant(self.core)
-        wide = first_noise(self.core, grey.records, _WIDE)
         theta = grey.start(nothing)
-        point = fit(grey, nothing, theta, grey.gains(nothing, theta, wide), refresh=(0, 2, 4))
-        found = self._final(point, wide)
+        gains = grey.gains(nothing, theta, self.wide)
+        point = fit(grey, nothing, theta, gains, refresh=(0, 2, 4))
+        found = self._final(point)
         if found is None:
             raise FitError(f"{self.core.name}: no Kalman filter follows these records")
         return found
@@ -207,16 +212,16 @@ class _Search:
         looked = [(gains_of[p.variant.key] - 2.0 * np.log(p.variant.looks), p) for p in refits]
         looked.sort(key=lambda x: -x[0])
         best = _one_each([p for gain, p in looked if gain > _WORTH])[: self.effort.finals]
-        return self._compared(best, noise)
+        return self._compared(best)
 
-    def _compared(self, points: Sequence[Point], noise: Noise) -> list[Fitted]:
+    def _compared(self, points: Sequence[Point]) -> list[Fitted]:
         """Laws, each under the noise that it leaves itself."""
         found = []
         for point in points:
             if self.grey.counter.stop():
                 break
             self.tell(f"the noise beside {point.variant.key}")
-            final = self._final(point, noise)
+            final = self._final(point)
             if final is not None:
                 found.append(final)
         return found
