@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 _STEP = 1e-3  # of a logarithm, for finite differences
 _LONGEST = 1.5  # step of a logarithm
 _DAMPINGS = (1e-4, 0.03, 1.0, 30.0)
-_ENOUGH = 1.0  # of -2 log L: a step that brings less ends the search
+_ENOUGH = 2.0  # of -2 log L: a step that brings less ends the search
 
 
 def maximum_likelihood(

@@ -32,8 +32,9 @@ from dualdrive.innovations import (
 Array = NDArray[np.float64]
 
 _WIDE = 0.1  # of the drives' torque: unknown course at first
-# Least torque of unknown course, of the drives': no law is known better, near rest above all
-_FLOOR = 0.005
+# Least torque of unknown course, of the drives': no law of friction is right near rest; what a motor
+# gives is told by its current
+_FLOOR, _MOTOR_FLOOR = 0.005, 0.0005
 _SCORINGS = 25  # steps of an estimate of numbers and noise together
 _BEGINS = (1.0, 0.3, 3.0, 10.0)  # where the first number of a part begins, times its usual one
 _HOPELESS = 3.0  # gain of a score test, over the inflation, below which no refit is worth it
@@ -125,7 +126,10 @@ class _Search:
         self.tried: dict[str, float] = {}
         self.finals: dict[str, Fitted] = {}
         self.wide = first_noise(core, grey.records, _WIDE)
-        self.floor = first_noise(core, grey.records, _FLOOR).torque
+        self.floor = {
+            body: s * (_FLOOR if body == "table" else _MOTOR_FLOOR) / _WIDE
+            for body, s in self.wide.torque.items()
+        }
 
     def run(self) -> Selection:
         base = self._base()
@@ -135,10 +139,11 @@ class _Search:
             if self.grey.counter.stop():
                 break
             found = self._step(leader, parts=count == 0)
-            for f in found:
-                known = self.finals.get(f.variant.key)
-                if known is None or f.criterion < known.criterion:
-                    self.finals[f.variant.key] = f
+            self._keep(found)
+            if found:
+                richer = min(found, key=self._criterion)
+                self._keep(self._without(richer, leader.variant))
+                leader = self.finals[leader.variant.key]
             best = min(self.finals.values(), key=lambda f: self._criterion(f))
             if best is leader or self._criterion(best) > self._criterion(leader) - _WORTH:
                 break
@@ -147,6 +152,22 @@ class _Search:
         every = sorted(own, key=lambda f: f.criterion)
         order = sorted(self.screened, key=lambda s: -np.nan_to_num(s[1].gain, nan=-np.inf))
         return Selection(base, every, order, self.tried, not self.grey.counter.stop())
+
+    def _keep(self, found: Sequence[Fitted]) -> None:
+        for f in found:
+            known = self.finals.get(f.variant.key)
+            if known is None or f.point.minus_two_log < known.point.minus_two_log:
+                self.finals[f.variant.key] = f
+
+    def _without(self, richer: Fitted, variant: Variant) -> list[Fitted]:
+        """The variant without the last effect, from the numbers and the noise found with it.
+
+        What is gained by an effect is told against the simpler machine at its own best, which a
+        search from the data sheet may have missed.
+        """
+        self.tell(f"{variant.key} from the numbers of {richer.variant.key}")
+        theta = richer.point.theta[: self.grey.shared + len(variant.extra)]
+        return self._likeliest(variant, theta, richer.noise)
 
     def _criterion(self, f: Fitted) -> float:
         """Under the inflation of the best, lest a bad model's colour speaks for it."""
@@ -161,13 +182,22 @@ class _Search:
         From much unknown torque and sensors as their records alone have them: a noise that a worse
         machine left would hold it back.
         """
+        grey, variant = self.grey, point.variant
+        try:
+            wide = grey.gains(variant, point.theta, self.wide)
+        except ValueError:
+            return None
+        near = fit(grey, variant, point.theta, wide, refresh=(0, 2, 4))
+        return next(iter(self._likeliest(variant, near.theta, self.wide)), None)
+
+    def _likeliest(self, variant: Variant, theta: Array, noise: Noise) -> list[Fitted]:
         found = maximum_likelihood(
-            self.grey, point.variant, point.theta, self.wide, floor=self.floor, steps=_SCORINGS
+            self.grey, variant, theta, noise, floor=self.floor, steps=_SCORINGS
         )
         if found is None:
-            return None
-        own, likeliest, gains = found
-        return Fitted(own, likeliest, inflation(own), 0.0, gains)
+            return []
+        point, own, gains = found
+        return [Fitted(point, own, inflation(point), 0.0, gains)]
 
     def _base(self) -> Fitted:
         """Nothing is missing: numbers alone, from far."""
@@ -175,8 +205,7 @@ class _Search:
         grey = self.grey
         nothing = Variant(self.core)
         theta = grey.start(nothing)
-        gains = grey.gains(nothing, theta, self.wide)
-        point = fit(grey, nothing, theta, gains, refresh=(0, 2, 4))
+        [point] = grey.points([nothing], [theta], grey.gains(nothing, theta, self.wide))
         found = self._final(point)
         if found is None:
             raise FitError(f"{self.core.name}: no Kalman filter follows these records")
