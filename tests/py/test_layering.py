@@ -189,3 +189,18 @@ def test_import_is_light(module: str) -> None:
     }
     assert "dualdrive" in loaded, "importtime printed no dualdrive: this test reads it wrongly"
     assert not loaded & HEAVY
+
+
+def test_a_list_of_all_verbs_loads_no_arithmetic() -> None:
+    """`--help` imports every verb: SciPy and the plots would be most of its time."""
+    code = """
+import sys
+from click.testing import CliRunner
+from dualdrive_cli.main import main
+assert "diagnose" in CliRunner().invoke(main, ["--help"]).output
+print(*sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.split())
+    assert "dualdrive.diagnose" in loaded
+    assert not loaded & {"scipy", "matplotlib", "pandas", "xarray"}
