@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dualdrive import Machine
-from dualdrive.diagnose import Diagnosis, diagnose, improve
+from dualdrive.diagnose import Diagnosis, Ladder, diagnose, improve
 from dualdrive.traces import Trace, read
 from measured import emps
 
@@ -119,20 +119,23 @@ def test_options_are_refused_by_name() -> None:
 # --- data nobody here made -----------------------------------------------------------------------
 
 
-def test_emps_is_named_without_being_told() -> None:
-    """A. Janot et al. 2019: Fc 20.39 N is what the rigid model without dry friction lacks."""
-    trace = emps()
+@pytest.fixture(scope="module")
+def ladder() -> Ladder:
+    """What comes of the axis of A. Janot et al. 2019, whose dry friction is left out."""
     machine = Machine.load(str(ROOT / "examples" / "emps.toml"))
-    ladder = improve(machine, trace, mode="balance", budget=150.0)
+    return improve(machine, emps(), mode="balance", budget=600.0)
+
+
+def test_emps_is_named_without_being_told(ladder: Ladder) -> None:
+    """Fc 20.39 N is what the rigid model without dry friction lacks."""
     assert ladder.steps[2].label == "+ coulomb@table"
     assert ladder.steps[1].held_out > 0.15
     assert ladder.steps[2].held_out < 0.06
     assert ladder.steps[2].machine.core.get("coulomb@table.torque") == pytest.approx(20.39, rel=0.1)
 
 
-def test_a_friction_along_a_short_way_yields_to_the_plain_one() -> None:
+def test_a_friction_along_a_short_way_yields_to_the_plain_one(ladder: Ladder) -> None:
     """A quarter of a metre of travel: a law of the position is a constant and a slope there."""
-    machine = Machine.load(str(ROOT / "examples" / "emps.toml"))
-    found = diagnose(machine, emps(), mode="balance", budget=60.0, experiment=False)
+    found = ladder.diagnoses[0]
     assert found.candidates[0].label == "coulomb@table"
     assert "angle_dependent_friction@table" in found.paragraph, "it can not be excluded"

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -23,9 +24,19 @@ PLOTTING = {"matplotlib"}
 HDF5_WRITERS = {"store.py", "sweeps/layout.py", "traces/export.py"}
 
 
-def imported(path: Path) -> Iterator[tuple[str, int, bool]]:
+@cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text())
+
+
+@cache
+def imported(path: Path) -> tuple[tuple[str, int, bool], ...]:
     """Name every imported module in full, its line, and whether it loads with the file itself."""
-    tree = ast.parse(path.read_text())
+    return tuple(_imported(path))
+
+
+def _imported(path: Path) -> Iterator[tuple[str, int, bool]]:
+    tree = parsed(path)
     deferred = {
         id(inner) for outer in ast.walk(tree) if _defers(outer) for inner in ast.walk(outer)
     }
@@ -91,7 +102,7 @@ def test_hdf5_is_opened_for_reading_only_outside_its_writers() -> None:
         f"{path.relative_to(ROOT)}:{node.lineno}"
         for path in files(PACKAGE)
         if path.relative_to(PACKAGE).as_posix() not in HDF5_WRITERS
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in ast.walk(parsed(path))
         if isinstance(node, ast.Call) and ast.unparse(node.func) == "h5py.File"
         if [ast.unparse(mode) for mode in node.args[1:2]] != ["'r'"]
         and [ast.unparse(word.value) for word in node.keywords if word.arg == "mode"] != ["'r'"]
