@@ -22,7 +22,6 @@ from dualdrive.identify.filtering import pieces
 from recorded import demo, sheet
 from simulated import drifted, nominal, record
 
-
 #: half the samples that are usual and half the time; a plain fault shows in them as well
 FEWER = Processing(decimate=10)
 
