@@ -17,7 +17,7 @@ ELSEWHERE = "02_a_missing_effect"
 )
 def test_it_runs(example: Path, tmp_path: Path) -> None:
     done = subprocess.run(
-        [sys.executable, str(example)], capture_output=True, text=True, cwd=tmp_path, timeout=300
+        [sys.executable, str(example)], capture_output=True, text=True, cwd=tmp_path, timeout=600
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip()
