@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 RMS = {"theta_m": 2e-6, "I_1": 0.5, "I_2": 0.5}
 NOISE = Noise(RMS, 4e-3)
-SECONDS = 4.0
+SECONDS = 3.0
 #: s for a search of seconds, so that a busy machine cuts nothing
 PLENTY = 600.0
 
