@@ -58,8 +58,8 @@ def write_only(path: Path) -> None:
 
 
 def blank(path: Path) -> None:
-    """An empty file of 100 000 runs."""
-    grid = lay_out(Machine.load(), {"meshes.gap": "0:1e-3:200", "table.J": "1e6:2e6:500"})
+    """An empty file of 20 000 runs."""
+    grid = lay_out(Machine.load(), {"meshes.gap": "0:1e-3:200", "table.J": "1e6:2e6:100"})
     attributes = {"axes": '["meshes.gap", "table.J"]', "figures": '["speed"]'}
     kept = Kept(np.linspace(0.0, 1.0, 20), [("e", "rad", "following error")])
     lay_file(path, grid, [SPEED], attributes, kept)

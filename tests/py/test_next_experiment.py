@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 RMS = {"theta_m": 2e-6, "I_1": 0.5, "I_2": 0.5}
 NOISE = Noise(RMS, 4e-3)
-SECONDS = 3.0
+SECONDS = 4.0
 #: s for a search of seconds, so that a busy machine cuts nothing
 PLENTY = 600.0
 
@@ -167,7 +167,7 @@ def test_a_law_that_holds_the_other_is_told_by_what_only_it_can_do() -> None:
     plain = table_with(("coulomb@table", {"torque": 1600.0}))
     best = next_experiment(
         [("coulomb@table", plain), ("stribeck@table", richer)],
-        noise=RMS, channels=list(RMS), seconds=SECONDS, spacing=NOISE.spacing, budget=PLENTY,
+        noise=RMS, channels=list(RMS), seconds=3.0, spacing=NOISE.spacing, budget=PLENTY,
     )  # fmt: skip
     assert best is not None
     assert best.expected_distance > TELLS_APART

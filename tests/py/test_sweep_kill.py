@@ -25,7 +25,7 @@ from dualdrive.sweeps.layout import lay_file
 from full_disk import full_disk
 
 WORKER = str(Path(sweep_worker.__file__))
-RUNS, BLANK = 40, 100_000
+RUNS, BLANK = 40, 20_000
 
 
 def start(
