@@ -9,9 +9,9 @@ import numpy.typing
 from numpy.typing import NDArray
 
 
-__sundials_version__: str = '6.4.1'
+__sundials_version__: str
 
-__kernels__: str = 'avx512'
+__kernels__: str
 
 class Waveform:
     """

@@ -10,7 +10,12 @@ import time
 from pathlib import Path
 from typing import Self
 
-START = 30.0  # s, of a process on a busy computer
+START = 120.0  # s, of a process on a busy computer
+#: nothing to look at, nothing that samples what the workers do
+QUIET = {
+    "DASK_DISTRIBUTED__DASHBOARD__LINK": "",
+    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
+}
 
 
 class Cluster:
@@ -52,7 +57,7 @@ class Cluster:
                 stdout=log,
                 stderr=log,
                 cwd=self.folder,
-                env={**os.environ, "DASK_DISTRIBUTED__DASHBOARD__LINK": ""},
+                env={**os.environ, **QUIET},
             )
 
     def __enter__(self) -> Self:

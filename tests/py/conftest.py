@@ -26,7 +26,10 @@ def mortal(tmp_path: Path) -> Iterator[Cluster]:
 
 
 @pytest.fixture
-def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Little patience with schedulers that don't answer and workers that don't come."""
-    monkeypatch.setattr(distributed, "CONNECT", 0.5)
+def hasty(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Little patience with schedulers that don't answer and workers that don't come.
+
+    More with one that is there: on a busy computer it answers late.
+    """
+    monkeypatch.setattr(distributed, "CONNECT", 3.0 if "mortal" in request.fixturenames else 0.5)
     monkeypatch.setattr(distributed, "PATIENCE", 1.0)

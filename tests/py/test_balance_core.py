@@ -79,11 +79,9 @@ FREE = [
 ]
 
 
-@pytest.mark.parametrize(("log", "most"), [("log10", 0.10), ("log12", 0.25)])
-def test_rig_by_test_and_tension_says_that_the_ring_inertia_is_unknown(
-    log: str, most: float
-) -> None:
-    traces = rig(log)
+def test_rig_by_test_and_tension_says_that_the_ring_inertia_is_unknown() -> None:
+    """The rig's other, longer log: test_real_data_cli.py."""
+    traces = rig("log12")
     fit = torque_balance(
         dual_rig(),
         traces,
@@ -91,7 +89,7 @@ def test_rig_by_test_and_tension_says_that_the_ring_inertia_is_unknown(
         processing=Processing(cutoff=5.0, decimate=5),
         standstill=Standstill(share=0.02),
     )
-    assert fit.error < most < fit.nominal_errors["total"].relative
+    assert fit.error < 0.25 < fit.nominal_errors["total"].relative
     ring = fit.parameters["table.J"]
     assert ring.verdict == "not identified"
     assert 0.0 <= ring.low < 1e-4 < 1e-3 < ring.high

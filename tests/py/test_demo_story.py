@@ -64,3 +64,35 @@ def test_pictures_and_machine_are_left(demo: Path) -> None:
     assert "coulomb@table" in (demo / "said.txt").read_text()
     history = tomllib.loads((demo / "out" / "improved.toml").read_text())["history"]
     assert any("coulomb" in json.dumps(entry) for entry in history)
+
+
+# --- its first diagnosis, of the record that is fitted --------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def first(figures: dict[str, Any]) -> dict[str, Any]:
+    found: dict[str, Any] = figures["diagnoses"][0]
+    return found
+
+
+def test_the_equation_and_the_hidden_friction_have_their_names(first: dict[str, Any]) -> None:
+    best = first["candidates"][0]
+    assert f"{best['effect']}@{best['place']}" == HIDDEN
+    assert first["verdict"] in ("effect", "ambiguous")
+    assert first["equation"]["name"] == TRUTH["effect"]["place"]
+    torque = best["parameters"][f"{HIDDEN}.torque"]
+    assert torque["low"] <= 1.02 * TRUTH["effect"]["torque"]
+    assert torque["high"] >= 0.98 * TRUTH["effect"]["torque"]
+
+
+def test_the_error_falls_to_the_floor(first: dict[str, Any]) -> None:
+    error = first["error"]
+    assert error["nominal"] > 0.15
+    assert error["refitted"] > 0.15
+    assert error["best"] < 1.2 * error["noise_floor"]
+    assert error["held_out_best"] < 0.5 * error["held_out_refitted"]
+
+
+def test_it_says_so_in_words_and_gives_the_command(first: dict[str, Any]) -> None:
+    assert HIDDEN in first["paragraph"]
+    assert first["command"].startswith(f"dualdrive add MACHINE {HIDDEN} --set torque=")

@@ -289,9 +289,9 @@ def peak_memory(count: int, length: float, *keep: str) -> float:
 
 
 def test_memory_does_not_grow_with_the_number_of_runs() -> None:
-    """1800 more runs would be 144 MB of signals, were they kept."""
+    """700 more runs would be 56 MB of signals, were they kept."""
     keep = ("e", "T_1", "T_2", "theta_m", "omega_m")
-    few, many = (peak_memory(count, 2.0, *keep) for count in (200, 2000))
+    few, many = (peak_memory(count, 2.0, *keep) for count in (100, 800))
     assert many < few + 15
 
 

@@ -48,7 +48,7 @@ def test_the_page_runs_as_printed(tmp_path: Path) -> None:
         env={**os.environ, **quiet, "PATH": programs},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=600,
         check=False,
     )
     assert done.returncode == 0, done.stderr

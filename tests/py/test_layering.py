@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -23,9 +24,19 @@ PLOTTING = {"matplotlib"}
 HDF5_WRITERS = {"store.py", "sweeps/layout.py", "traces/export.py"}
 
 
-def imported(path: Path) -> Iterator[tuple[str, int, bool]]:
+@cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text())
+
+
+@cache
+def imported(path: Path) -> tuple[tuple[str, int, bool], ...]:
     """Name every imported module in full, its line, and whether it loads with the file itself."""
-    tree = ast.parse(path.read_text())
+    return tuple(_imported(path))
+
+
+def _imported(path: Path) -> Iterator[tuple[str, int, bool]]:
+    tree = parsed(path)
     deferred = {
         id(inner) for outer in ast.walk(tree) if _defers(outer) for inner in ast.walk(outer)
     }
@@ -91,7 +102,7 @@ def test_hdf5_is_opened_for_reading_only_outside_its_writers() -> None:
         f"{path.relative_to(ROOT)}:{node.lineno}"
         for path in files(PACKAGE)
         if path.relative_to(PACKAGE).as_posix() not in HDF5_WRITERS
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in ast.walk(parsed(path))
         if isinstance(node, ast.Call) and ast.unparse(node.func) == "h5py.File"
         if [ast.unparse(mode) for mode in node.args[1:2]] != ["'r'"]
         and [ast.unparse(word.value) for word in node.keywords if word.arg == "mode"] != ["'r'"]
@@ -189,3 +200,18 @@ def test_import_is_light(module: str) -> None:
     }
     assert "dualdrive" in loaded, "importtime printed no dualdrive: this test reads it wrongly"
     assert not loaded & HEAVY
+
+
+def test_a_list_of_all_verbs_loads_no_arithmetic() -> None:
+    """`--help` imports every verb: SciPy and the plots would be most of its time."""
+    code = """
+import sys
+from click.testing import CliRunner
+from dualdrive_cli.main import main
+assert "diagnose" in CliRunner().invoke(main, ["--help"]).output
+print(*sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.split())
+    assert "dualdrive.diagnose" in loaded
+    assert not loaded & {"scipy", "matplotlib", "pandas", "xarray"}

@@ -43,8 +43,10 @@ def truth(case: Callable[[str | int], Case], argument: str | int) -> Trajectory:
     return simulate(*case(argument))
 
 
-def spread(machine: Machine, motion: Motion, end: float, exact: Trajectory) -> float:
+@cache
+def spread(case: Callable[[str | int], Case], argument: str | int) -> float:
     """Return how far the states move when one parameter is off by 1e-12 of itself."""
+    (machine, motion, end), exact = case(argument), truth(case, argument)
     drive, off = machine.drives[0], 1 + 1e-12
     nudged = [machine.both(K_t=drive.K_t * off), replace(machine, J_m=machine.J_m * off)]
     peak = np.abs(exact.X).max(axis=0)
@@ -83,7 +85,7 @@ def test_error_falls_with_the_tolerance(method: str) -> None:
     assert errors[2] < 1e-7
 
 
-@pytest.mark.parametrize(("case", "argument"), [(impacts, "X"), (hunting, 250), (hunting, 550)])
+@pytest.mark.parametrize(("case", "argument"), [(impacts, "X"), (hunting, 550)])
 def test_chaos_of_impacts_is_followed_as_far_as_numbers_go(
     case: Callable[[str | int], Case], argument: str | int
 ) -> None:
@@ -91,7 +93,7 @@ def test_chaos_of_impacts_is_followed_as_far_as_numbers_go(
     exact = truth(case, argument)
     run = run_like(*case(argument), rtol=2e-14)
     assert nearest_times(run, exact) < 1e-9
-    assert apart(run, exact) < 10 * spread(*case(argument), exact)
+    assert apart(run, exact) < 10 * spread(case, argument)
 
 
 @pytest.mark.parametrize("load", [250, 550])

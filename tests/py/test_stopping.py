@@ -18,7 +18,7 @@ import dualdrive
 from test_cli_verbs import DUALDRIVE, hear_ctrl_c
 
 DEMO = Path(dualdrive.__file__).parent / "demo"
-MOMENTS = int(os.environ.get("MOMENTS", "20"))
+MOMENTS = int(os.environ.get("MOMENTS", "8"))
 
 #: The interpreter's own start, some 15 ms before any line of the project, is not the project's.
 FROM_THE_FIRST_LINE = """

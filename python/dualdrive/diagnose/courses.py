@@ -19,7 +19,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import fftconvolve, savgol_filter
 
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.refit import Refit
@@ -76,6 +75,8 @@ class Answers:
 
     def to(self, torques: Mapping[str, Array], motions: Mapping[str, Motion]) -> list[Array]:
         """Columns per series (n, k) of torques (n, k) in every record."""
+        from scipy.signal import fftconvolve
+
         found = []
         for s, answer, before in zip(self.c.series, self.of, self.before, strict=True):
             own, every = torques[s.record], motions[s.record].every
@@ -181,6 +182,8 @@ def _readings(c: Confrontation, refit: Refit, name: str) -> list[Array]:
 
 def motion_of(c: Confrontation, refit: Refit, record: str) -> Motion:
     """As simulated where it can be told: a sensor's noise in a course would explain itself."""
+    from scipy.signal import savgol_filter
+
     own = {
         s.name: (s, s.measured + x)
         for s, x in zip(c.series, refit.left, strict=True)

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from dualdrive.diagnose.courses import Kind, courses
 from dualdrive.diagnose.evidence import Evidence, alike, effective, shared_curvature
@@ -59,6 +58,8 @@ def courses_left(
     closed loop alone shows any: the floors of a torque balance are reckoned, not seen. Nothing is
     told where no pulse has an answer, or once `stop` asks for an end.
     """
+    from scipy.stats import chi2
+
     c = seen.confrontation
     if c.mode != "closed_loop":
         return []
@@ -87,6 +88,8 @@ def courses_left(
 
 def _log_chance(gain: float, numbers: int) -> float:
     """Log10 of how often noise gains as much with so many numbers."""
+    from scipy.stats import chi2
+
     half, a = max(gain, 0.0) / 2.0, numbers / 2.0
     chance = float(chi2.logsf(2.0 * half, numbers))
     if not math.isfinite(chance):  # Abramowitz and Stegun 6.5.32: too rare for a number
