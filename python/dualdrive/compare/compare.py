@@ -22,6 +22,7 @@ from dualdrive.identify import (
     evaluate,
     refuse_filters,
     torque_balance,
+    torque_warnings,
     which_mode,
     with_torques,
 )
@@ -252,6 +253,7 @@ def _balance(
     orders = orders_of(core, traces, of_balance(core, traces, quantities, processing))
     late = skews(core, recorded)
     notes = [
+        *(f"warning: {warning}" for warning in torque_warnings(core, traces, processing)),
         found.processing,
         *found.sample_lines(),
         "noise floor from single records (the sensors' noise carried through the balance): an "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from dualdrive.identify.evaluation import state_unknowns
 from dualdrive.identify.filtering import Processing
 from dualdrive.identify.fit_summary import summary
 from dualdrive.identify.parts import sizes_of_part
+from dualdrive.identify.passivity import torque_warnings
 from dualdrive.identify.search import Progress, Search
 from dualdrive.identify.standstill import Standstill
 from dualdrive.identify.unknowns import (
@@ -112,9 +114,10 @@ def fit(
         if scheduler is not None:
             raise ValueError("scheduler: a torque balance has nothing to spread; leave it out")
         paths, prior = _balance_free(core, free, tolerance, offsets)
-        return torque_balance(
+        driven = {name: with_torques(core, trace) for name, trace in recorded.items()}
+        found = torque_balance(
             machine,
-            {name: with_torques(core, trace) for name, trace in recorded.items()},
+            driven,
             free=paths,
             prior=prior,
             offsets=offsets != "none",
@@ -122,6 +125,7 @@ def fit(
             standstill=standstill,
             confidence=confidence,
         )
+        return replace(found, warnings=tuple(torque_warnings(core, driven, processing)))
     refuse_filters(processing, standstill)
     played = records(machine, recorded, motion=motion, interpolation=interpolation, start=start)
     paths = default_free(core) if free is None else list(free)
