@@ -19,7 +19,6 @@ from dualdrive_cli._diagnosis import (
     end,
     how,
     save,
-    settings_for,
     show_ladder,
     told,
 )
@@ -41,6 +40,7 @@ from dualdrive_cli._traces import (
     map_option,
     part_option,
     read_all,
+    settings_for,
     traces_argument,
 )
 

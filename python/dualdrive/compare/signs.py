@@ -17,6 +17,8 @@ from dualdrive.replay import ratio_to_table
 from dualdrive.traces import Trace
 
 Array = NDArray[np.float64]
+
+_FILTER = Processing(decimate=10)
 #: code, message, fatal
 Finding = tuple[str, str, bool]
 
@@ -151,7 +153,7 @@ def torques_fit(core: Any, trace: Trace) -> Iterator[Finding]:
     if doubts or not set(torques) <= set(trace):
         return
     try:
-        parts = list(pieces(trace, trace.name, Processing()))
+        parts = list(pieces(trace, trace.name, _FILTER))
         needed, total = _needed(core, parts, torques)
     except ValueError:
         return
@@ -169,7 +171,7 @@ def torques_fit(core: Any, trace: Trace) -> Iterator[Finding]:
 
 def _needed(core: Any, parts: Any, torques: list[str]) -> tuple[Array, Array]:
     """Torque the machine asks for at the table, and what the motors give there, filtered."""
-    process, model = Processing(), CoreModel(core)
+    process, model = _FILTER, CoreModel(core)
     needed, given = [], []
     for p in parts:
         idle = {**p.samples, **{name: 0.0 * p.samples[name] for name in torques}}

@@ -25,6 +25,8 @@ from dualdrive.traces import Trace
 
 Array = NDArray[np.float64]
 
+_FILTER = Processing(decimate=10)
+
 _DEVIATIONS = 4.0  # from zero, of an estimate that is told
 _LEAST = 0.1  # of a sample: less does no harm
 _MOST = 20.0  # samples: more is another motion, not a delay
@@ -94,7 +96,7 @@ def skews(
     for name, trace in named(traces).items():
         try:
             known = in_time(core, with_torques(core, trace))
-            parts = list(pieces(known, name, processing or Processing()))
+            parts = list(pieces(known, name, processing or _FILTER))
         except ValueError:
             continue
         for motor in core.motors:
@@ -142,7 +144,7 @@ def _between_encoders(
         moving = np.where(np.abs(speed) > _STANDS * np.max(np.abs(speed)), np.sign(speed), 0.0)
         return twist, [speed, turned, load, np.sign(load), moving]
 
-    fitted = _fitted(parts, row, Processing())
+    fitted = _fitted(parts, row, _FILTER)
     if fitted is None:
         return None
     value, sigma, part = fitted
@@ -158,7 +160,7 @@ def _of_torque(record: str, parts: Sequence[Piece], torque: str, angle: str) -> 
         moving = np.where(np.abs(speed) > _STANDS * np.max(np.abs(speed)), np.sign(speed), 0.0)
         return p.samples[torque], [np.gradient(rate, p.step), rate, speed, moving]
 
-    fitted = _fitted(parts, row, Processing(), over=1)
+    fitted = _fitted(parts, row, _FILTER, over=1)
     if fitted is None:
         return None
     value, sigma, part = fitted

@@ -52,6 +52,7 @@ def fit(
     rtol: float = RTOL,
     processing: Processing | None = None,
     standstill: Standstill | None = None,
+    settings: Mapping[str, Mapping[str, float]] | None = None,
     scheduler: str | Client | None = None,
     progress: Callable[[Progress], None] | None = None,
 ) -> Any:
@@ -89,6 +90,7 @@ def fit(
         rtol: local tolerance of the simulations.
         processing: filters and decimation of the torque balance.
         standstill: what the torque balance does near standstill.
+        settings: name of a trace -> parameter path -> SI value that held while it was recorded.
         scheduler: address of a Dask scheduler (``tcp://HOST:8786``) or a connected
             distributed.Client, whose workers take a start each, or a record each where there is
             one start. One start with one record has nothing to spread and is computed here.
@@ -124,10 +126,18 @@ def fit(
             processing=processing,
             standstill=standstill,
             confidence=confidence,
+            settings=settings,
         )
-        return replace(found, warnings=tuple(torque_warnings(core, driven, processing)))
+        return replace(found, warnings=tuple(torque_warnings(core, driven)))
     refuse_filters(processing, standstill)
-    played = records(machine, recorded, motion=motion, interpolation=interpolation, start=start)
+    played = records(
+        machine,
+        recorded,
+        motion=motion,
+        interpolation=interpolation,
+        start=start,
+        settings=settings,
+    )
     paths = default_free(core) if free is None else list(free)
     if not paths:
         raise ValueError("free: nothing to fit; name parameters or add an effect")

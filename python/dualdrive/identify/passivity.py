@@ -29,6 +29,8 @@ from dualdrive.replay import ratio_to_table
 
 Array = NDArray[np.float64]
 
+#: signs show in slow motion, where torque is largest
+FILTER = Processing(decimate=10)
 _HALF = 0.5  # of what the torques as recorded leave unexplained, at most, once turned round
 _NOTHING = 0.1  # of what they explain turned round: explained as recorded, it is nothing
 _LEAST = 0.1  # share that must be explained at all
@@ -58,28 +60,26 @@ class TorqueDoubt:
     message: str
 
 
-def torque_doubts(core: Any, trace: Any, processing: Processing | None = None) -> list[TorqueDoubt]:
+def torque_doubts(core: Any, trace: Any) -> list[TorqueDoubt]:
     """Say which measured torques of a record are turned round, or exchanged.
 
     Args:
         core: the core's machine, asked for its motors and ratios alone.
         trace: has ``t`` and ``channels`` (SI): every motor's torque and an angle or speed.
-        processing: filters; the usual ones unless given.
 
     Returns:
         None, one or more doubts; none for a record too short for the filters, or one that lacks a
         motor's torque.
 
     """
-    process = processing or Processing()
     names = {motor: f"T_{motor.rpartition('_')[2]}" for motor in core.motors}
     if not names or not set(names.values()) <= set(trace.channels):
         return []
     try:
-        parts = list(pieces(trace, str(getattr(trace, "name", "")), process))
+        parts = list(pieces(trace, str(getattr(trace, "name", "")), FILTER))
     except ValueError:
         return []
-    seen = _Seen(core, parts, process)
+    seen = _Seen(core, parts, FILTER)
     if not seen.moves:
         return []
     own = {name: seen.torque(name, ratio_to_table(core, m)) for m, name in names.items()}
@@ -87,14 +87,12 @@ def torque_doubts(core: Any, trace: Any, processing: Processing | None = None) -
     return found if found or len(own) != 2 else list(_exchanged(seen, own))
 
 
-def torque_warnings(
-    core: Any, traces: Mapping[str, Any], processing: Processing | None = None
-) -> list[str]:
+def torque_warnings(core: Any, traces: Mapping[str, Any]) -> list[str]:
     """The same of several records, name -> trace, in words, each with its record's name."""
     return [
         f"{name}: {doubt.message}"
         for name, trace in traces.items()
-        for doubt in torque_doubts(core, trace, processing)
+        for doubt in torque_doubts(core, trace)
     ]
 
 
@@ -113,8 +111,11 @@ class _Seen:
     @property
     def lasts(self) -> float:
         """How long the pieces last that are looked at, s."""
-        kept = sum(len(self.process.kept(len(p), p.step)) * p.step for p in self.parts)
-        return float(kept * self.process.decimate)
+        kept = (
+            len(self.process.kept(len(p), p.step)) * self.process.every(p.step) * p.step
+            for p in self.parts
+        )
+        return float(sum(kept))
 
     def of(self, signal: Callable[[Piece], Array]) -> Array:
         """One signal of every piece through the filter that both sides of a balance pass."""
