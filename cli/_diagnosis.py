@@ -146,13 +146,17 @@ def _errors(d: Diagnosis) -> Table:
     table.add_column("machine")
     table.add_column("fitted", justify="right")
     table.add_column("held out", justify="right")
-    for label, fitted, held_out in (
-        ("as given", "nominal", ""),
-        ("refitted", "refitted", "held_out_refitted"),
-        ("with the best explanation", "best", "held_out_best"),
-    ):
+    rows = [("as given", "nominal", ""), ("refitted", "refitted", "held_out_refitted")]
+    if d.best is not None:
+        rows.append((f"with {d.best.label}", "best", "held_out_best"))
+    for label, fitted, held_out in rows:
         if fitted in d.error:
-            table.add_row(label, _share(d.error[fitted]), _share(d.error.get(held_out, math.nan)))
+            numbers = _share(d.error[fitted]), _share(d.error.get(held_out, math.nan))
+            table.add_row(escape(label), *numbers)
+    if d.best is None and d.candidates and math.isfinite(d.candidates[0].fitted):
+        first = d.candidates[0]  # what the table below lists first, and has no name
+        label = f"with {first.label}, not named"
+        table.add_row(escape(label), _share(first.fitted), _share(first.held_out))
     if "noise_floor" in d.error:
         table.add_row("noise floor", _share(d.error["noise_floor"]), "")
     return table
@@ -191,7 +195,7 @@ def _remarks(d: Diagnosis) -> list[str]:
         lines.append(f"numbers that moved: {found}")
     if d.next_experiment is not None:
         lines += _experiment(d.next_experiment)
-    lines += [f"left undone: {line}" for line in d.cut]
+    lines += [f"Skipped: {line}" for line in d.cut]
     return lines
 
 

@@ -85,7 +85,7 @@ _BALANCE = (
     click.option(
         "--decimate",
         type=Whole(1),
-        help="Balance: every n-th sample counts; unless given all that hold what is below --cutoff.",
+        help="Balance: every n-th sample counts; unless given, as --cutoff needs.",
     ),
     click.option(
         "--standstill",

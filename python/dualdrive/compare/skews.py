@@ -58,17 +58,16 @@ class Skew:
 
     @property
     def message(self) -> str:
-        """What was found, what it would pose as, and what would tell."""
-        time = f"{1e3 * self.seconds:.3g} ms ({self.seconds / self.step:.2g} samples)"
-        span = f"[{1e3 * self.low:.3g} .. {1e3 * self.high:.3g} ms]"
-        poses, tell = (
-            ("compliance, or wider play", "the same delay at half the torque and other speeds")
-            if not self.late.startswith("T_") and not self.early.startswith("T_")
-            else ("a lag of the drive, or a lighter inertia", "a record with sharper starts")
-        )
+        """What was found, what it would be taken for, and what to do if it is real."""
+        time = f"{1e3 * self.seconds:.3g} ms"
+        span = f"{1e3 * self.low:.3g} to {1e3 * self.high:.3g} ms"
+        samples = f"{self.seconds / self.step:.2g} samples"
+        encoders = not self.late.startswith("T_") and not self.early.startswith("T_")
+        like = "compliance or backlash" if encoders else "a lag of the drive or a lighter inertia"
         return (
-            f"{self.record}: {self.late} looks {time} late against {self.early} {span}; it poses "
-            f"as {poses}; {tell} would tell; see to the clocks, or add sensor_delay@{self.late}"
+            f"{self.record}: {self.late} lags {self.early} by {time} ({span}; {samples}). "
+            f"Uncorrected, this looks like {like}. If it is real: dualdrive add MACHINE "
+            f"sensor_delay@{self.late} --set time={1e3 * self.seconds:.3g}ms"
         )
 
 

@@ -289,7 +289,7 @@ def _told(
     tell("the shape of what is missing")
     equation = equation_at(verdict, candidates, refitted, printed.traces, clock)
     curves = []
-    if clock.allows("the shape of what is missing"):
+    if clock.allows("which variable the missing torque depends on"):
         own = shapes(core_of(refitted), printed.traces, printed.settings, printed.processing)
         curves = [shape_on(machine, s) for s in own]
     plan = None
@@ -363,4 +363,4 @@ def _unfit(
         before=None,
         after=None,
     )
-    return replace(blank, paragraph=f"The records can not be judged. {' '.join(warnings)}")
+    return replace(blank, paragraph=f"The records can't be judged. {' '.join(warnings)}")

@@ -24,6 +24,7 @@ from dualdrive.diagnose.work import Clock
 from dualdrive.identify import FitError
 from dualdrive.replay import core_of
 from dualdrive.traces import Trace
+from dualdrive.units import human
 
 TOLD = 8  # candidates in the result
 RIVALS = 3  # names that the next experiment parts
@@ -38,8 +39,8 @@ def candidate_of(
     own = {path: known[path] for path in r.values()}
     own |= {path: Interval(x, x, x, _unit(r, path)) for path, x in r.hypothesis.fixed.items()}
     notes = []
-    if stuck := r.at_bound():
-        notes.append(f"{', '.join(stuck)} stands at its bound")
+    if stuck := [_stuck(r, path) for path in r.at_bound()]:
+        notes.append(f"needs {' and '.join(stuck)}: implausible")
     if twins := found.twins.get(r.hypothesis.label):
         notes.append(f"the same here as {', '.join(dict.fromkeys(twins))}")
     if r.note:
@@ -57,6 +58,14 @@ def candidate_of(
     )
 
 
+def _stuck(r: Refit, path: str) -> str:
+    """A number that stands on a bound, and which."""
+    [(p, v)] = [(p, v) for p, v in zip(r.free, r.v, strict=True) if p.path == path]
+    end = "upper" if abs(v - p.bounds[1]) < abs(v - p.bounds[0]) else "lower"
+    value = human(p.value(float(v)), _unit(r, path))
+    return f"{path.rpartition('.')[2]} = {value}, its {end} limit"
+
+
 def _unit(r: Refit, path: str) -> str:
     """SI unit of an effect's number."""
     return str(r.grown.parameter(r.grown.members(path)[0]).unit)
@@ -67,7 +76,7 @@ def scored_only(found: Survey, known: Sequence[Candidate]) -> list[Candidate]:
     labels = {x.label for x in known} | {r.hypothesis.label for r in found.refits}
     rest = {s.label: s for s in reversed(found.scores) if s.label not in labels}
     best = sorted(rest.values(), key=lambda s: -s.gain.gain)[: max(0, TOLD - len(known))]
-    unknown, note = float("nan"), "by its score alone, not refitted"
+    unknown, note = float("nan"), "screened only"
     return [
         Candidate(
             s.signature.hypothesis.effects,

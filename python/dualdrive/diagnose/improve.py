@@ -25,6 +25,7 @@ _BALANCE = 180.0  # s: what torque balances may spend in all
 MOST = 4  # effects that are added one after the other
 _LAST = 0.1  # of the time: with less left nothing is begun
 _BY_HAND = "stopped by hand"
+_NOISE = 1.35  # times what the sensors leave: more is no noise
 _WORTH = 0.98  # held-out error of the next step over that of the last, at most
 
 
@@ -218,9 +219,11 @@ def _why(d: Diagnosis) -> str:
         return "the search was stopped before every law had its turn"
     if d.verdict == "unknown":
         return "something is left that no effect of the library explains"
-    if d.mode == "balance":
+    left, floor = (d.error.get(name, math.nan) for name in ("refitted", "noise_floor"))
+    if left > _NOISE * floor:
         return (
-            "what is left is too near the sensors' noise, as far as it can be reckoned, for a name"
+            f"nothing more can be named: {100 * left:.3g} % is left, the sensors alone leave "
+            f"{100 * floor:.3g} %"
         )
     return "nothing is left that these records could show"
 

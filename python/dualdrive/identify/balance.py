@@ -84,7 +84,7 @@ def torque_balance(
         )
     tolerance = WIDE if free is None and prior is None else prior
     problem = _Problem(model, records, chosen, tolerance, setup, offsets)
-    nominal = problem.trails
+    nominal = [trail.levelled() if offsets else trail for trail in problem.trails]
     solution = problem.solve()
     steps = {piece.step for parts in records.values() for piece in parts}
     return summarise(

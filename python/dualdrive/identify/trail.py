@@ -63,6 +63,20 @@ class Trail:
         whole = np.concatenate([self.jacobian, columns], axis=2)
         return Rows(self.residual, whole, self.measured, self.keep)
 
+    def levelled(self) -> Trail:
+        """With the constant torque of every measured equation at its best, all else as it stands.
+
+        An error of a machine is told so, before a fit as after it.
+        """
+        residual = self.residual.copy()
+        for row, measured in enumerate(self.measured):
+            shown = self.shown[row][self.keep[row]]
+            size = float(shown @ shown)
+            if size > 0.0 and np.any(measured != 0.0):
+                constant = float(shown @ residual[row][self.keep[row]]) / size
+                residual[row] -= constant * self.shown[row]
+        return replace(self, residual=residual)
+
 
 def follow(
     model: BalanceModel,
