@@ -9,7 +9,7 @@ import click
 
 from dualdrive import diagnose
 from dualdrive.diagnose import Ladder
-from dualdrive.diagnose.improve import MOST
+from dualdrive.diagnose.improvement import MOST
 from dualdrive.files import write_atomically
 from dualdrive.identify import FitError
 from dualdrive.interrupt import interrupt

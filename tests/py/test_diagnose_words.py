@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dualdrive.compare.orders import Order
-from dualdrive.compare.skews import Skew
+from dualdrive.compare.time_skew import Skew
 from dualdrive.diagnose.free_torque import Course
 from dualdrive.diagnose.judge import Judgement
 from dualdrive.diagnose.result import Candidate, Interval, Shape, Verdict

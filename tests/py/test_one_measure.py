@@ -6,6 +6,7 @@ import functools
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -145,7 +146,9 @@ def test_records_are_checked_whole_and_not_by_their_halves(
 
 @pytest.mark.parametrize("verb", ["compare", "fit", "diagnose", "improve", "report"])
 def test_every_verb_that_reads_traces_takes_the_filters(verb: str) -> None:
-    options = {o for p in main.get_command(None, verb).params for o in p.opts}  # type: ignore
+    command = main.get_command(click.Context(main), verb)
+    assert command is not None
+    options = {o for p in command.params for o in p.opts}
     assert set(FILTERS) <= options
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dualdrive.compare.noise import NoiseFloor
 from dualdrive.compare.orders import Order
-from dualdrive.compare.skews import Skew
+from dualdrive.compare.time_skew import Skew
 from dualdrive.compare.where import Condition
 from dualdrive.units import human
 

@@ -12,7 +12,7 @@ import numpy as np
 from dualdrive.compare import RecordWarning, check_records
 from dualdrive.diagnose.clocks import evened
 from dualdrive.diagnose.closed_loop import simulated_error
-from dualdrive.diagnose.diagnose import diagnose, unfit
+from dualdrive.diagnose.diagnosis import diagnose, unfit
 from dualdrive.diagnose.ladder import Ladder, Step
 from dualdrive.diagnose.printed import Printed
 from dualdrive.diagnose.result import Diagnosis

@@ -13,7 +13,7 @@ from dualdrive.compare.comparison import Comparison, Quantity
 from dualdrive.compare.held import floor_of_noise, shaken
 from dualdrive.compare.noise import NoiseFloor, noise_floor
 from dualdrive.compare.repeats import period_of
-from dualdrive.compare.skews import skews
+from dualdrive.compare.time_skew import skews
 from dualdrive.compare.turning import as_conditions, of_balance, of_channels, orders_of
 from dualdrive.compare.where import Situation, standing, where_it_fails
 from dualdrive.identify import (
