@@ -187,7 +187,7 @@ def is_seen(evidence: Evidence, effect: str, place: str, order: float) -> bool:
     in a balance as much off every inertia and friction does the same.
     """
     c = evidence.confrontation
-    if c.mode != "balance" or CARRIERS.get(effect) != "torque":
+    if CARRIERS.get(effect) != "torque" or c.mode != "balance":
         return True
     reach = [own for part in members_of(c.core, place) if (own := travel_of(c, part)) is not None]
     return any(order * (last - first) >= 2.0 * math.pi for first, last in reach)
