@@ -149,7 +149,7 @@ def _unexplained(
 ) -> list[str]:
     said = []
     tried = [c for c in candidates if math.isfinite(c.explained)]
-    if why != "course" and tried and tried[0].explained < _OF_NONE:
+    if why != "course" and tried and max(c.explained for c in tried) < _OF_NONE:
         said.append("No candidate helps. Check sign and scale of the torques.")
     elif why != "course" and tried:
         best = tried[0]
