@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,20 +23,14 @@ from dualdrive.units import human
 from dualdrive_cli._numbers import Real
 from dualdrive_cli._shared import STOPPED, command_line, console, give_up
 from dualdrive_cli._traces import (
+    balancing,
+    filters,
     interpolation_option,
     mode_option,
     motion_option,
     start_option,
     tolerance_of,
     tolerance_option,
-)
-
-set_for_option = click.option(
-    "--set-for",
-    "set_for",
-    multiple=True,
-    metavar="TRACE:KEY=VALUE",
-    help="Set while this trace was recorded: --set-for two.csv:controller.T_ten=0",
 )
 
 
@@ -71,8 +65,8 @@ trust_option = click.option(
 
 def confronting(function: Callable[..., Any]) -> Callable[..., Any]:
     """How a machine meets recordings while it is diagnosed; see `how`."""
+    function = balancing(function)
     shared = (
-        set_for_option,
         tolerance_option,
         mode_option,
         motion_option,
@@ -96,6 +90,10 @@ def how(
     tolerances: tuple[str, ...],
     effort: str,
     trust: tuple[str, ...],
+    cutoff: float | None,
+    decimate: int | None,
+    standstill: str | None,
+    standstill_share: float | None,
 ) -> dict[str, Any]:
     """Keywords that diagnose and improve take alike."""
     return {
@@ -106,34 +104,11 @@ def how(
         "tolerance": tolerance_of(tolerances),
         "effort": effort,
         "trust": trust,
+        **filters(cutoff, decimate, standstill, standstill_share),
     }
 
 
 _MOST = 8  # rows of a table
-
-
-def settings_for(
-    machine: Machine, texts: Sequence[str], traces: Iterable[str]
-) -> dict[str, dict[str, float]]:
-    """Trace -> parameter path -> SI value, from TRACE:KEY=VALUE; TRACE with or without its ending.
-
-    Raises click.BadParameter for a trace that is not there, MachineError for a path or value.
-    """
-    names, found = list(traces), dict[str, dict[str, float]]()
-    for text in texts:
-        trace, colon, setting = text.rpartition(":")
-        path, sign, value = setting.partition("=")
-        if not colon or not sign or not trace:
-            rule = "is not TRACE:KEY=VALUE, e.g. two.csv:controller.T_ten=0"
-            raise click.BadParameter(f"--set-for {text!r} {rule}")
-        name = next((n for n in (trace, Path(trace).stem) if n in names), None)
-        if name is None:
-            there = ", ".join(names)
-            raise click.BadParameter(f"--set-for {text!r}: no trace {trace}; there are {there}")
-        trial = machine.copy()
-        trial.set(path.strip(), value.strip())
-        found.setdefault(name, {})[path.strip()] = trial.get(path.strip())
-    return found
 
 
 def told(status: Any) -> Callable[[str], None]:
@@ -171,13 +146,17 @@ def _errors(d: Diagnosis) -> Table:
     table.add_column("machine")
     table.add_column("fitted", justify="right")
     table.add_column("held out", justify="right")
-    for label, fitted, held_out in (
-        ("as given", "nominal", ""),
-        ("refitted", "refitted", "held_out_refitted"),
-        ("with the best explanation", "best", "held_out_best"),
-    ):
+    rows = [("as given", "nominal", ""), ("refitted", "refitted", "held_out_refitted")]
+    if d.best is not None:
+        rows.append((f"with {d.best.label}", "best", "held_out_best"))
+    for label, fitted, held_out in rows:
         if fitted in d.error:
-            table.add_row(label, _share(d.error[fitted]), _share(d.error.get(held_out, math.nan)))
+            numbers = _share(d.error[fitted]), _share(d.error.get(held_out, math.nan))
+            table.add_row(escape(label), *numbers)
+    if d.best is None and d.candidates and math.isfinite(d.candidates[0].fitted):
+        first = d.candidates[0]  # what the table below lists first, and has no name
+        label = f"with {first.label}, not named"
+        table.add_row(escape(label), _share(first.fitted), _share(first.held_out))
     if "noise_floor" in d.error:
         table.add_row("noise floor", _share(d.error["noise_floor"]), "")
     return table
@@ -216,7 +195,7 @@ def _remarks(d: Diagnosis) -> list[str]:
         lines.append(f"numbers that moved: {found}")
     if d.next_experiment is not None:
         lines += _experiment(d.next_experiment)
-    lines += [f"left undone: {line}" for line in d.cut]
+    lines += [f"Skipped: {line}" for line in d.cut]
     return lines
 
 

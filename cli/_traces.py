@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -79,12 +79,13 @@ _BALANCE = (
         "--cutoff",
         type=Real(0, min_open=True),
         metavar="HZ",
-        help="Balance: low-pass of angles and torques; a tenth of the sampling rate unless given.",
+        help="Balance: low-pass of angles and torques; unless given a tenth of the sampling rate, "
+        "or less where an encoder's noise asks for it.",
     ),
     click.option(
         "--decimate",
         type=Whole(1),
-        help="Balance: every n-th sample counts.  [default: 10]",
+        help="Balance: every n-th sample counts; unless given, as --cutoff needs.",
     ),
     click.option(
         "--standstill",
@@ -101,10 +102,27 @@ _BALANCE = (
 )
 
 
+set_for_option = click.option(
+    "--set-for",
+    "set_for",
+    multiple=True,
+    metavar="TRACE:KEY=VALUE",
+    help="Set while this trace was recorded: --set-for two.csv:controller.T_ten=0",
+)
+
+
+def balancing(function: Callable[..., Any]) -> Callable[..., Any]:
+    """How records were taken and are filtered: settings of single traces, filters, standstill."""
+    for option in reversed((set_for_option, *_BALANCE)):
+        function = option(function)
+    return function
+
+
 def replaying(function: Callable[..., Any]) -> Callable[..., Any]:
     """How a machine meets recordings: mode, command, start, sensors, filters."""
     shared = (mode_option, motion_option, start_option, offsets_option, interpolation_option)
-    for option in reversed((*shared, *_BALANCE)):
+    function = balancing(function)
+    for option in reversed(shared):
         function = option(function)
     return function
 
@@ -167,6 +185,30 @@ def _recorded_under(parts: dict[str, Trace], setting: str, value: str) -> dict[s
     return kept
 
 
+def settings_for(
+    machine: Machine, texts: Sequence[str], traces: Iterable[str]
+) -> dict[str, dict[str, float]]:
+    """Trace -> parameter path -> SI value, from TRACE:KEY=VALUE; TRACE with or without its ending.
+
+    Raises click.BadParameter for a trace that is not there, MachineError for a path or value.
+    """
+    names, found = list(traces), dict[str, dict[str, float]]()
+    for text in texts:
+        trace, colon, setting = text.rpartition(":")
+        path, sign, value = setting.partition("=")
+        if not colon or not sign or not trace:
+            rule = "is not TRACE:KEY=VALUE, e.g. two.csv:controller.T_ten=0"
+            raise click.BadParameter(f"--set-for {text!r} {rule}")
+        name = next((n for n in (trace, Path(trace).stem) if n in names), None)
+        if name is None:
+            there = ", ".join(names)
+            raise click.BadParameter(f"--set-for {text!r}: no trace {trace}; there are {there}")
+        trial = machine.copy()
+        trial.set(path.strip(), value.strip())
+        found.setdefault(name, {})[path.strip()] = trial.get(path.strip())
+    return found
+
+
 def replay_options(
     machine: Machine,
     *,
@@ -185,6 +227,18 @@ def replay_options(
         "start": start,
         "offsets": offsets,
         "interpolation": interpolation,
+        **filters(cutoff, decimate, standstill, standstill_share),
+    }
+
+
+def filters(
+    cutoff: float | None,
+    decimate: int | None,
+    standstill: str | None,
+    standstill_share: float | None,
+) -> dict[str, Any]:
+    """Keywords of a torque balance's filters: what was given of them, None where nothing was."""
+    return {
         "processing": _told(Processing, cutoff=cutoff, decimate=decimate),
         "standstill": _told(Standstill, treatment=standstill, share=standstill_share),
     }

@@ -29,6 +29,7 @@ from dualdrive_cli._traces import (
     read_all,
     replay_options,
     replaying,
+    settings_for,
     traces_argument,
 )
 
@@ -57,6 +58,7 @@ def command(
     mapping: Path | None,
     wanted: tuple[str, ...],
     settings: tuple[str, ...],
+    set_for: tuple[str, ...],
     mode: str,
     output: Path | None,
     plot: Path | None,
@@ -72,9 +74,10 @@ def command(
     """
     m = load(machine, settings)
     recorded = read_all(traces, mapping, wanted)
+    own = settings_for(m, set_for, recorded)
     with console(err=True).status("comparing"):
         try:
-            found = compare(m, recorded, mode, **replay_options(m, **replay))
+            found = compare(m, recorded, mode, settings=own, **replay_options(m, **replay))
         except FitError as error:
             give_up(f"{m.name}: {error}", FAILED)
     if output:

@@ -19,7 +19,6 @@ from dualdrive_cli._diagnosis import (
     end,
     how,
     save,
-    settings_for,
     show,
     told,
 )
@@ -40,6 +39,7 @@ from dualdrive_cli._traces import (
     map_option,
     part_option,
     read_all,
+    settings_for,
     traces_argument,
 )
 

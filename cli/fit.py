@@ -33,6 +33,7 @@ from dualdrive_cli._traces import (
     read_all,
     replay_options,
     replaying,
+    settings_for,
     tolerance_of,
     tolerance_option,
     traces_argument,
@@ -75,6 +76,7 @@ def command(
     mapping: Path | None,
     wanted: tuple[str, ...],
     settings: tuple[str, ...],
+    set_for: tuple[str, ...],
     mode: str,
     output: Path | None,
     json_to: str | None,
@@ -89,6 +91,7 @@ def command(
     m = load(machine, settings)
     recorded, unseen = read_all(traces, mapping, wanted), read_all(held_out, mapping)
     options = replay_options(m, **replay)
+    own = settings_for(m, set_for, [*recorded, *unseen])
     with console(err=True).status("fitting") as status:
 
         def show(now: Progress) -> None:
@@ -106,10 +109,12 @@ def command(
                 scheduler=scheduler,
                 confidence=confidence,
                 progress=show,
+                settings={name: own[name] for name in recorded if name in own},
                 **options,
             )
             fitted = found.machine if isinstance(found, Fit) else found.model.machine
-            test = compare(fitted, unseen, mode, **options) if unseen else None
+            known = {name: own[name] for name in unseen if name in own}
+            test = compare(fitted, unseen, mode, settings=known, **options) if unseen else None
         except FitError as error:
             give_up(f"{m.name}: {error}", FAILED)
     figures = found.figures()

@@ -9,7 +9,7 @@ import click
 
 from dualdrive import diagnose
 from dualdrive.diagnose import Ladder
-from dualdrive.diagnose.improve import MOST
+from dualdrive.diagnose.improvement import MOST
 from dualdrive.files import write_atomically
 from dualdrive.identify import FitError
 from dualdrive.interrupt import interrupt
@@ -19,7 +19,6 @@ from dualdrive_cli._diagnosis import (
     end,
     how,
     save,
-    settings_for,
     show_ladder,
     told,
 )
@@ -41,6 +40,7 @@ from dualdrive_cli._traces import (
     map_option,
     part_option,
     read_all,
+    settings_for,
     traces_argument,
 )
 

@@ -16,7 +16,6 @@ from dualdrive_cli._diagnosis import (
     end,
     how,
     save_page,
-    settings_for,
     told,
 )
 from dualdrive_cli._files import MACHINE, OUTPUT, TRACE
@@ -36,6 +35,7 @@ from dualdrive_cli._traces import (
     map_option,
     part_option,
     read_all,
+    settings_for,
     traces_argument,
 )
 

@@ -50,7 +50,7 @@ if TYPE_CHECKING:  # for editors and type checkers: what _HOMES says; a test com
     from dualdrive import tune as tune
     from dualdrive import units as units
     from dualdrive.ensembles import Ensemble as Ensemble
-    from dualdrive.ensembles.ensemble import ensemble as ensemble
+    from dualdrive.ensembles.batch import ensemble as ensemble
     from dualdrive.files import FileError as FileError
     from dualdrive.machine import Machine as Machine
     from dualdrive.machine import MachineError as MachineError
@@ -63,12 +63,12 @@ if TYPE_CHECKING:  # for editors and type checkers: what _HOMES says; a test com
     from dualdrive.simulation import simulate as simulate
     from dualdrive.sweeps import Sweep as Sweep
     from dualdrive.sweeps import load_sweep as load_sweep
-    from dualdrive.sweeps.sweep import sweep as sweep
+    from dualdrive.sweeps.sweeping import sweep as sweep
 
 #: public name -> the module that holds it; one line per name, here and above
 _HOMES: dict[str, str] = {
     "Ensemble": "dualdrive.ensembles",
-    "ensemble": "dualdrive.ensembles.ensemble",
+    "ensemble": "dualdrive.ensembles.batch",
     "FileError": "dualdrive.files",
     "Machine": "dualdrive.machine",
     "MachineError": "dualdrive.machine",
@@ -81,7 +81,7 @@ _HOMES: dict[str, str] = {
     "simulate": "dualdrive.simulation",
     "Sweep": "dualdrive.sweeps",
     "load_sweep": "dualdrive.sweeps",
-    "sweep": "dualdrive.sweeps.sweep",
+    "sweep": "dualdrive.sweeps.sweeping",
 }
 
 #: parts that are used by their own name: dualdrive.motion.move(...)

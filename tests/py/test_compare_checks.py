@@ -46,7 +46,7 @@ def test_of_a_real_robot_only_the_late_encoder_is_told() -> None:
     trace = read(path, EXAMPLES / "kuka_axis1.map.toml")
     (told,) = check_records(Machine.load(EXAMPLES / "kuka.toml"), trace)
     assert (told.code, told.fatal) == ("skew", False)
-    assert "theta_m looks 2.8" in told.message
+    assert "theta_m lags theta_1 by 2.8" in told.message
 
 
 @pytest.mark.parametrize("log", ["log10", "log12"])
@@ -126,7 +126,7 @@ def test_a_late_channel() -> None:
     trace = sound()
     late = np.interp(trace.t - 0.006, trace.t, trace["theta_m"])
     told = spoilt(theta_m=late)["skew"]
-    assert "theta_m looks" in told.message
+    assert "theta_m lags" in told.message
     assert "compliance" in told.message
 
 

@@ -151,7 +151,7 @@ def test_a_real_robot_has_order_8_of_its_motor() -> None:
     (first, *_) = found.orders
     assert first.label == "order 8 of motor 1"
     assert first.order == pytest.approx(8.0, abs=0.02)
-    assert "order 8 of motor 1" in found.table()
+    assert "ripple, 8 per turn of motor 1" in found.table()
     assert any(c.kind == "order" and c.significant for c in found.where)
 
 

@@ -89,7 +89,7 @@ def test_a_diagnosis_is_shown_whole(asked: Asked) -> None:
         "the equation that fails: table (99% sure)",
         "slow two-way ramps, no tension, to tell coulomb@table from stribeck@table",
         "--motion 'cycle:",
-        "left undone: pairs of effects",
+        "Skipped: pairs of effects",
         "table.J 5.02e+06 kg·m²",
     ):
         assert words in done.stdout, words

@@ -146,7 +146,7 @@ def test_ctrl_c_on_dualdrive_diagnose(tmp_path: Path) -> None:
     figures, out = interrupted("diagnose", "score tests", tmp_path)
     assert figures["error"]["nominal"] > 0
     assert figures["cut"]
-    assert f"left undone: {figures['cut'][0][:40]}" in out
+    assert f"Skipped: {figures['cut'][0][:40]}" in out
 
 
 @long

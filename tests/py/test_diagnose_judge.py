@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dualdrive.diagnose import judge as judging
+from dualdrive.diagnose import survey
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.judge import Judgement, judge
 
@@ -41,7 +42,7 @@ class Verdict:
         self.patch.setattr(judging, "excess", lambda _, which: left[which])
         self.patch.setattr(judging, "_foretells", lambda *_: True)
         self.patch.setattr(judging, "_sound", lambda _: "adequate")
-        self.patch.setattr(judging, "small_arcs", lambda *_: 0)
+        self.patch.setattr(survey, "excess", lambda _, which: left[which])
         return judge(found, lambda _: [])
 
 

@@ -89,7 +89,7 @@ def test_a_clock_that_ran_out_says_what_it_left_out(monkeypatch: pytest.MonkeyPa
     now[0] = 110.5
     assert clock.stop()
     assert not clock.allows("the next experiment")
-    assert clock.cut == ["left out: the next experiment"]
+    assert clock.cut == ["the next experiment"]
 
 
 def test_a_user_stops_the_clock() -> None:

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dualdrive.compare.orders import Order
+from dualdrive.compare.time_skew import Skew
 from dualdrive.diagnose.free_torque import Course
 from dualdrive.diagnose.judge import Judgement
 from dualdrive.diagnose.result import Candidate, Interval, Shape, Verdict
@@ -56,18 +58,18 @@ def test_numbers_have_units_what_was_counted_no_interval_and_what_is_held_at_not
             }
         ),
     )
-    assert "delta_c 0.003 s [0.002 .. 0.004], order 12." in text
+    assert "delta_c 3 ms [2 ms .. 4 ms], order 12." in text
     assert "delta_t" not in text
 
 
 @pytest.mark.parametrize(
     ("why", "words"),
     [
-        ("explains", "too little for a name"),
-        ("bound", "not at a size that it can have"),
+        ("explains", "too little to name it"),
+        ("bound", "too large to be plausible"),
         ("bent", "only bends the curve of the first"),
         ("clipped", "a channel stands at its limit"),
-        ("gains", "not beyond doubt"),
+        ("gains", "probability 0.90, too low to name it"),
     ],
 )
 def test_why_the_best_of_them_gets_no_name(why: str, words: str) -> None:
@@ -75,10 +77,11 @@ def test_why_the_best_of_them_gets_no_name(why: str, words: str) -> None:
 
 
 def test_a_coordinate_that_tells_nothing_is_not_recommended() -> None:
-    assert "spline" in said("unknown", shapes=[shape(0.6)])
+    text = said("unknown", shapes=[shape(0.6)])
+    assert "60 % of the missing torque of the table depends only on the speed." in text
     text = said("unknown", shapes=[shape(0.0)])
-    assert "spline" not in text
-    assert "no coordinate that was tried" in text
+    assert "depends only" not in text
+    assert "depends on none of the coordinates that were tried" in text
 
 
 def test_warnings_are_told_apart() -> None:
@@ -95,4 +98,44 @@ def test_what_is_left_beside_a_name_is_told_with_its_place() -> None:
     torque = Course("acceleration", "motor_2", 60.0, 8, -7.0)
     text = said("unknown", candidate(), why="course", course=torque)
     assert "a torque at motor_2 that follows the table's past acceleration" in text
-    assert "The best of them" not in text, "it explains nothing of that"
+    assert "Best candidate" not in text, "it explains nothing of that"
+
+
+def test_sentences_are_those_of_an_engineer() -> None:
+    """The issue's table: what was printed, and what an engineer would say."""
+    best = candidate("coulomb@table", explained=0.9)
+    text = said("unknown", best, why="gains")
+    assert (
+        "Best candidate: coulomb@table; removes 90 % of the unexplained error; probability 0.90, "
+        "too low to name it."
+    ) in text
+    note = "needs fraction = 0.5, its upper limit: implausible"
+    text = said("unknown", candidate("load_dependent_mesh_loss@table", note=note), why="bound")
+    assert f"removes 95 % of the unexplained error; {note}." in text
+    none = np.zeros(2)
+    direction = Shape("table", "direction", "", "N*m", none, none, none, none, 0.47)
+    text = said("unknown", best, shapes=[direction], why="gains")
+    assert (
+        "47 % of the missing torque of the table depends only on the sign of the speed, as dry "
+        "friction does."
+    ) in text
+    text = said("unknown", candidate("viscous@table", explained=0.0), why="gains")
+    assert "No candidate helps. Check sign and scale of the torques." in text
+    assert "cross-validated 2 %" in said("effect", best)
+
+
+def test_a_lag_is_told_with_its_command() -> None:
+    lag = Skew("log8", "theta_m", "theta_c1", 0.0348, 0.019, 0.051, 0.01, 0.0, True)
+    assert lag.message == (
+        "log8: theta_c1 lags theta_m by 34.8 ms (19 to 51 ms; 3.5 samples). Uncorrected, this "
+        "looks like compliance or backlash. If it is real: dualdrive add MACHINE "
+        "sensor_delay@theta_c1 --set time=34.8ms"
+    )
+
+
+def test_a_ripple_whose_source_no_ratio_tells_is_one_line() -> None:
+    also = ("order 58.50 of pinion 1", "order 58.50 of motor 2")
+    ripple = Order("r", "total", "pinion 2", 58.5, 0.01, 0.1, "N*m", 9.0, 0.1, 1e-6, also)
+    assert ripple.spoken == (
+        "58.50 per turn (pinion 2, pinion 1, motor 2 turn alike: its source can't be told)"
+    )

@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 
 from dualdrive.indexing import PRINTED
 from dualdrive.paper import EXHIBITS, page
-from dualdrive.paper.page import section
+from dualdrive.paper.rendering import section
 from dualdrive.plots.paper import draw
 from dualdrive_cli.main import main
 from test_paper import exhibit

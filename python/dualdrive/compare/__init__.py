@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dualdrive.compare.checks import RecordWarning, check_records
 from dualdrive.compare.clocks import Clock, clock_of
-from dualdrive.compare.compare import compare, of_evaluation
+from dualdrive.compare.comparing import balance_error, compare, of_evaluation
 from dualdrive.compare.comparison import ChannelError, Comparison, Quantity
 from dualdrive.compare.equation import EquationAtFault, equation_at_fault
 from dualdrive.compare.noise import NoiseFloor, noise_floor
 from dualdrive.compare.orders import Order
-from dualdrive.compare.skews import Skew, skews
+from dualdrive.compare.time_skew import Skew, skews
 from dualdrive.compare.where import Condition, where_it_fails
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "Quantity",
     "RecordWarning",
     "Skew",
+    "balance_error",
     "check_records",
     "clock_of",
     "compare",

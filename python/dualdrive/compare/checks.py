@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dualdrive.compare.clocks import clock_of
 from dualdrive.compare.noise import noise_floor
 from dualdrive.compare.signs import torques_fit, train_fits
-from dualdrive.compare.skews import skews
+from dualdrive.compare.time_skew import skews
 from dualdrive.identify import with_torques
 from dualdrive.replay import core_of, named
 from dualdrive.traces import CHANNELS, Trace

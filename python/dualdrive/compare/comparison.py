@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dualdrive.compare.noise import NoiseFloor
 from dualdrive.compare.orders import Order
-from dualdrive.compare.skews import Skew
+from dualdrive.compare.time_skew import Skew
 from dualdrive.compare.where import Condition
 from dualdrive.units import human
 
@@ -196,8 +196,8 @@ class Comparison:
         found = (f"{c.condition} ×{c.excess:.2g} ({c.time:.0%} of the time)" for c in worst)
         lines = [f"error is larger in: {'; '.join(found)}"] if worst else []
         lines += [
-            f"{o.channel} repeats at {' or '.join([o.label, *o.also])}: amplitude "
-            f"{o.amplitude:.3g} {o.unit}, {o.share:.0%} of the residual's square"
+            f"{o.channel}: ripple, {o.spoken}: amplitude {o.amplitude:.3g} {o.unit}, "
+            f"{o.share:.0%} of the residual's square"
             for o in self.orders[:4]
         ]
         return [*lines, *self.notes]

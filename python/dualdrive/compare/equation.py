@@ -8,8 +8,8 @@ residuals, which resemble each other, do not count as so many witnesses.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,7 @@ from dualdrive.compare.excuses import (
 from dualdrive.compare.held import alike_in_rows, hold
 from dualdrive.compare.likelihood import Free, blocks, likelihood, without
 from dualdrive.identify import Processing, with_torques
+from dualdrive.identify.filtering import for_records
 from dualdrive.replay import core_of, named
 from dualdrive.traces import Trace
 
@@ -87,7 +88,7 @@ def equation_at_fault(
     """
     core = core_of(machine).copy()
     known = {n: in_time(core, with_torques(core, t)) for n, t in named(traces).items()}
-    process = processing or Processing(decimate=_decimation(known.values()))
+    process = processing or _usual(known)
     held = alike_in_rows([hold(core, trace, name, process) for name, trace in known.items()])
     nominal = first_point(core, held)
     point = refitted(nominal, cautious, _STEPS)
@@ -117,9 +118,12 @@ def equation_at_fault(
     return EquationAtFault(name, float((wins[best] + 0.5) / (_DRAWS + 1)), shares)
 
 
-def _decimation(traces: Iterable[Trace]) -> int:
-    """Every fifth sample, or fewer of long records: a few thousand in all tell one from another."""
-    return max(_DECIMATE, sum(len(trace) for trace in traces) // _SAMPLES)
+def _usual(traces: Mapping[str, Trace]) -> Processing:
+    """The usual filter, every fifth sample or fewer: a few thousand tell one from another."""
+    process = for_records(None, traces)
+    every = max(process.every(float(np.median(np.diff(t.t)))) for t in traces.values())
+    count = sum(len(trace) for trace in traces.values())
+    return replace(process, decimate=max(_DECIMATE, every, count // _SAMPLES))
 
 
 def _closes(point: Point) -> bool:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.compare.clocks import clock_of
 from dualdrive.compare.controller import asked_torques, commanded_record
 from dualdrive.compare.noise import like_noise
 from dualdrive.compare.where import standing
@@ -24,6 +25,7 @@ Samples = Mapping[str, Array]
 DRIVES = tuple(angle for angle in ANGLES if angle != "theta_m")
 #: no controller's law, which answers smoothed motion, is believed better than this share
 LAW = 0.03
+_MEDIAN = 0.6745  # of a normal distribution's deviation: the median of its size
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,24 +55,22 @@ class Held:
         return (*self.equations, *(f"controller_{k + 1}" for k in range(len(self.asked))))
 
 
-def hold(core: Any, trace: Trace, record: str, processing: Processing) -> Held:
+def hold(
+    core: Any,
+    trace: Trace,
+    record: str,
+    processing: Processing,
+    standstill: Standstill | None = None,
+) -> Held:
     """Filter a record once, as it is and with as much noise again as its sensors make.
 
     Raises ValueError as :func:`dualdrive.identify.torque_balance` does.
     """
-    random = np.random.default_rng(1)
     parts = list(pieces(trace, record, processing))
     equations = _equations(core, trace)
-    limits = Standstill().limits(parts)
-    if "theta_ref" in trace:
-        still = standing(trace.t, trace["theta_ref"])
-    else:
-        still = _resting(trace.t, parts, equations, limits)
-    shaken = trace
-    for name in trace:
-        noise = like_noise(trace.t, trace[name], still, random)
-        shaken = shaken.with_channel(name, trace[name] + noise)
-    noisy = list(pieces(shaken, record, processing))
+    rest = standstill or Standstill()
+    limits = rest.limits(parts)
+    noisy = list(pieces(shaken(core, trace, record, processing, rest), record, processing))
     apart = equations != ("total",) and "theta_m" in trace
     asked, doubt = _asked(core, trace, record, parts, noisy, processing)
     return Held(
@@ -78,13 +78,41 @@ def hold(core: Any, trace: Trace, record: str, processing: Processing) -> Held:
         np.concatenate([p.t[processing.kept(len(p), p.step)] for p in parts]),
         _filtered(parts, processing),
         _filtered(noisy, processing),
-        np.concatenate([_moving(p, equations, limits, processing) for p in parts]),
+        np.concatenate([_moving(p, equations, limits, processing, rest) for p in parts]),
         equations,
         tuple(angle for angle in DRIVES if angle in trace) if apart else (),
         parts[0].step,
         asked,
         doubt,
     )
+
+
+def shaken(
+    core: Any, trace: Trace, record: str, processing: Processing, standstill: Standstill
+) -> Trace:
+    """The trace with as much noise again as its sensors and its clock make."""
+    random, clock = np.random.default_rng(1), clock_of(trace, record)
+    if "theta_ref" in trace:
+        still = standing(trace.t, trace["theta_ref"])
+    else:
+        parts = list(pieces(trace, record, processing))
+        still = _resting(trace.t, parts, _equations(core, trace), standstill.limits(parts))
+    noisy = trace
+    for name in trace:
+        values = trace[name]
+        noise = like_noise(trace.t, values, still, random)
+        wrong = random.normal(0.0, clock.wrong, len(trace)) * np.gradient(values, trace.t)
+        noisy = noisy.with_channel(name, values + noise + wrong)
+    return noisy
+
+
+def floor_of_noise(plain: Array, noisy: Array, counts: Flags) -> float:
+    """RMS of what noise changes in an equation, (n,) each, as its median tells: it has no tails.
+
+    Where noise turns the sign of a speed friction jumps: that is standstill, and no noise.
+    """
+    apart = (noisy - plain)[counts]
+    return float(np.sqrt(np.median(apart**2)) / _MEDIAN) if len(apart) else 0.0
 
 
 def alike_in_rows(held: Sequence[Held]) -> list[Held]:
@@ -136,9 +164,15 @@ def _resting(
 
 
 def _moving(
-    part: Piece, equations: Sequence[str], limits: Mapping[str, float], processing: Processing
+    part: Piece,
+    equations: Sequence[str],
+    limits: Mapping[str, float],
+    processing: Processing,
+    standstill: Standstill,
 ) -> Flags:
     """Samples that every body's standstill is further from than the filter reaches."""
+    if standstill.treatment == "keep":
+        return np.ones(len(processing.kept(len(part), part.step)), dtype=bool)
     from scipy.ndimage import maximum_filter1d
 
     rest = at_rest(equations, part.samples, limits).any(axis=0)

@@ -54,6 +54,20 @@ class Order:
         """``order 8 of motor 1``, integers as such."""
         return f"order {spoken(self.order, self.resolution)} of {self.angle}"
 
+    @property
+    def spoken(self) -> str:
+        """``8 per turn of motor 1``; other angles that it may be counted over, where there are."""
+        per = spoken(self.order, self.resolution)
+        others = dict.fromkeys(name.rpartition(" of ")[2] for name in self.also)
+        others.pop(self.angle, None)
+        if not others:
+            return f"{per} per turn of {self.angle}"
+        alike = [n for n in self.also if n.rpartition(" of ")[2] in others and f" {per} " in n]
+        if len(alike) >= len(others):
+            every = ", ".join([self.angle, *others])
+            return f"{per} per turn ({every} turn alike: its source can't be told)"
+        return f"{per} per turn of {self.angle}, or {' or '.join(self.also)}"
+
 
 @dataclass(frozen=True, eq=False)
 class Turning:

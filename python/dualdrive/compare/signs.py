@@ -12,16 +12,20 @@ from numpy.typing import NDArray
 from dualdrive.identify import Processing
 from dualdrive.identify.filtering import pieces
 from dualdrive.identify.model import CoreModel
+from dualdrive.identify.passivity import torque_doubts
 from dualdrive.replay import ratio_to_table
 from dualdrive.traces import Trace
 
 Array = NDArray[np.float64]
+
+_FILTER = Processing(decimate=10)
 #: code, message, fatal
 Finding = tuple[str, str, bool]
 
 _OFF = 0.02  # of a ratio, beyond what play allows
 _HARDLY = 0.3  # of a ratio: play that leaves it open
 _CLEAR = 0.6  # correlation that makes a sign certain
+_ALIKE = 0.8  # correlation with what the motion needs from which a torque's size can be told
 _ORDERS = 4.0  # times too large or too small a torque
 #: factors by which a unit, or a frame, is commonly mistaken
 _UNITS = {
@@ -141,29 +145,19 @@ def _tension(core: Any) -> float:
 
 
 def torques_fit(core: Any, trace: Trace) -> Iterator[Finding]:
-    """Sign and size of each measured torque against what the machine needs for the motion."""
+    """Signs of the measured torques by power, and their size against what the motion needs."""
+    doubts = torque_doubts(core, trace)
+    for doubt in doubts:
+        yield doubt.code, doubt.message, True
     torques = [f"T_{motor.rpartition('_')[2]}" for motor in core.motors]
-    if not set(torques) <= set(trace):
+    if doubts or not set(torques) <= set(trace):
         return
     try:
-        parts = list(pieces(trace, trace.name, Processing()))
-        needed, own = _needed(core, parts, torques)
+        parts = list(pieces(trace, trace.name, _FILTER))
+        needed, total = _needed(core, parts, torques)
     except ValueError:
         return
-    if float(np.std(needed)) == 0.0:
-        return
-    total = np.sum(own, axis=0)
-    whole = _correlation(total, needed)
-    flipped = [name for name, x in zip(torques, own, strict=True) if _against(x, needed)]
-    for name in flipped if len(flipped) < len(torques) or whole < -_CLEAR else ():
-        source = f"{name} (or I{name[1:]})"
-        yield (
-            "sign",
-            f"{source} pushes against the motion that it should make; turn it round with "
-            "sign = -1 in the mapping, or turn the angles round",
-            True,
-        )
-    if flipped or whole < 0.8:
+    if float(np.std(needed)) == 0.0 or _correlation(total, needed) < _ALIKE:
         return
     size = float(np.std(total) / np.std(needed))
     if not 1.0 / _ORDERS < size < _ORDERS:
@@ -175,24 +169,18 @@ def torques_fit(core: Any, trace: Trace) -> Iterator[Finding]:
         )
 
 
-def _needed(core: Any, parts: Any, torques: list[str]) -> tuple[Array, list[Array]]:
-    """Torque the machine asks for at the table, and what each motor's gives there, filtered."""
-    process, model = Processing(), CoreModel(core)
-    needed, own = [], [[] for _ in torques]  # type: ignore[var-annotated]
+def _needed(core: Any, parts: Any, torques: list[str]) -> tuple[Array, Array]:
+    """Torque the machine asks for at the table, and what the motors give there, filtered."""
+    process, model = _FILTER, CoreModel(core)
+    needed, given = [], []
     for p in parts:
         idle = {**p.samples, **{name: 0.0 * p.samples[name] for name in torques}}
-        needed.append(process.reduce(model.balance(idle, []).residual[0], p.step))
-        for k, name in enumerate(torques):
-            alone = {**idle, name: p.samples[name]}
-            given = model.balance(idle, []).residual[0] - model.balance(alone, []).residual[0]
-            own[k].append(process.reduce(given, p.step))
-    return np.concatenate(needed), [np.concatenate(x) for x in own]
+        asked = model.balance(idle, []).residual[0]
+        needed.append(process.reduce(asked, p.step))
+        given.append(process.reduce(asked - model.balance(p.samples, []).residual[0], p.step))
+    return np.concatenate(needed), np.concatenate(given)
 
 
 def _correlation(a: Array, b: Array) -> float:
     size = float(np.std(a) * np.std(b))
     return float(np.mean((a - a.mean()) * (b - b.mean())) / size) if size > 0.0 else 0.0
-
-
-def _against(own: Array, needed: Array) -> bool:
-    return _correlation(own, needed) < -_CLEAR

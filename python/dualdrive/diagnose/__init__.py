@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dualdrive.compare.equation import EquationAtFault
-from dualdrive.diagnose.diagnose import diagnose
-from dualdrive.diagnose.improve import improve
+from dualdrive.diagnose.diagnosis import diagnose
+from dualdrive.diagnose.improvement import improve
 from dualdrive.diagnose.ladder import Ladder, Step
 from dualdrive.diagnose.result import (
     VERDICTS,

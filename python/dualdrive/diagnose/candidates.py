@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from dualdrive import _core
+from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.identify.readings import TAKEN_BACK
 
@@ -21,6 +22,8 @@ _OF_THE_LOAD = ("unbalance", "position_dependent_inertia")
 SCALES = ("thermal_drift", "torque_constant_saturation")
 #: friction that grows with speed or bends bristles, beside all that acts as dry friction
 _FRICTION = ("viscous", "hydrostatic_drag", "lugre")
+#: what makes a reading late
+_CLOCKS = ("sensor_delay",)
 #: the set-point comes late to all drives, or to the slaves alone
 _CAUSES = ("transport_delay",)
 #: a group of parts -> what its single parts are called
@@ -33,17 +36,27 @@ _ONE = {
 }
 
 
+def tried_with(c: Confrontation, core: Any) -> list[Hypothesis]:
+    """What a machine that meets these records may lack."""
+    return candidates(core, c.channels, balance=c.mode == "balance", one_clock=c.one_clock)
+
+
 def candidates(
-    core: Any, channels: Sequence[str] = (), *, balance: bool = False
+    core: Any, channels: Sequence[str] = (), *, balance: bool = False, one_clock: bool = False
 ) -> list[Hypothesis]:
     """Every effect at every usual place or group of this machine that does not carry it there.
 
     channels: recorded channels at which a recorder's effects are tried, too
     balance:  only what a torque balance shows; a loose joint hides a motion that it would need
+    one_clock: whether no two angles can be held against each other. A drive computes its torque and
+        holds it for a sample or two, and a loop that is not known answers the noise of its own
+        encoder: either way torque and motion are apart in time, and no late sensor need be blamed
     """
     found = []
     for kind in _core.effect_types():
         if kind.name in NOT_TRIED or (balance and not _in_balance(kind)):
+            continue
+        if one_clock and kind.name in _CLOCKS:
             continue
         places = [p for p in kind.places.split(",") if not _is_twin(core, kind, p)]
         if balance and kind.name in TAKEN_BACK:

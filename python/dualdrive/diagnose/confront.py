@@ -137,6 +137,10 @@ class Confrontation(Protocol):
         """The core's machine with the nominal numbers of u."""
 
     @property
+    def one_clock(self) -> bool:
+        """Whether no two angles can be held against each other, so that no delay has a witness."""
+
+    @property
     def channels(self) -> list[str]:
         """Recorded channels that a recorder may have spoilt (read late, rounded, ...)."""
 

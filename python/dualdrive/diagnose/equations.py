@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.compare.excuses import first_zeros
-from dualdrive.compare.held import Held, hold
+from dualdrive.compare.held import Held, floor_of_noise, hold
 from dualdrive.compare.laws import shifted
 from dualdrive.diagnose.balance_motion import calm, sizes_of, usual_zero
 from dualdrive.diagnose.confront import Series, Tolerance, believable, nominal_unknowns
-from dualdrive.identify import Processing, with_torques
-from dualdrive.identify.filtering import ANGLES
+from dualdrive.identify import Processing, Standstill, with_torques
+from dualdrive.identify.filtering import ANGLES, for_records
 from dualdrive.identify.model import TORQUES
 from dualdrive.identify.readings import TAKEN_BACK, before_sensors
 from dualdrive.identify.unknowns import Unknown, default_free
@@ -32,8 +32,6 @@ from dualdrive.traces import Trace
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-#: keeps twice the filter's pass band
-PROCESSING = Processing(decimate=4)
 #: constant torque of an equation, as a share of the spread of its measured torque
 CONSTANT = 0.5
 _FAINTEST = 1e-6  # of the largest torque: no floor lies below
@@ -57,7 +55,8 @@ class TorqueBalance:
         core: Any,
         traces: Mapping[str, Trace],
         settings: Mapping[str, Mapping[str, float]] | None = None,
-        processing: Processing = PROCESSING,
+        processing: Processing | None = None,
+        standstill: Standstill | None = None,
         *,
         apart: bool = True,
         tolerance: Tolerance = None,
@@ -65,7 +64,8 @@ class TorqueBalance:
         self.core, self.tolerance = core, tolerance
         self.settings = [dict((settings or {}).get(name, {})) for name in traces]
         whole = {name: with_torques(core, trace) for name, trace in traces.items()}
-        self.held = [hold(core, trace, name, processing) for name, trace in whole.items()]
+        process = for_records(processing, whole)
+        self.held = [hold(core, t, name, process, standstill) for name, t in whole.items()]
         self.equations = _chosen(self.held[0]) if apart else ("total",)
         zeros = [
             first_zeros(with_settings(core, s), h)
@@ -169,6 +169,12 @@ class TorqueBalance:
         return level
 
     @property
+    def one_clock(self) -> bool:
+        """Whether a single angle is recorded, or speed: a delay would have no witness."""
+        seen = [a for a, (rate, _) in ANGLES.items() if rate in self.held[0].samples]
+        return len(seen) < 2
+
+    @property
     def channels(self) -> list[str]:
         """Recorded torques; an angle's channel is its sensor, which is a place of its own."""
         return [name for name in TORQUES if name in self.held[0].samples]
@@ -254,8 +260,7 @@ class TorqueBalance:
             speed = np.abs(next(held.samples[r] for r, _ in ANGLES.values() if r in held.samples))
             for e, name in enumerate(self.equations):
                 keep = held.keep & calm(self.core, held, name, zeros)
-                own = (noisy - plain)[e][keep]
-                floor = float(np.sqrt(np.median(own**2)) / 0.6745) if len(own) else 0.0
+                floor = floor_of_noise(plain[e], noisy[e], keep)
                 found.append(
                     Series(
                         held.record,

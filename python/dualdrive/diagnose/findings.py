@@ -8,34 +8,39 @@ from typing import Any
 import numpy as np
 
 from dualdrive import _core
-from dualdrive.compare import equation_at_fault
+from dualdrive.compare import Comparison, equation_at_fault
 from dualdrive.compare.equation import EquationAtFault
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.experiment import next_experiment
 from dualdrive.diagnose.floors import floor_of
 from dualdrive.diagnose.heldout import held_out, intervals
-from dualdrive.diagnose.judge import Judgement, explained_by
+from dualdrive.diagnose.judge import Judgement
+from dualdrive.diagnose.printed import Printed
 from dualdrive.diagnose.refit import Fitter, Refit, Start
 from dualdrive.diagnose.result import Candidate, Experiment, Interval
 from dualdrive.diagnose.starts import expected
-from dualdrive.diagnose.survey import Survey
+from dualdrive.diagnose.survey import Survey, explained_by
 from dualdrive.diagnose.work import Clock
 from dualdrive.identify import FitError
 from dualdrive.replay import core_of
 from dualdrive.traces import Trace
+from dualdrive.units import human
 
 TOLD = 8  # candidates in the result
 RIVALS = 3  # names that the next experiment parts
 
 
-def candidate_of(c: Confrontation, found: Survey, r: Refit, p: float) -> Candidate:
+def candidate_of(
+    machine: Any, c: Confrontation, found: Survey, r: Refit, p: float, printed: Printed
+) -> Candidate:
     """A refit as a user reads it."""
+    fitted = printed.error(machine_of(machine, c, r))
     known = intervals(found.evidence, r, found.inflation)
     own = {path: known[path] for path in r.values()}
     own |= {path: Interval(x, x, x, _unit(r, path)) for path, x in r.hypothesis.fixed.items()}
     notes = []
-    if stuck := r.at_bound():
-        notes.append(f"{', '.join(stuck)} stands at its bound")
+    if stuck := [_stuck(r, path) for path in r.at_bound()]:
+        notes.append(f"needs {' and '.join(stuck)}: implausible")
     if twins := found.twins.get(r.hypothesis.label):
         notes.append(f"the same here as {', '.join(dict.fromkeys(twins))}")
     if r.note:
@@ -44,13 +49,21 @@ def candidate_of(c: Confrontation, found: Survey, r: Refit, p: float) -> Candida
         r.hypothesis.effects,
         p,
         own,
-        c.headline(r.left),
-        c.headline(held_out(found.evidence, r)),
+        fitted,
+        fitted * _foretold(c, found, r),
         (found.base.chi - r.chi) / found.inflation,
         explained_by(found, r),
         r.resolved,
         "; ".join(notes),
     )
+
+
+def _stuck(r: Refit, path: str) -> str:
+    """A number that stands on a bound, and which."""
+    [(p, v)] = [(p, v) for p, v in zip(r.free, r.v, strict=True) if p.path == path]
+    end = "upper" if abs(v - p.bounds[1]) < abs(v - p.bounds[0]) else "lower"
+    value = human(p.value(float(v)), _unit(r, path))
+    return f"{path.rpartition('.')[2]} = {value}, its {end} limit"
 
 
 def _unit(r: Refit, path: str) -> str:
@@ -63,7 +76,7 @@ def scored_only(found: Survey, known: Sequence[Candidate]) -> list[Candidate]:
     labels = {x.label for x in known} | {r.hypothesis.label for r in found.refits}
     rest = {s.label: s for s in reversed(found.scores) if s.label not in labels}
     best = sorted(rest.values(), key=lambda s: -s.gain.gain)[: max(0, TOLD - len(known))]
-    unknown, note = float("nan"), "by its score alone, not refitted"
+    unknown, note = float("nan"), "screened only"
     return [
         Candidate(
             s.signature.hypothesis.effects,
@@ -107,21 +120,27 @@ def machine_of(machine: Any, c: Confrontation, r: Refit) -> Any:
     return copy
 
 
-def errors_of(c: Confrontation, found: Survey, best: Refit) -> dict[str, float]:
-    """Headline errors: nominal, refitted, best, held out, and what the sensors alone leave."""
-    floors = [floor_of(s, r) for s, r in zip(c.series, found.best.left, strict=True)]
-    noise = [
-        f * np.where(np.arange(len(s.t)) % 2, 1.0, -1.0)
-        for f, s in zip(floors, c.series, strict=True)
-    ]
+def errors_of(
+    c: Confrontation, found: Survey, best: Refit, before: Comparison, after: Comparison | None
+) -> dict[str, float]:
+    """Headline errors: refitted, best, held out, and what the sensors alone leave.
+
+    before, after: of the refitted machine, and of the one with the best explanation if there is one
+    """
+    whole = after or before
     return {
-        "nominal": c.headline(found.nominal.left),
-        "refitted": c.headline(found.plain.left),
-        "best": c.headline(best.left),
-        "noise_floor": c.headline(noise),
-        "held_out_refitted": c.headline(held_out(found.evidence, found.plain)),
-        "held_out_best": c.headline(held_out(found.evidence, best)),
+        "refitted": before.error["headline"],
+        "best": whole.error["headline"],
+        "noise_floor": whole.error["noise_floor"],
+        "held_out_refitted": before.error["headline"] * _foretold(c, found, found.plain),
+        "held_out_best": whole.error["headline"] * _foretold(c, found, best),
     }
+
+
+def _foretold(c: Confrontation, found: Survey, r: Refit) -> float:
+    """Error on stretches that a refit did not see, over that on those it saw."""
+    seen = c.headline(r.left)
+    return c.headline(held_out(found.evidence, r)) / seen if seen > 0.0 else float("nan")
 
 
 def moved_numbers(c: Confrontation, known: Mapping[str, Interval]) -> list[str]:

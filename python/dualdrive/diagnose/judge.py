@@ -10,22 +10,21 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive import _core
 from dualdrive.diagnose.candidates import rubs, station
 from dualdrive.diagnose.free_torque import Course
 from dualdrive.diagnose.heldout import held_out
+from dualdrive.diagnose.pairs import FAINT
 from dualdrive.diagnose.probability import (
     SURE,
     brought,
     how_often_right,
     leaders,
     probabilities,
-    small_arcs,
 )
 from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.result import Verdict
 from dualdrive.diagnose.settle import ENOUGH
-from dualdrive.diagnose.survey import Survey, excess, key_of
+from dualdrive.diagnose.survey import Survey, excess, explained_by, key_of
 
 Array = NDArray[np.float64]
 #: why the best of what was tried gets no name
@@ -39,10 +38,6 @@ NAMED = 20.0
 STEPS = 5.0
 #: share of what a free input could explain, below which a name explains too little
 EXPLAINED = 0.75
-#: in a torque balance, whose floors are reckoned: share below which nothing is named
-FAINT = 0.5
-#: share that a plainer law may explain less than one of the angle on a small arc, and be as likely
-AS_MUCH = 0.03
 #: share of a pair's gain that its second law of friction must bring to be one of its own
 BENT = 0.02
 #: how often a leader is all there is though a torque of another course is surely left; by hand
@@ -116,8 +111,7 @@ def _among_the_tried(found: Survey) -> Judgement:
     if why:
         return Judgement("unknown", ranked, nothing, (), *figures, why)
     leader = ranked[0][0]
-    others = (*_twins(found, leader), *_plainer(found, leader, ranked))
-    group = tuple(dict.fromkeys((*leaders(ranked), *others)))
+    group = tuple(dict.fromkeys((*leaders(ranked), *_twins(found, leader))))
     verdict = "effect" if ranked[0][1] >= SURE and len(group) == 1 else "ambiguous"
     return Judgement(verdict, ranked, nothing, group if len(group) > 1 else (), *figures)
 
@@ -176,51 +170,11 @@ def _twins(found: Survey, best: Refit) -> list[str]:
     ]
 
 
-def _plainer(found: Survey, best: Refit, ranked: Sequence[tuple[Refit, float]]) -> list[str]:
-    """Names that explain as much where the leader has a law of the angle on less than a radian.
-
-    There it is a constant and a slope: a plain law and anything that varies along the way.
-    """
-    if not small_arcs(found, best):
-        return []
-    least, own = explained_by(found, best) - AS_MUCH, set(best.hypothesis.effects)
-    plainer = []
-    for r, _ in ranked:
-        [changed, *more] = own - set(r.hypothesis.effects) or [("", "")]
-        alike = {e for e, _ in set(r.hypothesis.effects) - own}
-        if changed[0] and not more and alike and not small_arcs(found, r):
-            confused = set(_core.effect_type(changed[0]).confused_with.split(","))
-            if alike <= confused and explained_by(found, r) > least:
-                plainer.append(r.hypothesis.label)
-    return plainer
-
-
 def _foretells(found: Survey, best: Refit, gain: float) -> bool:
     """Whether what the leader gains it gains on stretches it was not fitted to, too."""
     seen = found.evidence
     with_it, without = (seen.white(held_out(seen, r)) for r in (best, found.base))
     return float(without @ without - with_it @ with_it) / found.inflation > KEPT * gain
-
-
-def _explained(before: Array, after: Array) -> float:
-    """Share of the mean squares above the floor that went, each series counting alike."""
-    could = np.maximum(1.0 - 1.0 / before**2, 0.0)
-    went = 1.0 - after**2 / before**2
-    whole = float(could.sum())
-    return float(min(max(went.sum() / whole, 0.0), 1.0)) if whole > 1e-3 else 1.0
-
-
-def explained_by(found: Survey, r: Refit) -> float:
-    """Share of what could be explained that a refit explains, 0 .. 1.
-
-    In a torque balance the equations share their numbers: weighed by its own noise a machine that
-    lacks something may close the drives' at the cost of the table's. So it is held against the one
-    weighed like the refit, too, and the larger share counts.
-    """
-    balance = found.evidence.confrontation.mode == "balance"
-    without = [found.plain, found.base] if balance else [found.plain]
-    after = excess(found, r.left)
-    return max(_explained(excess(found, own.left), after) for own in without)
 
 
 def _is_above(ratios: Array) -> bool:

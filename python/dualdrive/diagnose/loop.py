@@ -39,6 +39,7 @@ class ClosedLoop:
     """See :class:`~dualdrive.diagnose.confront.Confrontation`."""
 
     mode = "closed_loop"
+    one_clock = False
 
     def __init__(
         self,

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
-from dualdrive.diagnose.candidates import akin, candidates, group_of, members, station
+from dualdrive.diagnose.candidates import akin, group_of, members, station, tried_with
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.hypotheses import Hypothesis, Setting, distinct
 from dualdrive.diagnose.orders import HIGHEST
@@ -28,7 +28,15 @@ from dualdrive.diagnose.refit import Fitter, Refit, Start, Trial
 from dualdrive.diagnose.secants import with_values
 from dualdrive.diagnose.settle import ENOUGH, settle
 from dualdrive.diagnose.signatures import CONTAINS
-from dualdrive.diagnose.stage import Scale, Score, Stage, scorer_of, with_orders, with_spots
+from dualdrive.diagnose.stage import (
+    Scale,
+    Score,
+    Stage,
+    is_seen,
+    scorer_of,
+    with_orders,
+    with_spots,
+)
 from dualdrive.diagnose.starts import beside, grown_from
 from dualdrive.diagnose.survey import Survey, excess, key_of
 from dualdrive.diagnose.work import Work, first_of_each
@@ -171,7 +179,7 @@ def _neighbours(found: Survey, stead: _Stead, core: Any, rest: Array) -> list[Hy
     """
     seen = found.evidence
     c = seen.confrontation
-    every = candidates(core, c.channels, balance=c.mode == "balance")
+    every = tried_with(c, core)
     every += [m for h in every for m in members(core, h)]
     twins = {label for several in found.twins.values() for label in several}
     alike = [h for h in every if _is_near(h, stead) and h.label not in twins]
@@ -180,8 +188,10 @@ def _neighbours(found: Survey, stead: _Stead, core: Any, rest: Array) -> list[Hy
     leaves = excess(found, stead.best.left).max() >= ENOUGH
     others = [h for h in alike if h not in own]
     listed = with_orders(seen, rest, others)
-    as_often = [_as_often(h, stead, core) for h in others]
-    listed += [h for h in as_often if h is not None]
+    as_often = (_as_often(h, stead, core) for h in others)
+    listed += [
+        h for h in as_often if h is not None and is_seen(seen, *h.effects[0], max(h.fixed.values()))
+    ]
     if leaves:  # no order is cheaper than the one that was found
         listed += [
             replace(h, searched=dict.fromkeys(h.searched, HIGHEST))

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.diagnose.candidates import candidates, members
+from dualdrive.diagnose.candidates import members, tried_with
 from dualdrive.diagnose.free_torque import courses_left
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.profiled import sharpened
@@ -22,11 +22,14 @@ from dualdrive.diagnose.settle import ENOUGH, settle
 from dualdrive.diagnose.signatures import CONTAINS
 from dualdrive.diagnose.stage import Score, Stage, scale_of
 from dualdrive.diagnose.starts import beside
-from dualdrive.diagnose.survey import Survey, excess, key_of
+from dualdrive.diagnose.survey import Survey, excess, explained_share, key_of
 from dualdrive.diagnose.work import Work, first_of_each
 
 Array = NDArray[np.float64]
 
+#: in a torque balance, whose floors are reckoned: share of what is above them below which nothing
+#: is named, nor a second effect beside a first
+FAINT = 0.5
 _FIRSTS, _SECONDS = 2, 3  # effects to begin with, and partners of each
 _TAKEN_APART = 3  # best groups of which the single parts are tried, too
 _NEAR = 0.5  # of the leader's gain: what has less is no first effect of a pair
@@ -65,13 +68,24 @@ def with_pairs(found: Survey, work: Work) -> Survey:
                 work.clock.leave_out(f"not refitted: {first.hypothesis.label} + {score.label}")
                 continue
             work.tell(f"refitting with {first.hypothesis.label} + {score.label}")
-            if (pair := _refitted(fitter, first, score)) is not None:
+            pair = _refitted(fitter, first, score)
+            if pair is not None and not _is_idle(found, first, pair):
                 refits.append(pair)
         if any(excess(found, pair.left).max() < ENOUGH for pair in refits):
             break  # nothing is left to explain
     if not refits:
         return found
     return settle(replace(found, refits=[*found.refits, *refits]), work)
+
+
+def _is_idle(found: Survey, first: Refit, pair: Refit) -> bool:
+    """Whether the second effect leaves most of what the first leaves above the floor.
+
+    Something else is missing then, and with numbers to spend many laws take a little of it.
+    """
+    balance = found.evidence.confrontation.mode == "balance"
+    before, after = excess(found, first.left), excess(found, pair.left)
+    return balance and explained_share(before, after) < FAINT
 
 
 def _is_sure(found: Survey, score: Score) -> bool:
@@ -102,7 +116,7 @@ def _beside(found: Survey, first: Refit, low: bool, work: Work) -> list[Score]:
     c, seen = copy(found.evidence.confrontation), found.evidence
     c.core = first.machine
     stage = Stage(c, first.u, first.left, [scale_of(seen, first)], work)
-    every = candidates(c.core, c.channels, balance=c.mode == "balance")
+    every = tried_with(c, c.core)
     scores = stage.scores(stage.listed([h for h in every if _plain(h)], low))
     best = sorted(scores, key=lambda s: -s.gain.gain)[:_TAKEN_APART]
     groups = dict.fromkeys(s.signature.hypothesis.effects for s in best)

@@ -7,12 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from dualdrive import _core
 from dualdrive.diagnose.candidates import akin, rubs
 from dualdrive.diagnose.heldout import held_out
 from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.settle import ENOUGH
 from dualdrive.diagnose.signatures import CONTAINS
-from dualdrive.diagnose.survey import Survey, excess, key_of
+from dualdrive.diagnose.survey import Survey, excess, explained_by, key_of
 from dualdrive.replay import ratio_to_table
 
 #: fall of the criterion below which no second effect is named beside a first
@@ -22,6 +23,8 @@ SECOND = 25.0
 MENDED = 0.03
 #: of the criterion, tempered: odds of 1 to 20 against a law of the angle on less than a radian
 SMALL_ARC = 12.0
+#: share that a plainer law may explain less than one of the angle on a small arc
+AS_MUCH = 0.03
 #: of twice the log evidence: how sure differences between good fits are (see the blind suite)
 TEMPER = 2.0
 #: probability of the leader that makes it the only name
@@ -42,10 +45,14 @@ def probabilities(found: Survey) -> tuple[list[tuple[Refit, float]], float]:
     """
     named = _worth_a_name(found)
     every = [found.base, *named]
-    least = min(value_of(found, r) for r in every)
-    weights = {id(r): math.exp(-0.5 * (value_of(found, r) - least) / TEMPER) for r in every}
+    value = {id(r): value_of(found, r) for r in every}
+    for r in named:  # a radian is no turn: what it shows along the way is no law of the angle
+        if plain := [value[id(other)] for other in named if _is_plainer(found, other, r)]:
+            value[id(r)] = max(value[id(r)], min(plain) + SMALL_ARC)
+    least = min(value.values())
+    weights = {key: math.exp(-0.5 * (x - least) / TEMPER) for key, x in value.items()}
     whole = sum(weights.values())
-    ranked = sorted(named, key=lambda r: value_of(found, r))
+    ranked = sorted(named, key=lambda r: value[id(r)])
     return [(r, weights[id(r)] / whole) for r in ranked], weights[id(found.base)] / whole
 
 
@@ -118,6 +125,21 @@ def small_arcs(found: Survey, r: Refit) -> int:
             arc = order * travel * ratio_to_table(found.evidence.confrontation.core, _part(place))
             count += arc < 1.0
     return count
+
+
+def _is_plainer(found: Survey, r: Refit, bent: Refit) -> bool:
+    """Whether r has a plain law where the other has one of a small arc, and does as much.
+
+    There the law of the angle is a constant and a slope, and anything that varies along the way.
+    """
+    if not small_arcs(found, bent) or small_arcs(found, r):
+        return False
+    [changed, *more] = set(bent.hypothesis.effects) - set(r.hypothesis.effects) or [("", "")]
+    alike = {e for e, _ in set(r.hypothesis.effects) - set(bent.hypothesis.effects)}
+    if more or not changed[0] or not alike:
+        return False
+    confused = set(_core.effect_type(changed[0]).confused_with.split(","))
+    return alike <= confused and explained_by(found, r) > explained_by(found, bent) - AS_MUCH
 
 
 def _part(place: str) -> str:

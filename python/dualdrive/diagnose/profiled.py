@@ -9,6 +9,7 @@ sum over the series of n log(mean square), n counted as the machine without any 
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from dualdrive.diagnose.evidence import Evidence, evidence
 from dualdrive.diagnose.refit import Fitter, Refit, Trial
 
 _ROUNDS = 3
+_HARDLY = 30.0  # times the beliefs: as good as none
 
 
 def sharpened(fitter: Fitter, refit: Refit) -> Refit:
@@ -25,6 +27,9 @@ def sharpened(fitter: Fitter, refit: Refit) -> Refit:
     seen = fitter.evidence
     c = seen.confrontation
     best, least = refit, profile(seen, refit)
+    if c.mode == "balance" and len(refit.hypothesis.effects) < 2:
+        best = _unbelieving(fitter, refit)
+        least = profile(seen, best)
     for _ in range(_ROUNDS):
         if fitter.stop():
             break
@@ -35,6 +40,28 @@ def sharpened(fitter: Fitter, refit: Refit) -> Refit:
             break
         best, least = further, cost
     return replace(best, chi=seen.chi(best.u, best.left))
+
+
+def _unbelieving(fitter: Fitter, refit: Refit) -> Refit:
+    """The refit under the noise that would be left if nothing were believed of the numbers.
+
+    Held to a wrong number, a machine leaves a torque that is alike for seconds and counts as few
+    samples, too few to move that number: a data sheet's guess would stand by itself. How much the
+    records know is told by what they leave when they alone decide; under that noise the beliefs are
+    weighed again.
+    """
+    c = fitter.evidence.confrontation
+    free = copy(c)
+    free.sigma = np.where(np.arange(len(c.sigma)) < len(c.nominal), _HARDLY * c.sigma, c.sigma)
+    alone = refit
+    for _ in range(_ROUNDS):
+        if fitter.stop():
+            return refit
+        own = Fitter(evidence(free, whitening.sized(c.series, alone.left)), fitter.stop)
+        alone = own.again(alone, fresh=True)
+    noise = evidence(c, whitening.sized(c.series, alone.left))
+    found = Fitter(noise, fitter.stop).again(alone, fresh=True)
+    return found if profile(noise, found) < profile(noise, refit) else refit
 
 
 def profile(seen: Evidence, refit: Refit | Trial) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose import whitening
-from dualdrive.diagnose.candidates import candidates, members
+from dualdrive.diagnose.candidates import members, tried_with
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.evidence import Evidence, effective, evidence
 from dualdrive.diagnose.guesses import Guesses, guessed, stands_out
@@ -63,7 +63,7 @@ def search(
     nominal = records_alone(c, clock)
     tell("refitting the nominal numbers")
     seen, base = _refitted(c, nominal.u, clock)
-    known = candidates(c.core, c.channels, balance=c.mode == "balance")
+    known = tried_with(c, c.core)
     every = list(known if wanted is None else wanted)
     plain = Survey(seen, nominal, base, [], {key_of(base): 0.0}, 1.0, [])
     clear = not _explains(plain, base)

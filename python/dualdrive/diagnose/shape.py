@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.result import Shape
+from dualdrive.identify import Processing
 from dualdrive.identify.coloured import correlation_time
 from dualdrive.traces import Trace
 
@@ -38,6 +39,7 @@ def shapes(
     machine: Any,
     traces: Mapping[str, Trace],
     settings: Mapping[str, Mapping[str, float]],
+    processing: Processing | None = None,
     count: int = 6,
 ) -> list[Shape]:
     """Curves of the missing torque, those that explain most first.
@@ -46,11 +48,12 @@ def shapes(
         machine: the core's machine, its nominal numbers refitted.
         traces: with torques or currents and angles; without them there is no curve.
         settings: of each trace.
+        processing: filters of the torque balance.
         count: how many curves at most.
 
     """
     try:
-        balance = TorqueBalance(machine, traces, settings)
+        balance = TorqueBalance(machine, traces, settings, processing)
     except (ValueError, KeyError, StopIteration):
         return []
     left = balance.left(machine, balance.levelled(machine, balance.start))

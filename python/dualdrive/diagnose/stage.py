@@ -6,6 +6,7 @@ its own effects: what it leaves is what they are for.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -17,7 +18,14 @@ from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.evidence import Evidence
 from dualdrive.diagnose.floors import heard_above
 from dualdrive.diagnose.hypotheses import Hypothesis, distinct
-from dualdrive.diagnose.orders import CARRIERS, HIGHEST, LOW, members_of, strongest_orders
+from dualdrive.diagnose.orders import (
+    CARRIERS,
+    HIGHEST,
+    LOW,
+    members_of,
+    strongest_orders,
+    travel_of,
+)
 from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.score import Gain, Scorer
 from dualdrive.diagnose.signatures import Prober, Signature
@@ -164,11 +172,25 @@ def with_orders(
         seen = {float(n): every for place in parts for n, _ in known[place, carrier]}
         lowest = LOW if low and paths[0].endswith(".order") else ()
         orders = seen | {n: len(LOW) for n in lowest} | {usual: 1}
+        orders = {n: k for n, k in orders.items() if is_seen(evidence, effect, group, n)}
         found += [
             replace(h, fixed={**h.fixed, paths[0]: n}, searched={h.label: k})
             for n, k in orders.items()
         ]
     return found
+
+
+def is_seen(evidence: Evidence, effect: str, place: str, order: float) -> bool:
+    """Whether the records tell an order of a place's angle from none at all.
+
+    Less than a whole period of a ripple that is carried by the torque is a factor of all torques:
+    in a balance as much off every inertia and friction does the same.
+    """
+    c = evidence.confrontation
+    if CARRIERS.get(effect) != "torque" or c.mode != "balance":
+        return True
+    reach = [own for part in members_of(c.core, place) if (own := travel_of(c, part)) is not None]
+    return any(order * (last - first) >= 2.0 * math.pi for first, last in reach)
 
 
 def with_spots(

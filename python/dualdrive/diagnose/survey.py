@@ -61,3 +61,27 @@ def key_of(refit: Refit | Trial) -> str:
 def excess(found: Survey, left: Sequence[Array]) -> Array:
     """Residual over noise floor of every series, RMS, shape (series,)."""
     return ratios(found.evidence.confrontation.series, left, found.best.left)
+
+
+def explained_share(before: Array, after: Array) -> float:
+    """Share of the mean squares above the floor that went, each series counting alike, 0 .. 1.
+
+    before, after: residual over floor, of `excess`, shape (series,)
+    """
+    could = np.maximum(1.0 - 1.0 / before**2, 0.0)
+    went = 1.0 - after**2 / before**2
+    whole = float(could.sum())
+    return float(min(max(went.sum() / whole, 0.0), 1.0)) if whole > 1e-3 else 1.0
+
+
+def explained_by(found: Survey, r: Refit) -> float:
+    """Share of what could be explained that a refit explains, 0 .. 1.
+
+    In a torque balance the equations share their numbers: weighed by its own noise a machine that
+    lacks something may close the drives' at the cost of the table's. So it is held against the one
+    weighed like the refit, too, and the larger share counts.
+    """
+    balance = found.evidence.confrontation.mode == "balance"
+    without = [found.plain, found.base] if balance else [found.plain]
+    after = excess(found, r.left)
+    return max(explained_share(excess(found, own.left), after) for own in without)

@@ -9,17 +9,18 @@ from dualdrive.compare.equation import EquationAtFault
 from dualdrive.diagnose.free_torque import Course
 from dualdrive.diagnose.judge import Judgement, Reason
 from dualdrive.diagnose.result import Candidate, Experiment, Interval, Shape, Verdict
+from dualdrive.units import human
 
 #: why the best of what was tried gets no name
 _WHY: dict[Reason, str] = {
-    "": "which is too little for a name",
-    "gains": "but not beyond doubt",
-    "explains": "which is too little for a name",
-    "bound": "but not at a size that it can have",
-    "shape": "but what it leaves follows the same speed: the law has another shape",
+    "": "too little to name it",
+    "gains": "probability {probability:.2f}, too low to name it",
+    "explains": "too little to name it",
+    "bound": "{bound}",
+    "shape": "but what is left follows the same speed, so the law has another shape",
     "course": "",
-    "bent": "but its second law only bends the curve of the first: it is another shape",
-    "contradicted": "but its errors contradict that name",
+    "bent": "but its second law only bends the curve of the first, so the law has another shape",
+    "contradicted": "but the errors printed contradict it",
     "clipped": "but a channel stands at its limit, which may do the same",
 }
 #: what a course follows, where that is no plain name
@@ -31,6 +32,8 @@ _FOLLOWED = {
     "drive torque": "its own drive's torque",
 }
 _WHERE = {"table": "the table"}
+_COORDINATE = {"speed": "the speed", "angle": "the angle", "time": "the time"}
+_TELLS = 0.3  # share of the missing torque from which a coordinate says something of a name
 _FEW = 3  # warnings that a paragraph can hold
 _OF_NONE = 0.05  # share of the missing torque below which a coordinate tells nothing of it
 
@@ -49,7 +52,7 @@ def paragraph(
 ) -> str:
     """Verdict, evidence for and against, what can't be told apart, and what to do."""
     if warnings and not candidates and not error:
-        return f"The records can not be judged: {' '.join(warnings)}"
+        return f"The records can't be judged: {' '.join(warnings)}"
     verdict, course = judged.verdict, judged.course
     said = [_opening(verdict, candidates, error, moved)]
     if verdict in ("effect", "ambiguous") and candidates:
@@ -59,10 +62,10 @@ def paragraph(
     if course is not None:
         said.append(_beside_it(course))
     if groups and verdict == "ambiguous":
-        said.append(f"This record can not tell apart: {'; '.join(', '.join(g) for g in groups)}.")
+        said.append(f"These records can't tell apart: {'; '.join(', '.join(g) for g in groups)}.")
     if experiment is not None:
         said.append(
-            f"To part {' and '.join(experiment.separates)}, measure next: {experiment.name} "
+            f"To tell {' from '.join(experiment.separates)}, measure next: {experiment.name} "
             f"(expected distance {experiment.expected_distance:.0f}; 11 is enough)."
         )
     if verdict == "effect" and command:
@@ -84,37 +87,35 @@ def _opening(
     nominal = _per(error.get("nominal"))
     if verdict == "adequate":
         return (
-            f"The machine as described meets the records: {nominal} error, where the sensors "
-            f"alone leave about {floor}. Nothing is missing that these records could show."
+            f"The machine as described meets the records: error {nominal}, sensors alone {floor}. "
+            "Nothing is missing that these records could show."
         )
     if verdict == "parameters":
         which = f" ({', '.join(moved)})" if moved else ""
         return (
             f"No effect is missing, but numbers of the data sheet are off{which}: refitted, the "
-            f"error falls from {nominal} to {refitted}, where the sensors leave about {floor}."
+            f"error falls from {nominal} to {refitted}; sensors alone {floor}."
         )
     if verdict == "unknown":
         return (
-            f"Something is missing that no effect of the library explains: refitting the data "
-            f"sheet's numbers leaves {refitted}, where the sensors alone leave about {floor}."
+            "Something is missing that no effect of the library explains. Refitting the data "
+            f"sheet's numbers leaves {refitted}; sensors alone {floor}."
         )
     best = candidates[0]
     opening = (
         f"Refitting the data sheet's numbers leaves {refitted}; with {best.label} it is "
-        f"{_per(best.fitted)}, and {_per(best.held_out)} where each stretch is foretold from the "
-        f"others (sensors alone: about {floor})."
+        f"{_per(best.fitted)}, cross-validated {_per(best.held_out)} (sensors alone {floor})."
     )
     if verdict == "ambiguous":
-        return f"An effect is missing, and more than one name fits. {opening}"
-    return (
-        f"{best.label} is missing (probability {best.probability:.2f} that this is all). {opening}"
-    )
+        return f"An effect is missing, and more than one law fits. {opening}"
+    return f"{best.label} is missing (probability {best.probability:.2f}). {opening}"
 
 
 def _number(p: Interval) -> str:
     """Value and interval; what was counted or held has none."""
-    value = f"{p.value:.4g} {p.unit}".rstrip()
-    return f"{value} [{p.low:.4g} .. {p.high:.4g}]" if p.low < p.high else value
+    if p.low < p.high:
+        return f"{human(p.value, p.unit)} [{human(p.low, p.unit)} .. {human(p.high, p.unit)}]"
+    return human(p.value, p.unit)
 
 
 def _evidence(candidates: Sequence[Candidate], shapes: Sequence[Shape]) -> list[str]:
@@ -125,27 +126,16 @@ def _evidence(candidates: Sequence[Candidate], shapes: Sequence[Shape]) -> list[
         if p.value != 0.0 or p.low < p.high  # what is held at nothing says nothing
     ]
     said = [f"Its numbers: {', '.join(numbers)}."] if numbers else []
-    said.append(
-        f"For it: it takes {100 * best.explained:.0f} % of what the sensors do not explain."
-    )
-    if shapes and shapes[0].explained > 0.3:
-        s = shapes[0]
-        said.append(
-            f"The missing torque of the {s.equation} is a function of {s.coordinate} to "
-            f"{100 * s.explained:.0f} %."
-        )
+    said.append(f"It removes {100 * best.explained:.0f} % of the unexplained error.")
+    if shapes and shapes[0].explained > _TELLS:
+        said.append(_depends(shapes[0]))
     others = [c for c in others if c.resolved]
     rivals = [c for c in others if c.probability > 0.01]
     if rivals:
         named = ", ".join(f"{c.label} ({c.probability:.2f})" for c in rivals[:3])
-        said.append(f"Against it: {named} can not be excluded.")
+        said.append(f"Not excluded: {named}.")
     elif others:
         said.append(f"The next best, {others[0].label}, leaves {_per(others[0].fitted)}.")
-    if best.explained < 0.9:
-        said.append(
-            f"Against it, too: {100 * (1 - best.explained):.0f} % of what is left above the "
-            "sensors' noise stays unexplained."
-        )
     if best.note:
         said.append(f"{best.note[0].upper()}{best.note[1:]}.")
     return said
@@ -158,24 +148,33 @@ def _unexplained(
     shapes: Sequence[Shape],
 ) -> list[str]:
     said = []
-    if why != "course" and candidates and math.isfinite(candidates[0].explained):
-        best = candidates[0]
+    tried = [c for c in candidates if math.isfinite(c.explained)]
+    if why != "course" and tried and max(c.explained for c in tried) < _OF_NONE:
+        said.append("No candidate helps. Check sign and scale of the torques.")
+    elif why != "course" and tried:
+        best = tried[0]
+        reason = _WHY[why].format(
+            probability=best.probability, bound=best.note or "too large to be plausible"
+        )
         said.append(
-            f"The best of them, {best.label}, takes {100 * best.explained:.0f} % of it, "
-            f"{_WHY[why]}."
+            f"Best candidate: {best.label}; removes {100 * best.explained:.0f} % of the "
+            f"unexplained error; {reason}."
         )
     if equation is not None:
         said.append(f"The equation that does not close is that of the {equation.name}.")
     if shapes and shapes[0].explained < _OF_NONE:
-        said.append("The missing torque is a function of no coordinate that was tried.")
+        said.append("The missing torque depends on none of the coordinates that were tried.")
     elif shapes:
-        s = shapes[0]
-        said.append(
-            f"The missing torque of the {s.equation} is best drawn against {s.coordinate} "
-            f"({100 * s.explained:.0f} % of it); a learned curve (spline) over {s.coordinate} "
-            "would carry it."
-        )
+        said.append(_depends(shapes[0]))
     return said
+
+
+def _depends(s: Shape) -> str:
+    """What the missing torque depends on, and what that looks like."""
+    share = f"{100 * s.explained:.0f} % of the missing torque of the {s.equation}"
+    if s.coordinate == "direction":
+        return f"{share} depends only on the sign of the speed, as dry friction does."
+    return f"{share} depends only on {_COORDINATE.get(s.coordinate, s.coordinate)}."
 
 
 def _beside_it(course: Course) -> str:

@@ -43,7 +43,7 @@ class Clock:
     def allows(self, what: str) -> bool:
         """Whether there is time for it; what there is none for is noted."""
         if self.stop():
-            self.leave_out(f"left out: {what}")
+            self.leave_out(what)
             return False
         return True
 

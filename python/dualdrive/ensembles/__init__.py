@@ -10,7 +10,7 @@ for run in runs:
 runs.dataset()["peak_error"].plot()
 """
 
-from .ensemble import ensemble
+from .batch import ensemble
 from .runs import PENDING, SPEED, Ensemble, Outcome, cores
 
 __all__ = ["PENDING", "SPEED", "Ensemble", "Outcome", "cores", "ensemble"]

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.identify.filtering import Piece, Processing, pieces
+from dualdrive.identify.filtering import Piece, Processing, for_records, pieces
 from dualdrive.identify.model import BalanceModel, as_model
 from dualdrive.identify.regression import Prior, Solution, solve
 from dualdrive.identify.result import BalanceFit
@@ -41,6 +41,7 @@ def torque_balance(
     processing: Processing | None = None,
     standstill: Standstill | None = None,
     confidence: float = 0.95,
+    settings: Mapping[str, Mapping[str, float]] | None = None,
 ) -> BalanceFit:
     """Fit a machine to traces through its torque balance.
 
@@ -58,6 +59,7 @@ def torque_balance(
         processing: filters and decimation.
         standstill: treatment of dry friction at rest.
         confidence: of the intervals.
+        settings: name of a trace -> parameter path -> SI value that held while it was recorded.
 
     Returns:
         Values with intervals, errors, what could not be identified, and the fitted machine.
@@ -66,15 +68,23 @@ def torque_balance(
         ValueError: unknown path or equation, a trace that cannot be filtered, nothing left to fit.
 
     """
-    setup = Setup(processing or Processing(), standstill or Standstill(), equations)
-    model = as_model(machine)
-    records = {n: list(pieces(t, n, setup.processing)) for n, t in named(traces).items()}
-    if not records:
+    known = named(traces)
+    if not known:
         raise ValueError("torque balance: no trace given")
+    set_ = settings_of(known, settings)
+    setup = Setup(
+        for_records(processing, known), standstill or Standstill(), equations, settings=set_
+    )
+    model = as_model(machine)
+    records = {n: list(pieces(t, n, setup.processing)) for n, t in known.items()}
     chosen = list(free) if free is not None else sensitive(model, records, setup)
+    if both := sorted({path for own in set_.values() for path in own} & set(chosen)):
+        raise ValueError(
+            f"settings: {', '.join(both)} is free and set for a trace as well; leave it out of free"
+        )
     tolerance = WIDE if free is None and prior is None else prior
     problem = _Problem(model, records, chosen, tolerance, setup, offsets)
-    nominal = problem.trails
+    nominal = [trail.levelled() if offsets else trail for trail in problem.trails]
     solution = problem.solve()
     steps = {piece.step for parts in records.values() for piece in parts}
     return summarise(
@@ -188,6 +198,22 @@ def _offsets(trails: Sequence[Trail]) -> list[Offset]:
         for equation, measured in zip(trail.equations, trail.measured, strict=True)
         if np.any(measured != 0)
     ]
+
+
+def settings_of(
+    traces: Mapping[str, Any], settings: Mapping[str, Mapping[str, float]] | None
+) -> dict[str, dict[str, float]]:
+    """Settings by name of a trace.
+
+    Raises:
+        ValueError: settings for a trace that is not there.
+
+    """
+    if stray := set(settings or {}) - set(traces):
+        raise ValueError(
+            f"settings: no trace {', '.join(sorted(stray))}; there are {', '.join(traces)}"
+        )
+    return {name: dict(own) for name, own in (settings or {}).items()}
 
 
 def named(traces: Any) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from dualdrive.identify.regression import Prior, Rows
 from dualdrive.identify.unknowns import StateUnknown, Unknown, values_at
 from dualdrive.mapper import Mapper, Threads
 from dualdrive.replay import RTOL, Record, Replay, play_all
-from dualdrive.replay.errors import may_be_off
+from dualdrive.replay.error_measures import may_be_off
 from dualdrive.replay.run import MAX_STEPS
 
 Array = NDArray[np.float64]

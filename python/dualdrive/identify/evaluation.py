@@ -66,13 +66,19 @@ def evaluate(
     interpolation: str = "auto",
     start: str = "auto",
     rtol: float = RTOL,
+    settings: Mapping[str, Mapping[str, float]] | None = None,
 ) -> Evaluation:
     """Error of a machine on traces it was not fitted to, through its closed loop.
 
     Args and errors as for :func:`dualdrive.identify.fit`; FitError where the simulation fails.
     """
     played = records(
-        machine, named(traces), motion=motion, interpolation=interpolation, start=start
+        machine,
+        named(traces),
+        motion=motion,
+        interpolation=interpolation,
+        start=start,
+        settings=settings,
     )
     return evaluate_records(machine, played, offsets=offsets, rtol=rtol)
 

@@ -11,7 +11,7 @@ A. Janot et al., "Data set and reference models of EMPS", 2019).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,11 @@ Array = NDArray[np.float64]
 
 #: pass-band ripple of the decimation filter in dB
 RIPPLE = 0.05
+
+_NOISY = 0.01  # of the acceleration's mean square that may be an encoder's noise
+_ENDS = 0.2  # of a record that the ends of the filters may take
+_LOWER = 0.9  # times a cutoff: the next one that is tried
+_SPECTRUM = 256  # samples; fewer show no spectrum
 
 #: recorded angle -> the names of its two derivatives
 ANGLES = {
@@ -33,11 +38,13 @@ class Processing:
     """How a trace is prepared for a torque balance; every choice is printed with the result.
 
     Args:
-        cutoff: -3 dB frequency in Hz of one pass of the Butterworth low-pass; a tenth of the
-            sampling rate unless given.
+        cutoff: -3 dB frequency in Hz of one pass of the Butterworth low-pass; unless given a tenth
+            of the sampling rate, or less where an encoder's noise asks for it, see
+            :func:`for_records`.
         order: of the Butterworth low-pass, run forwards and backwards.
         decimate: every n-th sample is kept, behind a zero-phase Chebyshev filter (order 8, 0.05 dB,
-            0.8 of the new Nyquist frequency) on both sides of the balance; 1 keeps all.
+            0.8 of the new Nyquist frequency) on both sides of the balance; 1 keeps all. Unless
+            given as many as leave what is below the cutoff: 4 at a tenth of the sampling rate.
         trim: seconds dropped at either end of each continuous piece, where the filters start
             up; ``10 / cutoff`` unless given.
         max_gap: a pause longer than this many sampling intervals ends a piece; shorter ones are
@@ -50,7 +57,7 @@ class Processing:
 
     cutoff: float | None = None
     order: int = 4
-    decimate: int = 10
+    decimate: int | None = None
     trim: float | None = None
     max_gap: float = 5.0
 
@@ -58,7 +65,7 @@ class Processing:
         rules = (
             (self.cutoff is None or self.cutoff > 0, "cutoff", "must be positive"),
             (self.order >= 1, "order", "must be at least 1"),
-            (self.decimate >= 1, "decimate", "must be at least 1"),
+            (self.decimate is None or self.decimate >= 1, "decimate", "must be at least 1"),
             (self.trim is None or self.trim >= 0, "trim", "must not be negative"),
             (self.max_gap >= 1, "max_gap", "must be at least 1 sampling interval"),
         )
@@ -75,7 +82,17 @@ class Processing:
                 f"{0.5 / step:g} Hz; choose a lower cutoff or leave it open"
             )
         trim = 10.0 / cutoff if self.trim is None else self.trim
-        return Processing(cutoff, self.order, self.decimate, trim, self.max_gap)
+        kept = self.decimate
+        if kept is None:
+            # the Chebyshev filter passes 0.8 of half the new rate; rounding is no reason for less
+            kept = max(1, int(0.8 * 0.5 / (cutoff * step) * (1.0 + 1e-9)))
+        return Processing(cutoff, self.order, kept, trim, self.max_gap)
+
+    def every(self, step: float) -> int:
+        """Which of the samples ``step`` seconds apart are kept: every n-th."""
+        kept = self.at(step).decimate
+        assert kept is not None
+        return kept
 
     def low_pass(self, signal: Array, step: float) -> Array:
         """Zero-phase Butterworth low-pass along the last axis."""
@@ -90,8 +107,8 @@ class Processing:
         from scipy.signal import cheby1
 
         smooth = self.low_pass(signal, step)
-        if self.decimate > 1:
-            sections = cheby1(8, RIPPLE, 0.8 / self.decimate, output="sos")
+        if (kept := self.every(step)) > 1:
+            sections = cheby1(8, RIPPLE, 0.8 / kept, output="sos")
             at_rest = 10 ** (-RIPPLE / 10)  # an even order sits at the foot of its ripple, twice
             smooth = _forward_backward(sections, smooth) / at_rest
         return smooth[..., self.kept(signal.shape[-1], step)]
@@ -101,11 +118,11 @@ class Processing:
         trim = self.at(step).trim
         assert trim is not None
         ends = round(trim / step)
-        return np.arange(ends, samples - ends, self.decimate)
+        return np.arange(ends, samples - ends, self.every(step))
 
     def near(self, flags: NDArray[np.bool_], step: float) -> NDArray[np.bool_]:
         """Kept samples with a flag within half a decimation interval: ``flags`` at the new rate."""
-        half = self.decimate // 2
+        half = self.every(step) // 2
         if half and flags.shape[-1]:
             from scipy.ndimage import maximum_filter1d
 
@@ -119,6 +136,7 @@ class Processing:
             f"angles and both sides zero-phase Butterworth order {own.order}, {own.cutoff:.4g} Hz; "
             f"{1 / step:.4g} Hz sampling"
         )
+        assert own.decimate is not None
         if own.decimate > 1:
             text += f", both sides decimated ×{own.decimate} to {1 / step / own.decimate:.4g} Hz"
         return f"{text}; {own.trim:.3g} s dropped at either end of a piece"
@@ -148,6 +166,65 @@ class Piece:
         return times
 
 
+def for_records(processing: Processing | None, traces: Mapping[str, Any]) -> Processing:
+    """The same choices with a cutoff that the encoders of these records bear.
+
+    Noise of an angle is noise of its acceleration, and grows with the fifth power of the band:
+    white noise of density N (rad²/Hz) leaves (2π)⁴ N f⁵ / 5 (rad²/s⁴) below a frequency f.
+    Acceleration is a regressor, and noise in a regressor takes its share off the inertia that is
+    found: as much as its power is of the whole (W. Fuller, Measurement Error Models, 1987). The
+    cutoff is a tenth of the sampling rate, or as far below as keeps that share under a hundredth
+    for every angle; but never so low that the filters' ends take more than a fifth of a record.
+
+    Args:
+        processing: choices; the usual ones for None. A cutoff that is given stays.
+        traces: name -> trace, as :func:`pieces` takes them; one cutoff serves all of them.
+
+    """
+    own = processing or Processing()
+    if own.cutoff is not None:
+        return own
+    limits = [limit for trace in traces.values() if (limit := _bearable(trace)) is not None]
+    return replace(own, cutoff=min(limits)) if limits else own
+
+
+def _bearable(trace: Any) -> float | None:
+    """Cutoff that every angle of a trace bears, Hz; None where the usual one does."""
+    t = np.asarray(trace.t, dtype=float)
+    if t.ndim != 1 or len(t) < _SPECTRUM:
+        return None
+    step = float(np.median(np.diff(t)))
+    usual = lowest = 0.1 / step
+    least = 2 * 10.0 / (_ENDS * step * len(t))
+    for angle in ANGLES:
+        if angle not in trace.channels:
+            continue
+        values = _values(trace.channels[angle])
+        density = _white(values, step)
+        cutoff = usual
+        while cutoff > least and not _clear(values, step, cutoff, density):
+            cutoff *= _LOWER
+        lowest = min(lowest, max(cutoff, min(least, usual)))
+    return lowest if lowest < usual else None
+
+
+def _clear(values: Array, step: float, cutoff: float, density: float) -> bool:
+    """Whether noise of such a density (rad²/Hz) is a small part of the acceleration's square."""
+    own = Processing(cutoff=cutoff)
+    bend = np.gradient(np.gradient(own.low_pass(values, step), step), step)
+    ends = min(round(10.0 / (cutoff * step)), len(bend) // 4)
+    noise = (2.0 * np.pi) ** 4 * density * cutoff**5 / 5.0
+    return bool(noise <= _NOISY * np.mean(bend[ends : len(bend) - ends] ** 2))
+
+
+def _white(values: Array, step: float) -> float:
+    """Density of white noise as the spectrum near half the sampling rate has it, rad²/Hz."""
+    from scipy.signal import welch
+
+    f, density = welch(values, 1.0 / step, "hann", min(1024, len(values) // 4))
+    return float(np.median(density[(f >= 0.3 / step) & (f <= 0.475 / step)]))
+
+
 def pieces(trace: Any, record: str, processing: Processing) -> Iterator[Piece]:
     """Cut a trace at its pauses, lay each piece on an even grid and differentiate its angles.
 
@@ -171,7 +248,7 @@ def pieces(trace: Any, record: str, processing: Processing) -> Iterator[Piece]:
     found = False
     for index in np.split(np.arange(len(t)), np.union1d(pauses, _breaks(trace))):
         count = 1 + int(np.floor((t[index[-1]] - t[index[0]]) / step * (1 + 1e-12)))
-        if len(index) < 2 or len(own.kept(count, step)) < 2 or count < 60 * own.decimate:
+        if len(index) < 2 or len(own.kept(count, step)) < 2 or count < 60 * own.every(step):
             continue
         found = True
         grid = t[index[0]] + step * np.arange(count)

@@ -87,7 +87,8 @@ class BalanceFit:
     ``parameters`` by path and ``offsets`` by (record, equation), as :class:`Estimate`; ``errors``
     and ``nominal_errors`` by equation; ``residuals`` by (record, equation); ``effective`` number of
     samples after coloured residuals are accounted for; ``condition`` of the information matrix'
-    root with columns scaled alike; ``model`` holds the fitted values.
+    root with columns scaled alike; ``model`` holds the fitted values; ``warnings`` say what is
+    wrong with the records themselves.
     """
 
     parameters: dict[str, Estimate]
@@ -102,6 +103,7 @@ class BalanceFit:
     treatment: str
     confidence: float
     model: BalanceModel
+    warnings: tuple[str, ...] = ()
 
     @property
     def error(self) -> float:
@@ -129,7 +131,8 @@ class BalanceFit:
 
     def table(self) -> str:
         """Everything above as lines of text."""
-        lines = [f"torque balance: {self.processing}"]
+        lines = [f"warning: {warning}" for warning in self.warnings]
+        lines.append(f"torque balance: {self.processing}")
         lines += self.sample_lines()
         for name, error in self.errors.items():
             before = self.nominal_errors[name]
@@ -169,6 +172,7 @@ class BalanceFit:
             "condition": _finite(self.condition),
             "processing": self.processing,
             "confidence": self.confidence,
+            "warnings": list(self.warnings),
         }
 
     def to_json(self) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.identify.filtering import Piece, Processing
-from dualdrive.identify.model import Balance, BalanceModel
+from dualdrive.identify.model import TORQUES, Balance, BalanceModel
 from dualdrive.identify.regression import Rows
 from dualdrive.identify.standstill import Standstill, at_rest, creeping, outside_limits
 
@@ -27,6 +27,12 @@ class Setup:
     processing: Processing = field(default_factory=Processing)
     standstill: Standstill = field(default_factory=Standstill)
     equations: Sequence[str] | None = None
+    settings: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    def of(self, model: BalanceModel, record: str) -> BalanceModel:
+        """The machine as it was set while a record was taken."""
+        own = self.settings.get(record)
+        return model.with_values(own) if own else model
 
 
 @dataclass(frozen=True)
@@ -57,6 +63,20 @@ class Trail:
         whole = np.concatenate([self.jacobian, columns], axis=2)
         return Rows(self.residual, whole, self.measured, self.keep)
 
+    def levelled(self) -> Trail:
+        """With the constant torque of every measured equation at its best, all else as it stands.
+
+        An error of a machine is told so, before a fit as after it.
+        """
+        residual = self.residual.copy()
+        for row, measured in enumerate(self.measured):
+            shown = self.shown[row][self.keep[row]]
+            size = float(shown @ shown)
+            if size > 0.0 and np.any(measured != 0.0):
+                constant = float(shown @ residual[row][self.keep[row]]) / size
+                residual[row] -= constant * self.shown[row]
+        return replace(self, residual=residual)
+
 
 def follow(
     model: BalanceModel,
@@ -67,6 +87,7 @@ def follow(
 ) -> Trail:
     """All pieces of one record through the model and the common filter, end to end."""
     limits = setup.standstill.limits(parts)
+    model = setup.of(model, parts[0].record)
     reduced = [_reduced(model, piece, free, setup, offsets, limits) for piece in parts]
     return Trail(
         reduced[0].record,
@@ -90,9 +111,10 @@ def sensitive(
     """
     names = [p.path for p in model.parameters() if not p.path.endswith(".ratio")]
     moved = np.zeros(len(names), dtype=bool)
-    for parts in records.values():
+    for record, parts in records.items():
+        own = setup.of(model, record)
         for piece in parts:
-            found = _evaluated(model, piece.samples, names, setup)
+            found = _evaluated(own, piece.samples, names, setup)
             moved |= np.any(found.jacobian != 0, axis=(0, 1))
     if not moved.any():
         raise ValueError("torque balance: no parameter of the machine moves it on these traces")
@@ -112,14 +134,15 @@ def _reduced(
         constant = np.array([[offsets.get((piece.record, e), 0.0)] for e in found.equations])
         return replace(found, residual=found.residual + constant)
 
-    found = evaluate(piece.samples)
-    still = at_rest(found.equations, piece.samples, limits)
+    process, step = setup.processing, piece.step
+    # angles have passed the low-pass; on one side alone its gain would pose as less inertia
+    torques = {n: process.low_pass(piece.samples[n], step) for n in TORQUES if n in piece.samples}
+    samples = {**piece.samples, **torques}
+    found = evaluate(samples)
+    still = at_rest(found.equations, samples, limits)
     shown = np.ones_like(found.residual)
     if setup.standstill.treatment == "bound":
-        found, shown = outside_limits(
-            found, still, lambda sign: evaluate(creeping(piece.samples, sign))
-        )
-    process, step = setup.processing, piece.step
+        found, shown = outside_limits(found, still, lambda sign: evaluate(creeping(samples, sign)))
     near = process.near(still, step)
     return Trail(
         piece.record,

@@ -9,7 +9,7 @@ result.A, result.R, result.B, result.rows
 from dualdrive.indexing.cycle import STILL, Cycle, cycle_for, measure
 from dualdrive.indexing.dwells import evaluate_trace
 from dualdrive.indexing.iso230 import FIGURES, Iso230, TargetRow, evaluate
-from dualdrive.indexing.lost_motion import LostMotion, Pull, lost_motion, read_lost_motion
+from dualdrive.indexing.lost_motion_test import LostMotion, Pull, lost_motion, read_lost_motion
 from dualdrive.indexing.position_file import is_position_table, read_positions
 from dualdrive.indexing.report_file import Departure, Report, is_report, read_report
 from dualdrive.indexing.rules import REPEATS, IndexingError, least_targets

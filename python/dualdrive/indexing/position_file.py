@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dualdrive.traces.log import Recorder
 from dualdrive.traces.mapping import TraceMap
-from dualdrive.traces.read import read_table
+from dualdrive.traces.reading import read_table
 from dualdrive.traces.table import Table, numbers, split_header
 from dualdrive.units import UnitError, conversion
 

@@ -18,8 +18,8 @@ from dualdrive import _core
 from dualdrive.assembly import core_of
 from dualdrive.linear.closing import Closed
 from dualdrive.linear.contacts import Modes
+from dualdrive.linear.eigenvalues import in_order, is_stable, poles_of, usual_frequencies
 from dualdrive.linear.errors import LinearError
-from dualdrive.linear.poles import in_order, is_stable, poles_of, usual_frequencies
 from dualdrive.linear.response import FrequencyResponse
 from dualdrive.linear.small_signal import SmallSignal, loops_of, small_signal, state_matrix
 from dualdrive.linear.twin import Late, late_paths

@@ -8,8 +8,8 @@ import numpy as np
 
 from dualdrive import _core
 from dualdrive.linear.contacts import closed
+from dualdrive.linear.eigenvalues import moving
 from dualdrive.linear.frequency import poles
-from dualdrive.linear.poles import moving
 from dualdrive.machine import Machine
 
 __all__ = ["growth", "least_damped", "worst_pole"]

@@ -4,8 +4,8 @@ A file may rest on another one (`base`); layers are applied from the base outwar
 group (``[meshes]``) comes before its members (``[mesh_1]``).
 """
 
-from .build import build
 from .choices import is_choice, spoken_choice
+from .construction import build
 from .effects import add_effect
 from .frames import unit_on_axis
 from .history import history_of

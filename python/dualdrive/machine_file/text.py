@@ -15,7 +15,7 @@ from tomlkit.items import AoT
 
 from dualdrive import _core
 
-from .build import build
+from .construction import build
 from .layers import SCHEMA, Layer, parse_layer
 from .trains import GROUPS, group_of
 from .user_laws import USER_LAWS, curve_entry

@@ -22,7 +22,7 @@ from typing import Any
 
 from dualdrive import _core
 
-from .build import build
+from .construction import build
 from .effects import add_effect
 from .layers import Layer, MachineError, parse_layer
 from .text import _entry as effect_entry

@@ -18,11 +18,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualdrive.machine import Machine
 from dualdrive.motion import Motion
-from dualdrive.optimise.corners import Corner, corners
 from dualdrive.optimise.duty import duty_cycle
 from dualdrive.optimise.errors import OptimiseError, refuse_all_but_two_drives
-from dualdrive.optimise.evaluate import TENSION, Design, Progress, evaluate
+from dualdrive.optimise.objective import TENSION, Design, Progress, evaluate
 from dualdrive.optimise.tension import LeastTension, least_tension, refuse_unstable
+from dualdrive.optimise.worst_case import Corner, corners
 from dualdrive.units import human
 
 __all__ = ["ACCURACY", "Front", "non_dominated", "optimise"]

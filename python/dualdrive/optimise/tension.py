@@ -9,10 +9,10 @@ import numpy as np
 
 from dualdrive.machine import Machine
 from dualdrive.motion import Motion
-from dualdrive.optimise.corners import Corner, corners
 from dualdrive.optimise.duty import duty_cycle
 from dualdrive.optimise.errors import OptimiseError, refuse_all_but_two_drives
-from dualdrive.optimise.evaluate import TENSION, Design, Progress, evaluate
+from dualdrive.optimise.objective import TENSION, Design, Progress, evaluate
+from dualdrive.optimise.worst_case import Corner, corners
 from dualdrive.units import human
 
 __all__ = ["LeastTension", "least_tension"]

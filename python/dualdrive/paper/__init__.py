@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import Final
 
 from dualdrive.paper.exhibit import Claim, Exhibit, Number, Table, shown
-from dualdrive.paper.page import page
+from dualdrive.paper.rendering import page
 
 __all__ = ["EXHIBITS", "Claim", "Exhibit", "Number", "Table", "page", "reproduce", "shown"]
 

@@ -9,7 +9,7 @@ given, axes to draw in. Units are those people read: arc seconds, mrad, N·m, ms
     overview(simulate(Machine.load())).savefig("run.png")
 """
 
-from dualdrive.plots.bode import bode, drives
+from dualdrive.plots.bode_plot import bode, drives
 from dualdrive.plots.comparison import conditions, measured_vs_model, residuals
 from dualdrive.plots.cycles import cycle, cycle_branch, cycle_map
 from dualdrive.plots.diagnosis import (
@@ -22,15 +22,15 @@ from dualdrive.plots.diagnosis import (
 )
 from dualdrive.plots.friction import torque_speed
 from dualdrive.plots.front import pareto
-from dualdrive.plots.indexing import indexing
-from dualdrive.plots.ladder import Step, ladder
-from dualdrive.plots.mapping import mapping
-from dualdrive.plots.overview import overview
-from dualdrive.plots.play import play
+from dualdrive.plots.indexing_plot import indexing
+from dualdrive.plots.ladder_plot import Step, ladder
+from dualdrive.plots.mapping_plot import mapping
+from dualdrive.plots.overview_plot import overview
+from dualdrive.plots.play_plot import play
 from dualdrive.plots.record import PlotError
 from dualdrive.plots.reversal import reversal_window, reversal_zoom
 from dualdrive.plots.timeline import following_error, mesh_deflection, torques
-from dualdrive.plots.tuning import tuning, tuning_step
+from dualdrive.plots.tuning_plot import tuning, tuning_step
 
 __all__ = [
     "PlotError",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dualdrive.assembly import core_of
 from dualdrive.replay.channels import HEADLINE, Compared, compared_channels, ratio_to_table
-from dualdrive.replay.errors import best_offsets, errors, headline
+from dualdrive.replay.error_measures import best_offsets, errors, headline
 from dualdrive.replay.record import Record, ReplayError, named, records
 from dualdrive.replay.run import RTOL, Replay, play, play_all
 

@@ -7,7 +7,7 @@ html = page(diagnosis, ladder=ladder, provenance=Provenance.of(machine, ["fit.cs
 
 from __future__ import annotations
 
-from dualdrive.report.page import page
+from dualdrive.report.document import page
 from dualdrive.report.provenance import Provenance, Source
 
 __all__ = ["Provenance", "Source", "page"]

@@ -36,9 +36,10 @@ def candidates(d: Diagnosis, hung: Gallery) -> Html | None:
         for c in list(d.candidates)[:_MOST]
     ]
     words = (
-        "Each was added to the machine and everything refitted. Held out: headline error on "
-        "samples the refit did not see. Explains: share of what a free input could. Gain: twice "
-        "the log likelihood it wins over the refitted machine."
+        "Each was added to the machine and everything refitted, but those marked as screened only. "
+        "Held out: headline error on samples the refit did not see. Explains: share of the error "
+        "that an arbitrary torque could remove. Gain: twice the log likelihood it wins over the "
+        "refitted machine."
     )
     best = d.candidates[0]
     alt = f"Bars of each explanation's probability; {best.label}: {best.probability:.2f}."
@@ -66,7 +67,7 @@ def _sizes(c: Candidate) -> str:
     sizes = "; ".join(
         f"{path.rpartition('.')[2]} {_interval(v)}" for path, v in c.parameters.items()
     )
-    doubt = "" if c.resolved or c.note else "not refitted"
+    doubt = "" if c.resolved or c.note else "screened only"
     return "; ".join(filter(None, (sizes, c.note, doubt)))
 
 

@@ -13,7 +13,7 @@ from dualdrive.ensembles import PENDING, Outcome
 from .executors import Executor, Threads
 from .grid import ALIASES, Axis, Grid, GridError, lay_out
 from .result import Sweep, load_sweep
-from .sweep import Progress, resume, sweep
+from .sweeping import Progress, resume, sweep
 
 __all__ = [
     "ALIASES",

@@ -13,7 +13,7 @@ from .mapping import ColumnRule, FileLayout, RowRule, SplitRule, TimeRule, Trace
 from .mapping_file import find_mapping, read_mapping, write_mapping
 from .names import CHANNELS
 from .proposal import ColumnGuess, Proposal
-from .read import read, read_parts
+from .reading import read, read_parts
 from .trace import Source, Trace
 
 __all__ = [

@@ -20,7 +20,7 @@ from .log import Recorder, TraceError
 from .mapping import ColumnRule, FileLayout, TimeRule, TraceMap
 from .names import CHANNELS, is_canonical
 from .proposal import ColumnGuess, Proposal, agreeing, tried
-from .read import read_table
+from .reading import read_table
 from .relations import related
 from .table import Table, numbers
 from .words import Meaning, meaning, words_of

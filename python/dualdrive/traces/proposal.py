@@ -13,7 +13,7 @@ import numpy as np
 from .log import TraceError
 from .mapping import ColumnRule, TraceMap
 from .rates import PAIRS, rate_ratio
-from .read import read
+from .reading import read
 from .table import Table
 from .trace import Trace
 

@@ -8,6 +8,7 @@ print(table_text(drive_parameters(tuned.machine, tuned.limits)))
 """
 
 from dualdrive.tune.cause import Cause, causes
+from dualdrive.tune.commissioning import PROCEDURE, Ask, tune
 from dualdrive.tune.edge import Edge, find_edge, measured_edge
 from dualdrive.tune.errors import TuneError
 from dualdrive.tune.files import read_drive_parameters, table_csv, table_json, table_text
@@ -22,7 +23,6 @@ from dualdrive.tune.parameters import (
 )
 from dualdrive.tune.result import Assessment, Step, Tuning
 from dualdrive.tune.smooth import ripple
-from dualdrive.tune.tune import PROCEDURE, Ask, tune
 
 __all__ = [
     "KNOWN",

@@ -9,7 +9,7 @@ import numpy as np
 from dualdrive.linear.contacts import closed
 from dualdrive.machine import Machine
 from dualdrive.optimise import LeastTension, OptimiseError, corners, least_tension
-from dualdrive.optimise.evaluate import TENSION
+from dualdrive.optimise.objective import TENSION
 from dualdrive.tune.assess import assess, begin_of, play, quiet
 from dualdrive.tune.edge import GAIN, damping, find_edge
 from dualdrive.tune.job import Draft, Job

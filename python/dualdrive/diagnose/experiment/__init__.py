@@ -12,9 +12,9 @@ print(best.motion, best.settings, best.expected_distance)
 
 from __future__ import annotations
 
+from dualdrive.diagnose.experiment.catalogue import LEFT_OUT, Item, menu
 from dualdrive.diagnose.experiment.choice import next_experiment
 from dualdrive.diagnose.experiment.limits import Limits
-from dualdrive.diagnose.experiment.menu import LEFT_OUT, Item, menu
 from dualdrive.diagnose.experiment.plan import TELLS_APART
 
 __all__ = ["LEFT_OUT", "TELLS_APART", "Item", "Limits", "menu", "next_experiment"]

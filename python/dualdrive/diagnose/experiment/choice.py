@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
+from dualdrive.diagnose.experiment.catalogue import LEFT_OUT, menu
 from dualdrive.diagnose.experiment.distance import Noise
 from dualdrive.diagnose.experiment.limits import Limits, axis_of, same
-from dualdrive.diagnose.experiment.menu import LEFT_OUT, menu
 from dualdrive.diagnose.experiment.plan import TELLS_APART, Plan, Rival, Trial, uncontrolled
 from dualdrive.diagnose.result import Experiment
 from dualdrive.replay import core_of

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.diagnose.experiment import laws
+from dualdrive.diagnose.experiment.catalogue import Item
 from dualdrive.diagnose.experiment.distance import (
     Noise,
     effect_numbers,
@@ -22,7 +23,6 @@ from dualdrive.diagnose.experiment.distance import (
     twin,
 )
 from dualdrive.diagnose.experiment.limits import Limits, peaks
-from dualdrive.diagnose.experiment.menu import Item
 from dualdrive.motion import Motion, MotionError, parse_motion
 from dualdrive.traces import Trace
 

@@ -9,15 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from dualdrive.compare import check_records
+from dualdrive.compare import RecordWarning, check_records
 from dualdrive.diagnose.clocks import evened
 from dualdrive.diagnose.closed_loop import simulated_error
-from dualdrive.diagnose.diagnose import diagnose
-from dualdrive.diagnose.equations import TorqueBalance
+from dualdrive.diagnose.diagnosis import diagnose, unfit
 from dualdrive.diagnose.ladder import Ladder, Step
+from dualdrive.diagnose.printed import Printed
 from dualdrive.diagnose.result import Diagnosis
-from dualdrive.diagnose.search import records_alone
-from dualdrive.identify import FitError, which_mode
+from dualdrive.identify import which_mode
 from dualdrive.interrupt import interrupt
 from dualdrive.replay import core_of, named, records
 from dualdrive.traces import Trace
@@ -26,6 +25,7 @@ _BALANCE = 180.0  # s: what torque balances may spend in all
 MOST = 4  # effects that are added one after the other
 _LAST = 0.1  # of the time: with less left nothing is begun
 _BY_HAND = "stopped by hand"
+_NOISE = 1.35  # times what the sensors leave: more is no noise
 _WORTH = 0.98  # held-out error of the next step over that of the last, at most
 
 
@@ -64,6 +64,14 @@ def improve(
     """
     begun = time.monotonic()
     own, held = dict(settings or {}), ""
+    whole = {**named(traces), **(named(held_out) if held_out is not None else {})}
+    if mode == "auto":
+        mode = which_mode(core_of(machine), whole, options.get("motion"))
+    checked: bool | list[RecordWarning] = options.pop("checks", True)
+    if checked is True:
+        # of whole records: a half shows neither how late a channel is nor a motion that comes back
+        (progress or (lambda _: None))("checking the records")
+        checked = check_records(machine, whole, mode)
     fitting = {n: evened(t)[0] for n, t in named(traces).items()}
     other: dict[str, Trace] = {}
     if held_out is None and not _both_ways(machine, fitting, mode):
@@ -76,11 +84,15 @@ def improve(
     else:
         other = {n: evened(t)[0] for n, t in named(held_out).items()}
         held = ", ".join(other)
-    if mode == "auto":
-        mode = which_mode(core_of(machine), {**fitting, **other}, options.get("motion"))
-
     if mode == "balance" and not math.isfinite(budget):
         budget = _BALANCE
+    if isinstance(checked, list):
+        bad = unfit(checked) - set(options.get("trust", ()))
+        if lost := sorted(bad & set(other) - set(fitting)):
+            other = {name: trace for name, trace in other.items() if name not in lost}
+            held += f" (left out: {', '.join(lost)}; --trust overrules)"
+    options["trust"] = [name for name in options.get("trust", ()) if name in fitting]
+    options["checks"] = checked
     climb = _Climb(machine, fitting, other, own, mode, budget, progress, options)
     with interrupt() as stop:
         stopped = climb.up(most, ambiguous, stop.is_set)
@@ -183,11 +195,8 @@ class _Climb:
         if self.mode == "closed_loop":
             known = {k: self.options[k] for k in keywords if k in self.options}
             return simulated_error(core, records(machine, self.other, settings=mine, **known))
-        c = TorqueBalance(core, self.other, mine)
-        try:
-            return c.headline(records_alone(c).left)
-        except FitError:
-            return float("nan")
+        filters = {k: self.options.get(k) for k in ("processing", "standstill")}
+        return Printed(self.other, mine, **filters).error(machine)
 
 
 def _both_ways(machine: Any, traces: Mapping[str, Trace], mode: str) -> bool:
@@ -210,9 +219,11 @@ def _why(d: Diagnosis) -> str:
         return "the search was stopped before every law had its turn"
     if d.verdict == "unknown":
         return "something is left that no effect of the library explains"
-    if d.mode == "balance":
+    left, floor = (d.error.get(name, math.nan) for name in ("refitted", "noise_floor"))
+    if left > _NOISE * floor:
         return (
-            "what is left is too near the sensors' noise, as far as it can be reckoned, for a name"
+            f"nothing more can be named: {100 * left:.3g} % is left, the sensors alone leave "
+            f"{100 * floor:.3g} %"
         )
     return "nothing is left that these records could show"
 

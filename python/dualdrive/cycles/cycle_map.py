@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualdrive.cycles.errors import CycleError
 from dualdrive.cycles.orbit import Orbit
-from dualdrive.cycles.shooting import shooting
+from dualdrive.cycles.shooting_method import shooting
 from dualdrive.machine import Machine
 
 if TYPE_CHECKING:

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.assembly import gaps
-from dualdrive.ensembles.ensemble import ensemble
+from dualdrive.ensembles.batch import ensemble
 from dualdrive.figures import Reduction
 from dualdrive.linear.operating_point import operating_point
 from dualdrive.linear.stability import growth
 from dualdrive.machine import Machine
 from dualdrive.motion import Motion
-from dualdrive.optimise.corners import Corner
+from dualdrive.optimise.worst_case import Corner
 
 __all__ = ["TENSION", "Design", "Progress", "evaluate"]
 

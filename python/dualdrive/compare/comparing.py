@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.compare.clocks import Clock, clock_of, in_time
+from dualdrive.compare.clocks import Clock, clock_of
 from dualdrive.compare.comparison import Comparison, Quantity
-from dualdrive.compare.noise import NoiseFloor, like_noise, noise_floor
+from dualdrive.compare.held import floor_of_noise, shaken
+from dualdrive.compare.noise import NoiseFloor, noise_floor
 from dualdrive.compare.repeats import period_of
-from dualdrive.compare.skews import skews
+from dualdrive.compare.time_skew import skews
 from dualdrive.compare.turning import as_conditions, of_balance, of_channels, orders_of
 from dualdrive.compare.where import Situation, standing, where_it_fails
 from dualdrive.identify import (
@@ -22,9 +23,11 @@ from dualdrive.identify import (
     evaluate,
     refuse_filters,
     torque_balance,
+    torque_warnings,
     which_mode,
     with_torques,
 )
+from dualdrive.identify.filtering import for_records
 from dualdrive.identify.result import Residual
 from dualdrive.replay import RTOL, Record, core_of, named
 from dualdrive.traces import Trace
@@ -45,6 +48,7 @@ def compare(
     rtol: float = RTOL,
     processing: Processing | None = None,
     standstill: Standstill | None = None,
+    settings: Mapping[str, Mapping[str, float]] | None = None,
 ) -> Comparison:
     """Compare a machine with measured traces.
 
@@ -66,6 +70,7 @@ def compare(
         rtol: local tolerance of the simulation.
         processing: filters and decimation of the torque balance.
         standstill: what the torque balance does near standstill.
+        settings: name of a trace -> parameter path -> SI value that held while it was recorded.
 
     Raises:
         ValueError: a trace that can't be held against this machine, or an unknown option.
@@ -78,7 +83,7 @@ def compare(
     if mode == "auto":
         mode = which_mode(core, recorded, motion)
     if mode == "balance":
-        return _balance(machine, recorded, offsets, processing, standstill)
+        return _balance(machine, recorded, offsets, processing, standstill, settings)
     refuse_filters(processing, standstill)
     found = evaluate(
         machine,
@@ -88,6 +93,7 @@ def compare(
         interpolation=interpolation,
         start=start,
         rtol=rtol,
+        settings=settings,
     )
     return of_evaluation(machine, found)
 
@@ -202,37 +208,60 @@ def _notes(quantities: Sequence[Quantity], records: Sequence[Record]) -> list[st
     return notes
 
 
+def balance_error(
+    machine: Any,
+    recorded: Mapping[str, Trace],
+    *,
+    settings: Mapping[str, Mapping[str, float]] | None = None,
+    processing: Processing | None = None,
+    standstill: Standstill | None = None,
+) -> float:
+    """The headline error of :func:`compare` in balance mode, and nothing else."""
+    core = core_of(machine)
+    traces = {name: with_torques(core, trace) for name, trace in recorded.items()}
+    found = torque_balance(
+        machine,
+        traces,
+        free=[],
+        processing=processing,
+        standstill=standstill,
+        settings=settings,
+    )
+    return found.error
+
+
 def _balance(
     machine: Any,
     recorded: Mapping[str, Trace],
     offsets: str,
     processing: Processing | None,
     standstill: Standstill | None,
+    settings: Mapping[str, Mapping[str, float]] | None,
 ) -> Comparison:
     """Every equation of motion on the recorded kinematics, with a constant torque per record."""
     core = core_of(machine)
-    traces = {name: in_time(core, with_torques(core, t)) for name, t in recorded.items()}
-    found = torque_balance(
-        machine,
-        traces,
-        free=[],
-        offsets=offsets != "none",
-        processing=processing,
-        standstill=standstill,
-    )
-    shaken = torque_balance(
-        machine,
-        {name: _shaken(trace) for name, trace in traces.items()},
-        free=[],
-        offsets=offsets != "none",
-        processing=processing,
-        standstill=standstill,
+    traces = {name: with_torques(core, trace) for name, trace in recorded.items()}
+    process, rest = for_records(processing, traces), standstill or Standstill()
+    found, again_ = (
+        torque_balance(
+            machine,
+            own,
+            free=[],
+            offsets=offsets != "none",
+            processing=process,
+            standstill=rest,
+            settings=settings,
+        )
+        for own in (
+            traces,
+            {name: shaken(core, trace, name, process, rest) for name, trace in traces.items()},
+        )
     )
     unit_of = getattr(machine, "unit_of", lambda _, unit: unit)
     quantities, situations = [], []
     for (record, equation), left in found.residuals.items():
         unit = unit_of("T_load", "N*m")
-        again = shaken.residuals[record, equation]
+        again = again_.residuals[record, equation]
         own = Quantity(
             record,
             equation,
@@ -249,9 +278,10 @@ def _balance(
         )
         quantities.append(own)
         situations.append(_balance_situation(traces[record], own))
-    orders = orders_of(core, traces, of_balance(core, traces, quantities, processing))
+    orders = orders_of(core, traces, of_balance(core, traces, quantities, process))
     late = skews(core, recorded)
     notes = [
+        *(f"warning: {warning}" for warning in torque_warnings(core, traces)),
         found.processing,
         *found.sample_lines(),
         "noise floor from single records (the sensors' noise carried through the balance): an "
@@ -263,23 +293,10 @@ def _balance(
     return Comparison(core.name, "balance", quantities, where, {}, {}, notes, orders, late)
 
 
-def _shaken(trace: Trace) -> Trace:
-    """The trace with as much noise again as its sensors and its clock make."""
-    random, clock = np.random.default_rng(1), clock_of(trace)
-    still = standing(trace.t, trace["theta_ref"]) if "theta_ref" in trace else None
-    noisy = trace
-    for name in trace:
-        values = trace[name]
-        noise = like_noise(trace.t, values, still, random)
-        wrong = random.normal(0.0, clock.wrong, len(trace)) * np.gradient(values, trace.t)
-        noisy = noisy.with_channel(name, values + noise + wrong)
-    return noisy
-
-
 def _apart(one: Residual, other: Residual) -> float:
-    """RMS difference of two residuals where both count."""
+    """What noise alone leaves of an equation, RMS, where both residuals count."""
     both = one.fitted & other.fitted
-    return float(np.std((one.residual - other.residual)[both])) if both.any() else float("nan")
+    return floor_of_noise(one.residual, other.residual, both) if both.any() else float("nan")
 
 
 def _balance_situation(trace: Trace, own: Quantity) -> Situation:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dualdrive.cycles.errors import CycleError
 from dualdrive.cycles.flow import Flow
 from dualdrive.cycles.orbit import Orbit, describe
-from dualdrive.cycles.shooting import scales
+from dualdrive.cycles.shooting_method import scales
 
 __all__ = ["Branch", "branch"]
 

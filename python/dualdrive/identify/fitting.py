@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from dualdrive.identify.evaluation import state_unknowns
 from dualdrive.identify.filtering import Processing
 from dualdrive.identify.fit_summary import summary
 from dualdrive.identify.parts import sizes_of_part
+from dualdrive.identify.passivity import torque_warnings
 from dualdrive.identify.search import Progress, Search
 from dualdrive.identify.standstill import Standstill
 from dualdrive.identify.unknowns import (
@@ -50,6 +52,7 @@ def fit(
     rtol: float = RTOL,
     processing: Processing | None = None,
     standstill: Standstill | None = None,
+    settings: Mapping[str, Mapping[str, float]] | None = None,
     scheduler: str | Client | None = None,
     progress: Callable[[Progress], None] | None = None,
 ) -> Any:
@@ -87,6 +90,7 @@ def fit(
         rtol: local tolerance of the simulations.
         processing: filters and decimation of the torque balance.
         standstill: what the torque balance does near standstill.
+        settings: name of a trace -> parameter path -> SI value that held while it was recorded.
         scheduler: address of a Dask scheduler (``tcp://HOST:8786``) or a connected
             distributed.Client, whose workers take a start each, or a record each where there is
             one start. One start with one record has nothing to spread and is computed here.
@@ -112,18 +116,28 @@ def fit(
         if scheduler is not None:
             raise ValueError("scheduler: a torque balance has nothing to spread; leave it out")
         paths, prior = _balance_free(core, free, tolerance, offsets)
-        return torque_balance(
+        driven = {name: with_torques(core, trace) for name, trace in recorded.items()}
+        found = torque_balance(
             machine,
-            {name: with_torques(core, trace) for name, trace in recorded.items()},
+            driven,
             free=paths,
             prior=prior,
             offsets=offsets != "none",
             processing=processing,
             standstill=standstill,
             confidence=confidence,
+            settings=settings,
         )
+        return replace(found, warnings=tuple(torque_warnings(core, driven)))
     refuse_filters(processing, standstill)
-    played = records(machine, recorded, motion=motion, interpolation=interpolation, start=start)
+    played = records(
+        machine,
+        recorded,
+        motion=motion,
+        interpolation=interpolation,
+        start=start,
+        settings=settings,
+    )
     paths = default_free(core) if free is None else list(free)
     if not paths:
         raise ValueError("free: nothing to fit; name parameters or add an effect")

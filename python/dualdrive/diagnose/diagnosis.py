@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from dualdrive.compare import check_records
+from dualdrive.compare import RecordWarning, check_records
 from dualdrive.diagnose.axis import candidate_on, numbers_on, shape_on
 from dualdrive.diagnose.clocks import evened
 from dualdrive.diagnose.closed_loop import Job, diagnose_closed_loop, with_time
@@ -34,6 +34,7 @@ from dualdrive.diagnose.findings import (
 from dualdrive.diagnose.free_torque import Course, courses_left
 from dualdrive.diagnose.heldout import intervals
 from dualdrive.diagnose.judge import Judgement, judge
+from dualdrive.diagnose.printed import Printed
 from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.result import Diagnosis
 from dualdrive.diagnose.search import search
@@ -42,7 +43,7 @@ from dualdrive.diagnose.shape import shapes
 from dualdrive.diagnose.survey import Survey
 from dualdrive.diagnose.words import paragraph
 from dualdrive.diagnose.work import Clock, Work
-from dualdrive.identify import which_mode
+from dualdrive.identify import Processing, Standstill, fit, refuse_filters, which_mode
 from dualdrive.interrupt import interrupt
 from dualdrive.replay import core_of, named, records
 from dualdrive.traces import Trace
@@ -54,6 +55,8 @@ MODES = ("auto", "closed_loop", "balance")
 SPOILT = ("scale", "sign", "swapped", "ratio")
 #: what a current or voltage that stands at an extreme may be called: nothing else, then
 LIMITS = ("current_limit", "voltage_limit", "torque_constant_saturation")
+#: of the simulated loop's error: a machine whose balance leaves less has another loop
+_FOREIGN = 0.5
 _BALANCE = 60.0  # s: what a torque balance may spend
 _SEARCH = 0.75  # of the budget, for the survey; the rest is for the next experiment
 
@@ -67,12 +70,14 @@ def diagnose(
     motion: Any = None,
     interpolation: str = "auto",
     start: str = "auto",
+    processing: Processing | None = None,
+    standstill: Standstill | None = None,
     tolerance: float | Mapping[str, float] | None = None,
     effort: str = "normal",
     budget: float = math.inf,
     threads: int | None = None,
     experiment: bool = True,
-    checks: bool = True,
+    checks: bool | Sequence[RecordWarning] = True,
     trust: Sequence[str] = (),
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
@@ -93,6 +98,9 @@ def diagnose(
         motion: commanded motion where the traces carry none.
         interpolation: how recorded inputs are read, see :func:`dualdrive.replay.records`.
         start: how the machine stood before, see there.
+        processing: filters and decimation of the torque balance, as in `compare`.
+        standstill: what its errors do near standstill; the search leaves standstill out, unless it
+            is kept.
         tolerance: relative one-sigma tolerance of the nominal numbers, for all or by path; what
             `fit` takes unless given. A guess in the machine file wants a wide one.
         effort: ``quick``, ``normal`` or ``thorough``: how many replays are worth it.
@@ -100,7 +108,8 @@ def diagnose(
             balance spends it: there it is 60 s unless given.
         threads: simulations side by side; as many as there are cores unless given.
         experiment: whether to plan the next experiment where names are left.
-        checks: whether to look for swapped, flipped, clipped or foreign channels first.
+        checks: whether to look for swapped, flipped, clipped or foreign channels first; or what
+            :func:`dualdrive.compare.check_records` found in the records that these are parts of.
         trust: records that are kept whatever the checks say; others in which a check finds what no
             machine could do are left out by name, and the rest goes on.
         progress: told in words what is being tried; Ctrl-C ends the search and keeps what is known.
@@ -119,6 +128,7 @@ def diagnose(
         raise ValueError(
             f"trust: no trace {', '.join(sorted(stray))}; there are {', '.join(recorded)}"
         )
+    chosen = mode
     if mode == "auto":
         mode = which_mode(core, recorded, motion)
     own = dict(settings or {})
@@ -132,11 +142,11 @@ def diagnose(
             budget = _BALANCE
         clock = Clock(_SEARCH * budget, stop.is_set)
         warnings, late, clipped = list[str](), False, False
-        if checks:
+        if checks is not False:
             tell("checking the records")
-            found = check_records(machine, recorded, mode)
+            found = check_records(machine, recorded, mode) if checks is True else list(checks)
             warnings = [f"{w.trace}: {w.message.removeprefix(f'{w.trace}: ')}" for w in found]
-            bad = {w.trace for w in found if w.fatal or w.code in SPOILT} - set(trust)
+            bad = unfit(found) - set(trust)
             recorded = {name: trace for name, trace in recorded.items() if name not in bad}
             if not recorded:
                 return _unfit(core, mode, tuple(bad), warnings, clock)
@@ -153,6 +163,7 @@ def diagnose(
         ]
         recorded = {name: trace for name, (trace, _) in even.items()}
         if mode == "closed_loop":
+            refuse_filters(processing, standstill)
             clock.budget = budget
             played = records(
                 machine,
@@ -165,10 +176,17 @@ def diagnose(
             job = Job(
                 own, tolerance, effort, experiment, threads or os.cpu_count() or 1, tell, clock.stop
             )
-            return with_time(
-                diagnose_closed_loop(machine, played, recorded, warnings, job), clock.used
-            )
-        c: Confrontation = TorqueBalance(core, recorded, own, apart=not late, tolerance=tolerance)
+            looped = diagnose_closed_loop(machine, played, recorded, warnings, job)
+            why = foreign_loop(machine, looped, Printed(recorded, own)) if chosen == "auto" else ""
+            if not why or stop.is_set():
+                return with_time(looped, clock.used)
+            tell("the torque balance")
+            warnings, mode = [*warnings, why], "balance"
+            budget = min(budget, clock.used + _BALANCE)
+            clock.budget = clock.used + _SEARCH * (budget - clock.used)
+        c: Confrontation = TorqueBalance(
+            core, recorded, own, processing, standstill, apart=not late, tolerance=tolerance
+        )
         result = search(c, Work(clock, threads or os.cpu_count() or 1, tell))
         whole = Clock(budget, stop.is_set)
         whole.begin, whole.cut = clock.begin, clock.cut
@@ -187,7 +205,52 @@ def diagnose(
             [(effect, _), *_] = verdict.ranked[0][0].hypothesis.effects
             if effect not in LIMITS:
                 verdict = replace(verdict, verdict="unknown", group=(), why="clipped")
-        return _told(machine, c, result, verdict, recorded, own, warnings, whole, experiment, tell)
+        printed = Printed(recorded, own, processing, standstill)
+        return _told(machine, c, result, verdict, printed, warnings, whole, experiment, tell)
+
+
+def foreign_loop(machine: Any, found: Diagnosis, printed: Printed) -> str:
+    """Why a loop can't be the one that was recorded, in words; empty where it may be.
+
+    One and the same machine meets the recorded motion and torque, which the balance needs alone,
+    but not once its controller makes that motion from the command: so controller or command fail.
+
+    found: of the closed loop
+    """
+    if found.verdict != "unknown" or not found.candidates or found.refitted is None:
+        return ""
+    if not all(_driven(core_of(machine), t) for t in printed.traces.values()):
+        return ""
+    best = found.candidates[0]
+    trial = found.refitted.copy()
+    core = core_of(trial)
+    try:
+        for effect, place in best.effects:
+            core.add_effect(effect, place)
+        for path, number in best.parameters.items():
+            core.set(path, number.value)
+        closes = fit(trial, printed.traces, mode="balance", settings=printed.settings).error
+    except ValueError:
+        return ""  # of the loop, not of the plant
+    if not closes < _FOREIGN * best.fitted:
+        return ""
+    return (
+        f"with {best.label} the torque balance closes to {100 * closes:.3g} %, but the same "
+        f"machine simulated in its loop leaves {100 * best.fitted:.3g} %: the controller or the "
+        "command is not the one that was recorded. Judged by torque balance, which needs neither; "
+        "--mode closed_loop keeps to the loop"
+    )
+
+
+def _driven(core: Any, trace: Trace) -> bool:
+    """Whether every motor's torque, or current, is recorded."""
+    numbers = [motor.rpartition("_")[2] for motor in core.motors]
+    return all(f"T_{n}" in trace or f"I_{n}" in trace for n in numbers)
+
+
+def unfit(found: Sequence[RecordWarning]) -> set[str]:
+    """Names of records in which a check found what would make any name a guess."""
+    return {w.trace for w in found if w.fatal or w.code in SPOILT}
 
 
 def _told(
@@ -195,14 +258,14 @@ def _told(
     c: Confrontation,
     found: Survey,
     verdict: Judgement,
-    traces: Mapping[str, Trace],
-    settings: Mapping[str, Mapping[str, float]],
+    printed: Printed,
     warnings: Sequence[str],
     clock: Clock,
     experiment: bool,
     tell: Callable[[str], None],
 ) -> Diagnosis:
-    candidates = [candidate_of(c, found, r, p) for r, p in verdict.ranked[:TOLD]]
+    tell("errors of the torque balance")
+    candidates = [candidate_of(machine, c, found, r, p, printed) for r, p in verdict.ranked[:TOLD]]
     candidates = [candidate_on(machine, one) for one in candidates]
     candidates += scored_only(found, candidates)
     groups = groups_of(found, verdict)
@@ -212,19 +275,23 @@ def _told(
     refitted = machine_of(machine, c, stands)
     best = verdict.ranked[0][0] if verdict.ranked else found.base
     improved = machine_of(machine, c, best) if named_ else None
-    error = errors_of(c, found, best if named_ else found.plain)
+    before = printed.compared(refitted)
+    after = printed.compared(improved) if improved is not None else None
+    error = errors_of(c, found, best if named_ else found.plain, before, after)
+    error["nominal"] = printed.error(machine)
     if why := objection(verdict.verdict, error):
         verdict = replace(verdict, verdict="unknown", group=(), why="contradicted")
         warnings = [*warnings, f"no verdict but unknown can stand: {why}"]
-        groups, named_, improved = [], False, None
+        groups, named_, improved, after = [], False, None, None
     every = intervals(found.evidence, best if named_ else stands, found.inflation)
     known = numbers_on(machine, {p.path: every[p.path] for p in c.nominal})
     moved = {path: known[path] for path in moved_numbers(c, known)}
     tell("the shape of what is missing")
-    equation = equation_at(verdict, candidates, refitted, traces, clock)
+    equation = equation_at(verdict, candidates, refitted, printed.traces, clock)
     curves = []
-    if clock.allows("the shape of what is missing"):
-        curves = [shape_on(machine, s) for s in shapes(core_of(refitted), traces, settings)]
+    if clock.allows("which variable the missing torque depends on"):
+        own = shapes(core_of(refitted), printed.traces, printed.settings, printed.processing)
+        curves = [shape_on(machine, s) for s in own]
     plan = None
     if experiment and verdict.verdict == "ambiguous" and clock.allows("the next experiment"):
         tell("planning the next experiment")
@@ -245,12 +312,12 @@ def _told(
     return Diagnosis(
         machine=core_of(machine).name,
         mode=c.mode,
-        records=tuple(traces),
+        records=tuple(printed.traces),
         verdict=verdict.verdict,
         candidates=candidates,
         groups=groups,
         equation=equation,
-        where=(),
+        where=before.where,
         error=error,
         shapes=curves,
         next_experiment=plan,
@@ -261,8 +328,8 @@ def _told(
         seconds=clock.used,
         refitted=refitted,
         improved=improved,
-        before=None,
-        after=None,
+        before=before,
+        after=after,
         moved=moved,
         numbers=known,
         over_floor=verdict.excess[1],
@@ -296,4 +363,4 @@ def _unfit(
         before=None,
         after=None,
     )
-    return replace(blank, paragraph=f"The records can not be judged. {' '.join(warnings)}")
+    return replace(blank, paragraph=f"The records can't be judged. {' '.join(warnings)}")

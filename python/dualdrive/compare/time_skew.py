@@ -25,6 +25,8 @@ from dualdrive.traces import Trace
 
 Array = NDArray[np.float64]
 
+_FILTER = Processing(decimate=10)
+
 _DEVIATIONS = 4.0  # from zero, of an estimate that is told
 _LEAST = 0.1  # of a sample: less does no harm
 _MOST = 20.0  # samples: more is another motion, not a delay
@@ -56,17 +58,16 @@ class Skew:
 
     @property
     def message(self) -> str:
-        """What was found, what it would pose as, and what would tell."""
-        time = f"{1e3 * self.seconds:.3g} ms ({self.seconds / self.step:.2g} samples)"
-        span = f"[{1e3 * self.low:.3g} .. {1e3 * self.high:.3g} ms]"
-        poses, tell = (
-            ("compliance, or wider play", "the same delay at half the torque and other speeds")
-            if not self.late.startswith("T_") and not self.early.startswith("T_")
-            else ("a lag of the drive, or a lighter inertia", "a record with sharper starts")
-        )
+        """What was found, what it would be taken for, and what to do if it is real."""
+        time = f"{1e3 * self.seconds:.3g} ms"
+        span = f"{1e3 * self.low:.3g} to {1e3 * self.high:.3g} ms"
+        samples = f"{self.seconds / self.step:.2g} samples"
+        encoders = not self.late.startswith("T_") and not self.early.startswith("T_")
+        like = "compliance or backlash" if encoders else "a lag of the drive or a lighter inertia"
         return (
-            f"{self.record}: {self.late} looks {time} late against {self.early} {span}; it poses "
-            f"as {poses}; {tell} would tell; see to the clocks, or add sensor_delay@{self.late}"
+            f"{self.record}: {self.late} lags {self.early} by {time} ({span}; {samples}). "
+            f"Uncorrected, this looks like {like}. If it is real: dualdrive add MACHINE "
+            f"sensor_delay@{self.late} --set time={1e3 * self.seconds:.3g}ms"
         )
 
 
@@ -94,7 +95,7 @@ def skews(
     for name, trace in named(traces).items():
         try:
             known = in_time(core, with_torques(core, trace))
-            parts = list(pieces(known, name, processing or Processing()))
+            parts = list(pieces(known, name, processing or _FILTER))
         except ValueError:
             continue
         for motor in core.motors:
@@ -142,7 +143,7 @@ def _between_encoders(
         moving = np.where(np.abs(speed) > _STANDS * np.max(np.abs(speed)), np.sign(speed), 0.0)
         return twist, [speed, turned, load, np.sign(load), moving]
 
-    fitted = _fitted(parts, row, Processing())
+    fitted = _fitted(parts, row, _FILTER)
     if fitted is None:
         return None
     value, sigma, part = fitted
@@ -158,7 +159,7 @@ def _of_torque(record: str, parts: Sequence[Piece], torque: str, angle: str) -> 
         moving = np.where(np.abs(speed) > _STANDS * np.max(np.abs(speed)), np.sign(speed), 0.0)
         return p.samples[torque], [np.gradient(rate, p.step), rate, speed, moving]
 
-    fitted = _fitted(parts, row, Processing(), over=1)
+    fitted = _fitted(parts, row, _FILTER, over=1)
     if fitted is None:
         return None
     value, sigma, part = fitted

@@ -20,7 +20,7 @@ from dualdrive.files import FileError, read_text
 from dualdrive.toml_text import parse_toml
 from dualdrive.traces.log import Recorder
 from dualdrive.traces.mapping import TraceMap
-from dualdrive.traces.read import read_table
+from dualdrive.traces.reading import read_table
 from dualdrive.traces.table import numbers
 
 from .rules import IndexingError
