@@ -32,7 +32,7 @@ from dualdrive.traces import Trace
 Array = NDArray[np.float64]
 
 _BLOCKS = 8  # of cross-validation
-_FAR = 10.0  # standard errors that a number may move where a block is left out
+_FAR = 3.0  # standard errors that a number may move where a block is left out
 _TOLD = 8  # candidates in the result
 _SURE = 1.96  # standard deviations of a 95 % interval
 #: relative tolerances of the motors' numbers that a record of currents shows
@@ -278,7 +278,8 @@ def noise_floor(grey: GreyBox, f: Fitted) -> float:
 def _cross_validated(grey: GreyBox, f: Fitted) -> float:
     """Error on blocks of time that a fit did not see, over that on those it saw.
 
-    One Gauss-Newton step takes each block out of the fit (Ljung, System Identification, 16.4).
+    One Gauss-Newton step takes each block out of the fit, and a replay with the numbers found so
+    tells the block's error (Ljung, System Identification, 16.4).
     """
     point = f.point
     columns = np.stack(grey.columns(point, range(len(point.theta)), f.gains))
@@ -296,12 +297,15 @@ def _cross_validated(grey: GreyBox, f: Fitted) -> float:
             for x in point.residuals
         ]
     )
-    total = 0.0
+    low, high = grey.bounds(f.variant)
+    places = []
     for b in range(_BLOCKS):
-        own = blocks == b
-        J, left = columns[:, own], r[own]
+        J, left = columns[:, blocks == b], r[blocks == b]
         step = np.linalg.solve(H - s * (J @ J.T) + held, s * (J @ left))
-        total += float(np.sum((left + J.T @ step) ** 2))
+        places.append(np.clip(point.theta + np.clip(step, -_FAR * scale, _FAR * scale), low, high))
+    total = 0.0
+    for b, found in enumerate(grey.points([f.variant] * _BLOCKS, places, f.gains)):
+        total += float(np.sum(flat(found.residuals)[blocks == b] ** 2))
     return float(np.sqrt(total / max(float(r @ r), 1e-300)))
 
 

@@ -7,12 +7,12 @@ Sources: Kristensen, Madsen, Jørgensen, Automatica 40 (2004) 225-237; Ljung, Sy
 
 from __future__ import annotations
 
-from dualdrive.innovations.fit import fit, inflation
 from dualdrive.innovations.greybox import Counter, GreyBox, Point, Variant, flat
+from dualdrive.innovations.levenberg_marquardt import fit, inflation
 from dualdrive.innovations.likelihood import maximum_likelihood
 from dualdrive.innovations.noise import Noise, drive_torque, first_noise
 from dualdrive.innovations.records import Predictable, predictable
-from dualdrive.innovations.simulated import simulated
+from dualdrive.innovations.whole_record import simulated
 
 __all__ = [
     "Counter",

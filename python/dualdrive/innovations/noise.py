@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_LEAST_MEMORY, _MOST_MEMORY = -0.5, 0.9999
+_LEAST_MEMORY = -0.5
 _COURSE = 0.1  # s: over which a torque of unknown course changes
 _FARTHEST = 14.0  # of a logarithm, from where the search began
 
@@ -136,7 +136,8 @@ class Logarithms:
         low, high, n = -far, far.copy(), len(self.kinds)
         for k, kind in enumerate(self.kinds, n):
             pole = _logit(self.noise.memory[kind])
-            low[k], high[k] = _logit(_LEAST_MEMORY) - pole, _logit(_MOST_MEMORY) - pole
+            # what changes more slowly than a torque of unknown course is no sensor's noise
+            low[k], high[k] = _logit(_LEAST_MEMORY) - pole, _logit(self.noise.course) - pole
         return np.minimum(low, 0.0), np.maximum(high, 0.0)
 
 
@@ -150,4 +151,4 @@ def _logit(memory: float) -> float:
 
 
 def _memory(x: float) -> float:
-    return float(np.clip(np.tanh(0.5 * x), _LEAST_MEMORY, _MOST_MEMORY))
+    return float(np.tanh(0.5 * x))

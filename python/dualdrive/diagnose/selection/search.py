@@ -32,9 +32,8 @@ from dualdrive.innovations import (
 Array = NDArray[np.float64]
 
 _WIDE = 0.1  # of the drives' torque: unknown course at first
-# Least torque of unknown course, of the drives': no law of friction is right near rest; what a motor
-# gives is told by its current
-_FLOOR, _MOTOR_FLOOR = 0.005, 0.0005
+_FLOOR = 1e-5  # of the drives' torque: the least unknown torque, so that a filter stays steady
+_SHARE = 0.02  # of all that is explained: what a number must bring, for no law is exact
 _SCORINGS = 25  # steps of an estimate of numbers and noise together
 _BEGINS = (1.0, 0.3, 3.0, 10.0)  # where the first number of a part begins, times its usual one
 _HOPELESS = 3.0  # gain of a score test, over the inflation, below which no refit is worth it
@@ -126,10 +125,7 @@ class _Search:
         self.tried: dict[str, float] = {}
         self.finals: dict[str, Fitted] = {}
         self.wide = first_noise(core, grey.records, _WIDE)
-        self.floor = {
-            body: s * (_FLOOR if body == "table" else _MOTOR_FLOOR) / _WIDE
-            for body, s in self.wide.torque.items()
-        }
+        self.floor = first_noise(core, grey.records, _FLOOR).torque
 
     def run(self) -> Selection:
         base = self._base()
@@ -172,8 +168,10 @@ class _Search:
     def _criterion(self, f: Fitted) -> float:
         """Under the inflation of the best, lest a bad model's colour speaks for it."""
         least = min((g.inflation for g in self.finals.values()), default=f.inflation)
-        n = self.grey.samples
-        numbers = len(f.variant.extra) * np.log(n) + 2.0 * np.log(f.variant.looks)
+        best = min((g.point.minus_two_log for g in self.finals.values()), default=0.0)
+        nothing = self.finals.get("nothing", f).point.minus_two_log
+        price = np.log(self.grey.samples) + _SHARE * max(0.0, nothing - best) / least
+        numbers = len(f.variant.extra) * price + 2.0 * np.log(f.variant.looks)
         return float(f.point.minus_two_log / least + numbers)
 
     def _final(self, point: Point) -> Fitted | None:
@@ -244,7 +242,7 @@ class _Search:
         return self._compared(best)
 
     def _compared(self, points: Sequence[Point]) -> list[Fitted]:
-        """Laws, each under the noise that it leaves itself."""
+        """Laws, each under the noise that it leaves itself, and from the best one's numbers."""
         found = []
         for point in points:
             if self.grey.counter.stop():
@@ -253,6 +251,18 @@ class _Search:
             final = self._final(point)
             if final is not None:
                 found.append(final)
+        if len(found) < 2:
+            return found
+        best = min(found, key=lambda f: f.point.minus_two_log)
+        known = self.grey.shared
+        for k, f in enumerate(found):
+            if f is best or self.grey.counter.stop():
+                continue
+            self.tell(f"{f.variant.key} from the noise of {best.variant.key}")
+            theta = np.r_[best.point.theta[:known], f.point.theta[known:]]
+            again = self._likeliest(f.variant, theta, best.noise)
+            if again and again[0].point.minus_two_log < f.point.minus_two_log:
+                found[k] = again[0]
         return found
 
     def _chosen(self, found: Sequence[Scored], parts: bool) -> list[Scored]:
