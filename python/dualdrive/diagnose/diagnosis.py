@@ -83,11 +83,11 @@ def diagnose(
 ) -> Diagnosis:
     """Say what records tell of a machine.
 
-    The machine is confronted with the records (closed loop simulated, or torque balance where the
-    controller is unknown). Its nominal numbers are refitted within the tolerances of data sheets
+    The machine is confronted with the records: by its innovations, or by its torque balance where
+    the controller is unknown. Its nominal numbers are refitted within the tolerances of data sheets
     under every hypothesis; every effect of the library is tried at every place, the best are
-    refitted, alone and two at once, and judged by their likelihood under the noise that the best
-    one leaves, counted in effective samples. See docs/theory/diagnosis.md.
+    refitted, alone and several at once, and judged by their likelihood. See
+    docs/theory/innovations.md, and docs/theory/diagnosis.md for the balance.
 
     Args:
         machine: a machine, or the core's.

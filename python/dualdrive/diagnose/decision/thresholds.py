@@ -13,7 +13,7 @@ class Threshold:
     reason: str
 
 
-#: name -> number; docs/theory/diagnosis.md says what the develop cases give at half and at twice
+#: name -> number; see docs/theory/innovations.md
 THRESHOLDS = {
     "unexplained torque": Threshold(
         0.01,
