@@ -81,7 +81,8 @@ void bind_innovations(nb::module_& m) {
         nb::arg("machine"), nb::arg("record"), nb::arg("sensors"), nb::arg("torque"), nb::arg("speed") = 0.0,
         "Steady-state Kalman gains.\n\n"
         "sensors: (drive, memory, white) per channel: n' = memory n + drive w, and a white part. torque: body -> "
-        "(drive, memory) of a torque of unknown course, constant over a sample, d' = memory d + drive w, N*m. speed: table speed, rad/s, about which laws that "
+        "(drive, memory) of a torque of unknown course, constant over a sample, d' = memory d + drive w, N*m. speed: "
+        "table speed, rad/s, about which laws that "
         "are not affine are linearised. Raises ValueError.");
 
     m.def(
@@ -118,7 +119,8 @@ void bind_innovations(nb::module_& m) {
         nb::arg("learn_first") = false,
         "Replay a record, the state corrected at every sample.\n\n"
         "initial: state -> value at the first sample, others 0. offsets: per channel, what its sensor adds. substeps: "
-        "per sample, where a law is not affine. states: also trajectory, corrections (n, states), torques of unknown course (n, bodies), innovations (n, "
+        "per sample, where a law is not affine. states: also trajectory, corrections (n, states), torques of unknown "
+        "course (n, bodies), innovations (n, "
         "channels) and contact pattern (n,). learn_first: work out the gains of the first samples, into `gains`.\n"
         "Returns a dict: residuals (n, channels), whitened; log_det; finite; switches. The GIL is released. Raises "
         "ValueError.");

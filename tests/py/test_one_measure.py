@@ -104,7 +104,7 @@ def test_pulses_of_force_diagnose_and_improve_agree() -> None:
 
 def test_where_the_loop_is_not_the_recorded_one_the_balance_judges() -> None:
     machine, trace = pulses()
-    d = diagnose(machine, trace, experiment=False)
+    d = diagnose(machine, trace.between(0.0, 5.0), effort="quick", experiment=False)
     assert (d.mode, d.verdict) == ("balance", "effect")
     assert "the controller or the command is not the one that was recorded" in d.warnings[-1]
 

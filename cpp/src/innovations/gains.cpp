@@ -21,8 +21,7 @@ constexpr double white_floor = 1e-3;  // of a sensor's drive: no reading is exac
 
 }  // namespace
 
-StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel& noise, unsigned pattern,
-                       double speed)
+StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel& noise, unsigned pattern, double speed)
     : StateSpace(flow.tangent(pattern, speed), flow, record, noise) {}
 
 StateSpace::StateSpace(const Frozen& frozen, const Flow& flow, const SampledRecord& record, const NoiseModel& noise)

@@ -43,7 +43,7 @@ from dualdrive.diagnose.shape import shapes
 from dualdrive.diagnose.survey import Survey
 from dualdrive.diagnose.words import paragraph
 from dualdrive.diagnose.work import Clock, Work
-from dualdrive.identify import Processing, Standstill, fit, refuse_filters, which_mode
+from dualdrive.identify import Processing, Standstill, refuse_filters, which_mode
 from dualdrive.interrupt import interrupt
 from dualdrive.replay import core_of, named, records
 from dualdrive.traces import Trace
@@ -177,13 +177,28 @@ def diagnose(
                 own, tolerance, effort, experiment, threads or os.cpu_count() or 1, tell, clock.stop
             )
             looped = diagnose_closed_loop(machine, played, recorded, warnings, job)
-            why = foreign_loop(machine, looped, Printed(recorded, own)) if chosen == "auto" else ""
-            if not why or stop.is_set():
+            driven = all(_driven(core, trace) for trace in recorded.values())
+            if chosen != "auto" or looped.verdict != "unknown" or not driven or stop.is_set():
                 return with_time(looped, clock.used)
             tell("the torque balance")
-            warnings, mode = [*warnings, why], "balance"
-            budget = min(budget, clock.used + _BALANCE)
-            clock.budget = clock.used + _SEARCH * (budget - clock.used)
+            balanced = diagnose(
+                machine,
+                recorded,
+                settings=own,
+                mode="balance",
+                tolerance=tolerance,
+                budget=min(_BALANCE, max(budget - clock.used, 1.0)),
+                threads=threads,
+                experiment=experiment,
+                checks=False,
+                progress=progress,
+            )
+            why = foreign_loop(looped, balanced)
+            if not why:
+                return with_time(looped, clock.used)
+            said = f"{balanced.paragraph} Mind: {why}."
+            told = replace(balanced, warnings=[*warnings, why], paragraph=said)
+            return with_time(told, clock.used)
         c: Confrontation = TorqueBalance(
             core, recorded, own, processing, standstill, apart=not late, tolerance=tolerance
         )
@@ -209,36 +224,20 @@ def diagnose(
         return _told(machine, c, result, verdict, printed, warnings, whole, experiment, tell)
 
 
-def foreign_loop(machine: Any, found: Diagnosis, printed: Printed) -> str:
+def foreign_loop(looped: Diagnosis, balanced: Diagnosis) -> str:
     """Why a loop can't be the one that was recorded, in words; empty where it may be.
 
-    One and the same machine meets the recorded motion and torque, which the balance needs alone,
-    but not once its controller makes that motion from the command: so controller or command fail.
-
-    found: of the closed loop
+    A machine that closes the torque balance, which needs recorded motion and torque alone, while
+    nothing explains the loop that makes that motion from the command: controller or command fail.
     """
-    if found.verdict != "unknown" or not found.candidates or found.refitted is None:
-        return ""
-    if not all(_driven(core_of(machine), t) for t in printed.traces.values()):
-        return ""
-    best = found.candidates[0]
-    trial = found.refitted.copy()
-    core = core_of(trial)
-    try:
-        for effect, place in best.effects:
-            core.add_effect(effect, place)
-        for path, number in best.parameters.items():
-            core.set(path, number.value)
-        closes = fit(trial, printed.traces, mode="balance", settings=printed.settings).error
-    except ValueError:
-        return ""  # of the loop, not of the plant
-    if not closes < _FOREIGN * best.fitted:
+    closes, left = balanced.error.get("best", math.nan), looped.error.get("refitted", math.nan)
+    if balanced.verdict == "unknown" or not closes < _FOREIGN * left:
         return ""
     return (
-        f"with {best.label} the torque balance closes to {100 * closes:.3g} %, but the same "
-        f"machine simulated in its loop leaves {100 * best.fitted:.3g} %: the controller or the "
-        "command is not the one that was recorded. Judged by torque balance, which needs neither; "
-        "--mode closed_loop keeps to the loop"
+        f"the torque balance closes to {100 * closes:.3g} %, but no law makes the simulated loop "
+        f"follow ({100 * left:.3g} %): the controller or the command is not the one that was "
+        "recorded. Judged by torque balance, which needs neither; --mode closed_loop keeps to the "
+        "loop"
     )
 
 

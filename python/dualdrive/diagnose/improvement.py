@@ -65,6 +65,10 @@ def improve(
     begun = time.monotonic()
     own, held = dict(settings or {}), ""
     whole = {**named(traces), **(named(held_out) if held_out is not None else {})}
+    if stray := set(options.get("trust", ())) - set(whole):
+        raise ValueError(
+            f"trust: no trace {', '.join(sorted(stray))}; there are {', '.join(whole)}"
+        )
     if mode == "auto":
         mode = which_mode(core_of(machine), whole, options.get("motion"))
     checked: bool | list[RecordWarning] = options.pop("checks", True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 from dualdrive.diagnose.decision.thresholds import threshold
 from dualdrive.diagnose.result import Verdict
 from dualdrive.diagnose.selection import Fitted, Selection
-from dualdrive.innovations import GreyBox, drive_torque
+from dualdrive.innovations import GreyBox, drive_torque, fit
 
 
 @dataclass(frozen=True)
@@ -83,10 +84,17 @@ def _probabilities(found: Selection) -> list[tuple[Fitted, float]]:
 
 
 def _moved(grey: GreyBox, f: Fitted) -> bool:
-    """Whether the data sheet's numbers had to move beyond doubt, by the fall of -2 log L."""
-    [nominal] = grey.points([f.variant], [grey.start(f.variant)], f.gains)
+    """Whether the data sheet's numbers had to move beyond doubt, by the fall of -2 log L.
+
+    Against the data sheet with the sensors' own constants refitted: these are no numbers of it.
+    """
+    sheet, n = copy(grey), len(grey.nominal)
+    sheet.sigma = grey.sigma.copy()
+    sheet.sigma[:n] = 1e-9
+    begin = np.r_[grey.centre[:n], f.point.theta[n:]]
+    nominal = fit(sheet, f.variant, begin, f.gains, steps=3)
     fall = (nominal.chi2 - f.point.chi2) / f.inflation
-    return bool(fall > threshold("gain") + len(f.point.theta) * np.log(grey.samples))
+    return bool(fall > threshold("gain") + n * np.log(grey.samples))
 
 
 def missing_torque(core: Any, grey: GreyBox, f: Fitted) -> dict[str, MissingTorque]:

@@ -35,7 +35,7 @@ _WIDE = 0.1  # of the drives' torque: unknown course at first
 _FLOOR = 1e-5  # of the drives' torque: the least unknown torque, so that a filter stays steady
 _SHARE = 0.02  # of all that is explained: what a number must bring, for no law is exact
 _SCORINGS = 25  # steps of an estimate of numbers and noise together
-_BEGINS = (1.0, 0.3, 3.0, 10.0)  # where the first number of a part begins, times its usual one
+_BEGINS = (1.0, 0.3, 0.1, 3.0, 10.0)  # where the first number of a part begins, times its usual one
 _HOPELESS = 3.0  # gain of a score test, over the inflation, below which no refit is worth it
 _WORTH = 25.0  # gain in -2 log L, over the inflation, that a further effect must bring
 
@@ -284,21 +284,26 @@ class _Search:
         if not _is_part(variant):
             shared = columns[: grey.shared]
             return fit(grey, variant, start, gains, steps=5, shared_columns=shared, refresh=(2,))
-        best: Point | None = None  # other states: gains of its own
+        # other states, and far from where they began: gains of its own, much unknown torque first
+        near: Point | None = None
         for factor in _BEGINS:
             there = start.copy()
             there[len(point.theta)] *= factor
-            try:
-                own = grey.gains(variant, there, noise)
-            except ValueError:
-                continue
-            [trial] = grey.points([variant], [there], own)
-            if not trial.lost and (best is None or trial.minus_two_log < best.minus_two_log):
-                best, gains = trial, own
-        if best is None:
-            return replace(point, variant=variant, lost=True)
-        best = fit(grey, variant, best.theta, gains, steps=5, refresh=(0, 2, 4))
-        return fit(grey, variant, best.theta, grey.gains(variant, best.theta, noise), steps=3)
+            found = self._under(variant, there, self.wide, steps=0)
+            if found and (near is None or found.minus_two_log < near.minus_two_log):
+                near = found
+        near = near and self._under(variant, near.theta, self.wide, steps=6)
+        best = near and self._under(variant, near.theta, noise, steps=6)
+        return best or replace(point, variant=variant, lost=True)
+
+    def _under(self, variant: Variant, theta: Array, noise: Noise, steps: int) -> Point | None:
+        """Fitted with gains of its own; None where it is lost."""
+        try:
+            gains = self.grey.gains(variant, theta, noise)
+        except ValueError:
+            return None
+        found = fit(self.grey, variant, theta, gains, steps=steps, refresh=(0, 2, 4))
+        return None if found.lost else found
 
 
 def _is_part(variant: Variant) -> bool:
