@@ -35,6 +35,8 @@ _WIDE = 0.1  # of the drives' torque: unknown course at first
 _FLOOR = 1e-5  # of the drives' torque: the least unknown torque, so that a filter stays steady
 _SHARE = 0.02  # of all that is explained: what a number must bring, for no law is exact
 _SCORINGS = 25  # steps of an estimate of numbers and noise together
+_VALLEYS = 3  # of a part that are followed on
+_LOWER = (1.0, 0.2, 0.04)  # of the unknown torque at first: where valleys tell themselves apart
 _BEGINS = (1.0, 0.3, 0.1, 3.0, 10.0)  # where the first number of a part begins, times its usual one
 _HOPELESS = 3.0  # gain of a score test, over the inflation, below which no refit is worth it
 _WORTH = 25.0  # gain in -2 log L, over the inflation, that a further effect must bring
@@ -284,25 +286,29 @@ class _Search:
         if not _is_part(variant):
             shared = columns[: grey.shared]
             return fit(grey, variant, start, gains, steps=5, shared_columns=shared, refresh=(2,))
-        # other states, and far from where they began: gains of its own, much unknown torque first
-        near: Point | None = None
+        # a part softens or frees what the numbers had stood for: from the data sheet, through much
+        # unknown torque, and into more than one valley
+        start[: grey.shared] = grey.start(Variant(self.core))
+        begins = []
         for factor in _BEGINS:
             there = start.copy()
             there[len(point.theta)] *= factor
-            found = self._under(variant, there, self.wide, steps=0)
-            if found and (near is None or found.minus_two_log < near.minus_two_log):
-                near = found
-        near = near and self._under(variant, near.theta, self.wide, steps=6)
-        best = near and self._under(variant, near.theta, noise, steps=6)
+            begins.append(there)
+        for lower in _LOWER:
+            own = self.wide.with_torque(lower)
+            found = [p for p in (self._under(variant, x, own) for x in begins) if p]
+            found.sort(key=lambda p: p.minus_two_log)
+            begins = [p.theta for p in found[:_VALLEYS]]
+        best = self._under(variant, begins[0], noise) if begins else None
         return best or replace(point, variant=variant, lost=True)
 
-    def _under(self, variant: Variant, theta: Array, noise: Noise, steps: int) -> Point | None:
+    def _under(self, variant: Variant, theta: Array, noise: Noise) -> Point | None:
         """Fitted with gains of its own; None where it is lost."""
         try:
             gains = self.grey.gains(variant, theta, noise)
         except ValueError:
             return None
-        found = fit(self.grey, variant, theta, gains, steps=steps, refresh=(0, 2, 4))
+        found = fit(self.grey, variant, theta, gains, refresh=(0, 2, 4))
         return None if found.lost else found
 
 
