@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -130,6 +131,13 @@ class GreyBox:
                 elif stem in ("I", "T"):
                     found[c] = max(found.get(c, 0.0), _ZERO_CURRENT * float(np.std(y)))
         return found
+
+    def held(self) -> GreyBox:
+        """The same with the nominal numbers as the data sheet has them."""
+        own = copy(self)
+        own.sigma = self.sigma.copy()
+        own.sigma[: len(self.nominal)] = _HELD
+        return own
 
     @property
     def shared(self) -> int:
@@ -300,6 +308,7 @@ class GreyBox:
         return [(flat(o.residuals) - base) / s for o, s in zip(others, steps, strict=True)]
 
 
+_HELD = 1e-9  # of a unit: a number that is not refitted
 _BOX = 4.0  # sigma: nominal numbers stay within what a data sheet can mean
 
 

@@ -43,7 +43,6 @@ def fit(
     steps: int = 6,
     shared_columns: Sequence[Array] | None = None,
     refresh: Sequence[int] = (0, 2, 4, 6, 8),
-    free_shared: bool = True,
 ) -> Point:
     """Refit a variant from a point, gains held.
 
@@ -55,7 +54,6 @@ def fit(
         steps: most iterations.
         shared_columns: derivatives by the shared unknowns to begin with (a chord).
         refresh: iterations at which derivatives by the shared unknowns are taken anew.
-        free_shared: False: the shared unknowns are held.
 
     """
     low, high = grey.bounds(variant)
@@ -66,17 +64,11 @@ def fit(
     centre = np.r_[grey.centre, np.zeros(n - m)]
     columns = list(shared_columns) if shared_columns is not None else None
     history = [now.chi2]
-    free = np.ones(n, dtype=bool)
-    if not free_shared:
-        free[:m] = False
-        columns = [np.zeros(len(flat(now.residuals)))] * m
     for step in range(steps):
         if grey.counter.stop():
             break
         s = 1.0 / inflation(now)
-        if free_shared and (
-            columns is None or (step in refresh and (step or shared_columns is None))
-        ):
+        if columns is None or (step in refresh and (step or shared_columns is None)):
             columns = grey.columns(now, range(m), gains)
         own = grey.columns(now, range(m, n), gains)
         J = np.stack([*(columns or []), *own])
@@ -88,9 +80,8 @@ def fit(
         best = None
         trials: list[Array] = []
         for damping in _DAMPINGS:
-            d = _bounded_step(
-                H + damping * np.diag(np.diag(H) + 1e-12), g, now.theta, low, high, free
-            )
+            damped = H + damping * np.diag(np.diag(H) + 1e-12)
+            d = step_within(damped, g, low - now.theta, high - now.theta)
             trials += [np.clip(now.theta + a * d, low, high) for a in _SHORTER]
         for batch in (trials[:2], trials[2:4], trials[4:]):
             found = grey.points([variant] * len(batch), batch, gains)
@@ -100,12 +91,7 @@ def fit(
                 best = found[k], costs[k]
                 break
         if best is None:
-            if (
-                columns is not None
-                and free_shared
-                and step not in refresh
-                and shared_columns is not None
-            ):
+            if step not in refresh and shared_columns is not None:
                 shared_columns, columns = None, None  # the chord is worn out
                 continue
             break
@@ -116,15 +102,19 @@ def fit(
     return replace(now, history=tuple(history))
 
 
-def _bounded_step(H: Array, g: Array, theta: Array, low: Array, high: Array, free: Any) -> Array:
-    """Newton step of what is not held at a bound that it pushes against."""
-    active = ~free
-    for _ in range(5):
-        move = ~active
-        d = np.zeros(len(g))
-        d[move] = -np.linalg.solve(H[np.ix_(move, move)], g[move])
-        pushing = free & (((theta <= low) & (d < 0)) | ((theta >= high) & (d > 0)))
-        if not (pushing & ~active).any():
+def step_within(H: Array, g: Array, low: Array, high: Array) -> Array:
+    """Newton step in a box about zero, shape (n,) all.
+
+    What would leave it is held at its bound and the rest solved anew: a number that the records
+    hardly tell may not shorten the step of those that they tell.
+    """
+    d, held = np.zeros(len(g)), np.zeros(len(g), dtype=bool)
+    for _ in range(len(g)):
+        move = ~held
+        d[move] = -np.linalg.solve(H[np.ix_(move, move)], g[move] + H[np.ix_(move, held)] @ d[held])
+        beyond = move & ((d > high) | (d < low))
+        if not beyond.any():
             break
-        active = active | pushing
+        d[beyond] = np.clip(d, low, high)[beyond]
+        held |= beyond
     return d

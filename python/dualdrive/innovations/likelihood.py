@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.innovations.greybox import GreyBox, Point, Variant, flat
+from dualdrive.innovations.levenberg_marquardt import step_within
 from dualdrive.innovations.noise import Logarithms, Noise
 
 Array = NDArray[np.float64]
@@ -84,7 +85,7 @@ def maximum_likelihood(
         g[n:] += 0.5 * np.array(bend)
         best = None
         for damping in _DAMPINGS:
-            d = _step_within(
+            d = step_within(
                 H + damping * np.diag(np.diag(H)) + 1e-9 * np.eye(n + m),
                 g,
                 np.maximum(low - x, -reach),
@@ -126,17 +127,3 @@ def _scale_information(
         B = np.stack(rows)
         total += len(r) * (B @ B.T)
     return total
-
-
-def _step_within(H: Array, g: Array, low: Array, high: Array) -> Array:
-    """Newton step in a box: what the records hardly tell may not shorten what they tell."""
-    d, held = np.zeros(len(g)), np.zeros(len(g), dtype=bool)
-    for _ in range(len(g)):
-        move = ~held
-        d[move] = -np.linalg.solve(H[np.ix_(move, move)], g[move] + H[np.ix_(move, held)] @ d[held])
-        beyond = move & ((d > high) | (d < low))
-        if not beyond.any():
-            break
-        d[beyond] = np.clip(d, low, high)[beyond]
-        held |= beyond
-    return d

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,12 +20,10 @@ class MissingTorque:
 
     rms:         of the torque of unknown course that the filter asks for
     share:       of the drives' torque there
-    noise_share: of the drives' torque, what the sensors' noise makes of such an estimate alone
     """
 
     rms: float
     share: float
-    noise_share: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,11 +85,9 @@ def _moved(grey: GreyBox, f: Fitted) -> bool:
 
     Against the data sheet with the sensors' own constants refitted: these are no numbers of it.
     """
-    sheet, n = copy(grey), len(grey.nominal)
-    sheet.sigma = grey.sigma.copy()
-    sheet.sigma[:n] = 1e-9
+    n = len(grey.nominal)
     begin = np.r_[grey.centre[:n], f.point.theta[n:]]
-    nominal = fit(sheet, f.variant, begin, f.gains, steps=3)
+    nominal = fit(grey.held(), f.variant, begin, f.gains, steps=3)
     fall = (nominal.chi2 - f.point.chi2) / f.inflation
     return bool(fall > threshold("gain") + n * np.log(grey.samples))
 
@@ -106,5 +101,5 @@ def missing_torque(core: Any, grey: GreyBox, f: Fitted) -> dict[str, MissingTorq
         course = np.concatenate([r[body] for r in records])
         rms = float(np.sqrt(np.mean(course**2)))
         scale = drives.get(body, 0.0)
-        found[body] = MissingTorque(rms, rms / scale if scale > 0.0 else 0.0, 0.0)
+        found[body] = MissingTorque(rms, rms / scale if scale > 0.0 else 0.0)
     return found

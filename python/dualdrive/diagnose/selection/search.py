@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive import _core
 from dualdrive.diagnose.screening import Library, Scored, scores
 from dualdrive.identify import FitError
 from dualdrive.innovations import (
@@ -46,22 +47,20 @@ _WORTH = 25.0  # gain in -2 log L, over the inflation, that a further effect mus
 class Effort:
     """How much is tried.
 
-    samples:  of all records together; longer ones are cut
     refitted: laws refitted beside a base, best scores first
     finals:   of them, how many under a noise of their own
     most:     effects at once
     """
 
-    samples: int
     refitted: int
     finals: int
     most: int
 
 
 EFFORTS = {
-    "quick": Effort(20_000, 4, 2, 2),
-    "normal": Effort(80_000, 8, 3, 3),
-    "thorough": Effort(1_000_000, 20, 5, 3),
+    "quick": Effort(4, 2, 2),
+    "normal": Effort(8, 3, 3),
+    "thorough": Effort(20, 5, 3),
 }
 
 
@@ -69,7 +68,7 @@ EFFORTS = {
 class Fitted:
     """A variant at its best, under the noise that it leaves itself.
 
-    criterion: -2 log L over the inflation, plus log n for every number, plus what was searched
+    criterion: -2 log L over the inflation, plus the price of every number, plus what was searched
     """
 
     point: Point
@@ -140,7 +139,8 @@ class _Search:
             self._keep(found)
             if found:
                 richer = min(found, key=self._criterion)
-                self._keep(self._without(richer, leader.variant))
+                if simpler := self._without(richer, leader.variant):
+                    self._keep([simpler])
                 leader = self.finals[leader.variant.key]
             best = min(self.finals.values(), key=lambda f: self._criterion(f))
             if best is leader or self._criterion(best) > self._criterion(leader) - _WORTH:
@@ -149,6 +149,7 @@ class _Search:
         own = (replace(f, criterion=self._criterion(f)) for f in self.finals.values())
         every = sorted(own, key=lambda f: f.criterion)
         order = sorted(self.screened, key=lambda s: -np.nan_to_num(s[1].gain, nan=-np.inf))
+        base = next(f for f in every if f.variant.key == base.variant.key)
         return Selection(base, every, order, self.tried, not self.grey.counter.stop())
 
     def _keep(self, found: Sequence[Fitted]) -> None:
@@ -157,7 +158,7 @@ class _Search:
             if known is None or f.point.minus_two_log < known.point.minus_two_log:
                 self.finals[f.variant.key] = f
 
-    def _without(self, richer: Fitted, variant: Variant) -> list[Fitted]:
+    def _without(self, richer: Fitted, variant: Variant) -> Fitted | None:
         """The variant without the last effect, from the numbers and the noise found with it.
 
         What is gained by an effect is told against the simpler machine at its own best, which a
@@ -188,16 +189,17 @@ class _Search:
         except ValueError:
             return None
         near = fit(grey, variant, point.theta, wide, refresh=(0, 2, 4))
-        return next(iter(self._likeliest(variant, near.theta, self.wide)), None)
+        return self._likeliest(variant, near.theta, self.wide)
 
-    def _likeliest(self, variant: Variant, theta: Array, noise: Noise) -> list[Fitted]:
+    def _likeliest(self, variant: Variant, theta: Array, noise: Noise) -> Fitted | None:
+        """Numbers and noise together, from a point; None where it can't be followed."""
         found = maximum_likelihood(
             self.grey, variant, theta, noise, floor=self.floor, steps=_SCORINGS
         )
         if found is None:
-            return []
+            return None
         point, own, gains = found
-        return [Fitted(point, own, inflation(point), 0.0, gains)]
+        return Fitted(point, own, inflation(point), 0.0, gains)
 
     def _base(self) -> Fitted:
         """Nothing is missing: numbers alone, from far."""
@@ -263,8 +265,8 @@ class _Search:
             self.tell(f"{f.variant.key} from the noise of {best.variant.key}")
             theta = np.r_[best.point.theta[:known], f.point.theta[known:]]
             again = self._likeliest(f.variant, theta, best.noise)
-            if again and again[0].point.minus_two_log < f.point.minus_two_log:
-                found[k] = again[0]
+            if again and again.point.minus_two_log < f.point.minus_two_log:
+                found[k] = again
         return found
 
     def _chosen(self, found: Sequence[Scored], parts: bool) -> list[Scored]:
@@ -314,8 +316,6 @@ class _Search:
 
 def _is_part(variant: Variant) -> bool:
     """Whether its last effect is a part of the machine with states of its own."""
-    from dualdrive import _core
-
     return bool(_core.effect_type(variant.effects[-1][0]).structural)
 
 

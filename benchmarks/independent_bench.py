@@ -1,0 +1,92 @@
+"""What `diagnose` says of the eight cases of an independent bench, and what it takes.
+
+    python benchmarks/independent_bench.py                        all, the first 4 s of each record
+    python benchmarks/independent_bench.py ripple_both --seconds 12
+
+Another program made the records; they lie beside the project, or where DUALDRIVE_DATA says. The
+truth stands in their README.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from pathlib import Path
+
+from dualdrive import Machine
+from dualdrive.diagnose import diagnose
+from dualdrive.traces import read
+from report import table
+from surroundings import ROOT
+
+DATA = Path(os.environ.get("DUALDRIVE_DATA", ROOT.parent / "shared" / "data")) / "independent_bench"
+#: case -> what is hidden
+HIDDEN = {
+    "null_drift_b": "nothing, numbers off",
+    "coulomb_table": "coulomb@table",
+    "ripple_both": "torque_ripple@motors",
+    "two_fric_ecc": "coulomb@table, eccentricity@table",
+    "encoder_skew": "sensor_delay@theta_m",
+    "compliance": "shaft_compliance@gearboxes",
+    "gearbox_play": "gearbox_backlash@gearboxes",
+    "out_boucwen": "no law of the library",
+}
+HEAD = [
+    "case",
+    "hidden",
+    "verdict",
+    "named",
+    "refitted",
+    "with it",
+    "cross-val.",
+    "floor",
+    "wall",
+    "CPU",
+]
+
+
+def row(case: str, seconds: float, effort: str) -> list[str]:
+    """One case diagnosed."""
+    traces = {p.stem: read(p).between(0.0, seconds) for p in sorted((DATA / case).glob("*.csv"))}
+    wall, cpu = time.perf_counter(), time.process_time()
+    found = diagnose(
+        Machine.load(DATA / "nominal.toml"),
+        traces,
+        settings={"slack": {"controller.T_ten": 0.0}},
+        effort=effort,
+        experiment=False,
+    )
+    took = [f"{time.perf_counter() - wall:.0f} s", f"{time.process_time() - cpu:.0f} s"]
+    named = (
+        found.candidates[0].label
+        if found.verdict == "effect"
+        else ", ".join(found.groups[0] if found.groups else ())
+    )
+    errors = [
+        f"{100 * found.error[key]:.3g} %"
+        for key in ("refitted", "best", "held_out_best", "noise_floor")
+    ]
+    return [case, HIDDEN[case], found.verdict, named, *errors, *took]
+
+
+def main() -> None:
+    """Print the table, a row as it comes."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("case", nargs="*", choices=[[], *HIDDEN], help="which; all unless given")
+    parser.add_argument("--seconds", type=float, default=4.0, help="of every record")
+    parser.add_argument("--effort", default="normal", choices=["quick", "normal", "thorough"])
+    asked = parser.parse_args()
+    if not DATA.exists():
+        parser.exit(1, f"no records in {DATA}; DUALDRIVE_DATA names the folder of measured data\n")
+    rows = []
+    for case in asked.case or HIDDEN:
+        rows.append(row(case, asked.seconds, asked.effort))
+        print("; ".join(rows[-1]), flush=True)
+    print(table(HEAD, rows))
+
+
+if __name__ == "__main__":
+    main()
