@@ -1,8 +1,8 @@
 """The case that every engine runs: one closed loop with many impacts, and its exact solution.
 
 Eleven states, mesh 1e8 N m/rad, 10 s of a sine, output every millisecond. The numbers are those of
-`speed_study` in tests/py/reference_model.py. Errors are measured against dualdrive's exact engine
-in long double; `agreement` says how near the independent solution of that file, in double, comes
+`speed_study` in tests/py/reference_machine.py. Errors are measured against dualdrive's exact engine
+in long double; `agreement` says how near the independent solution beside it, in double, comes
 to it. The error of a run is that of the worst of the eight states of Eq. 23, each over its own
 peak: reached, not asked for.
 """

@@ -41,7 +41,6 @@ DECIDED = 2 * math.log(20.0)
 RMS = {"theta_m": 2e-6, "theta_1": 5e-5, "theta_2": 5e-5, "I_1": 0.5, "I_2": 0.5}
 SPACING = 4e-3
 SECONDS = 15.0
-BUDGET = 120.0  # s of computing per suggestion, so that a busy computer does not cut it short
 OFF = 0.05  # of the numbers that data sheets state
 
 
@@ -205,7 +204,6 @@ def case(pair: Pair, seed: int) -> tuple[float, float, float, str]:
         seconds=SECONDS,
         spacing=SPACING,
         known={r.label: r.known for r in rivals},
-        budget=BUDGET,
     )
     chance = at_random(pair, rivals, random.Random(seed))
     suggested = other = 0.0

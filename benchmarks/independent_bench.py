@@ -37,6 +37,7 @@ HEAD = [
     "hidden",
     "verdict",
     "named",
+    "sizes",
     "refitted",
     "with it",
     "cross-val.",
@@ -63,11 +64,13 @@ def row(case: str, seconds: float, effort: str) -> list[str]:
         if found.verdict == "effect"
         else ", ".join(found.groups[0] if found.groups else ())
     )
+    known = found.candidates[0].parameters if named else {}
+    sizes = ", ".join(f"{p.value:.3g} {p.unit}".strip() for p in known.values())
     errors = [
         f"{100 * found.error[key]:.3g} %"
         for key in ("refitted", "best", "held_out_best", "noise_floor")
     ]
-    return [case, HIDDEN[case], found.verdict, named, *errors, *took]
+    return [case, HIDDEN[case], found.verdict, named, sizes, *errors, *took]
 
 
 def main() -> None:

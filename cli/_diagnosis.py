@@ -18,10 +18,10 @@ from dualdrive.diagnose import VERDICTS, Candidate, Diagnosis, Experiment, Inter
 from dualdrive.diagnose.selection import EFFORTS
 from dualdrive.files import write_atomically
 from dualdrive.machine import Machine
-from dualdrive.motion import parse_motion
 from dualdrive.units import human
+from dualdrive_cli._motion import motion_of
 from dualdrive_cli._numbers import Real
-from dualdrive_cli._shared import STOPPED, command_line, console, give_up
+from dualdrive_cli._shared import FAILED, STOPPED, command_line, console, give_up
 from dualdrive_cli._traces import (
     balancing,
     filters,
@@ -33,17 +33,15 @@ from dualdrive_cli._traces import (
     tolerance_option,
 )
 
-
-def budget_option(balance: float) -> Callable[..., Any]:
-    """Time after which a search is stopped; balance: what a torque balance spends, s."""
-    return click.option(
-        "--budget",
-        type=Real(0, min_open=True),
-        callback=lambda _ctx, _option, seconds: math.inf if seconds is None else seconds,
-        show_default=f"none; {balance:g} s for a torque balance",
-        metavar="SECONDS",
-        help="Stop the search after so long; an answer that was cut is called unfinished.",
-    )
+budget_option = click.option(
+    "--budget",
+    type=Real(0, min_open=True),
+    callback=lambda _ctx, _option, seconds: math.inf if seconds is None else seconds,
+    show_default="none",
+    metavar="SECONDS",
+    help="Stop the search after so long; one that was cut is no answer: it is called unfinished, "
+    "and ends with exit code 1.",
+)
 
 
 effort_option = click.option(
@@ -98,7 +96,7 @@ def how(
     """Keywords that diagnose and improve take alike."""
     return {
         "mode": mode,
-        "motion": parse_motion(motion, axis=machine.axis) if motion is not None else None,
+        "motion": motion_of(motion, machine),
         "start": start,
         "interpolation": interpolation,
         "tolerance": tolerance_of(tolerances),
@@ -116,11 +114,16 @@ def told(status: Any) -> Callable[[str], None]:
     return lambda what: status.update(escape(what))
 
 
-def end(stop: threading.Event) -> None:
-    """Leave with the exit code of Ctrl-C where it cut the search; all that is known is written."""
+def end(stop: threading.Event, *found: Diagnosis) -> None:
+    """Leave with the exit code of what cut the search; all that is known is written.
+
+    found: the last diagnosis, if there is one
+    """
+    sys.stdout.flush()
     if stop.is_set():
-        sys.stdout.flush()
         give_up("stopped: this is what was known until then", STOPPED)
+    if any(d.verdict == "unfinished" for d in found):
+        give_up("unfinished: --budget cut the search; a longer one, or none, ends it", FAILED)
 
 
 # --- tables ---------------------------------------------------------------------------------------

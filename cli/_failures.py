@@ -13,6 +13,9 @@ from dualdrive.files import WriteError
 from dualdrive_cli._stop import STOPPED, guard
 
 FAILED, USAGE = 1, 2
+_NOTHING_STARTS = (
+    "no thread or process can be started: memory or their number is used up; close other programs"
+)
 
 
 def give_up(message: object, code: int) -> NoReturn:
@@ -29,6 +32,8 @@ def end_with(error: Exception) -> NoReturn:
             raise SystemExit(0) from None
         case OSError(filename=str() | bytes() as name):
             give_up(f"{os.fsdecode(name)}: {error.strerror}; name another file", USAGE)
+        case BlockingIOError():  # no more processes
+            give_up(_NOTHING_STARTS, FAILED)
         case OSError():
             # what is still buffered would fail again at the end, with an exit code of its own
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -39,6 +44,8 @@ def end_with(error: Exception) -> NoReturn:
             give_up("nested too deeply; write it flatter", USAGE)
         case OverflowError():
             give_up(f"a number is too large: {error}; give a smaller one", USAGE)
+        case RuntimeError() if "can't start new thread" in str(error):
+            give_up(_NOTHING_STARTS, FAILED)
         case WriteError() | RuntimeError():  # a fit that can't be done, among others
             give_up(error, FAILED)
         case KeyError():

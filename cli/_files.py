@@ -161,6 +161,18 @@ class WritesInto(_Name):
             yield Path(value) / name
 
 
+class WorksIn(_Name):
+    """A folder that a verb keeps its work in and goes on with; who works in it claims it."""
+
+    def convert(
+        self, value: str | Path, param: click.Parameter | None, ctx: click.Context | None
+    ) -> Path:
+        """As a path. Refuses what is there and no folder."""
+        if not str(value) or (Path(value).exists() and not Path(value).is_dir()):
+            self.fail(f"{str(value)!r} is no folder; name another", param)
+        return Path(value)
+
+
 OUTPUT = Writes()
 JSON = Writes(stdout=True)
 PICTURE = Writes("picture", (".png", ".pdf", ".svg"))

@@ -58,7 +58,7 @@ class Guard:
         """Where it was raised in a destructor, from which nothing can be raised: once more."""
         if issubclass(lost.exc_type, KeyboardInterrupt) and self.running:
             signal.setitimer(signal.ITIMER_REAL, 0.01)  # out of here, where it would be lost again
-        else:
+        elif not self.pressed:  # what was half made when it came can't be taken down in order
             sys.__unraisablehook__(lost)
 
     def end_at_once(self) -> None:

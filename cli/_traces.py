@@ -11,11 +11,11 @@ import click
 
 from dualdrive.identify import Processing, Standstill
 from dualdrive.machine import Machine
-from dualdrive.motion import parse_motion
 from dualdrive.traces import Trace, read_parts
 from dualdrive.traces.log import Issue
 from dualdrive_cli._files import TRACE, Reads
 from dualdrive_cli._keys import SETTING
+from dualdrive_cli._motion import MOTION, motion_of
 from dualdrive_cli._numbers import Real, Whole
 from dualdrive_cli._shared import pairs
 
@@ -49,7 +49,9 @@ mode_option = click.option(
     help="Simulate the loop, or close the torque balance where the controller is unknown.",
 )
 motion_option = click.option(
-    "--motion", help="Commanded motion of traces that carry no theta_ref; see dualdrive simulate."
+    "--motion",
+    type=MOTION,
+    help="Commanded motion of traces that carry no theta_ref; see dualdrive simulate.",
 )
 start_option = click.option(
     "--start",
@@ -223,7 +225,7 @@ def replay_options(
 ) -> dict[str, Any]:
     """Keywords that compare and fit take alike."""
     return {
-        "motion": parse_motion(motion, axis=machine.axis) if motion is not None else None,
+        "motion": motion_of(motion, machine),
         "start": start,
         "offsets": offsets,
         "interpolation": interpolation,

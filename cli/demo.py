@@ -45,7 +45,7 @@ def _kept(no_pictures: bool) -> list[str]:
     help="Folder for pictures, report and the improved machine file.",
 )
 @click.option("--no-pictures", is_flag=True, help="Tables only.")
-@budget_option(180)
+@budget_option
 @json_option
 @overwrite_option
 @verb
@@ -75,7 +75,7 @@ def command(
         show_ladder(found)
         kept = ", ".join(_kept(no_pictures))
         screen.print(f"\nIn {output}/: {kept}   ({time.monotonic() - began:.0f} s)")
-    end(stop)
+    end(stop, *found.diagnoses)
 
 
 def _draw(found: Ladder, folder: Path) -> None:

@@ -45,7 +45,7 @@ from dualdrive_cli._traces import (
 
 
 @click.command(
-    epilog="Example: dualdrive diagnose machine.toml fit.csv --budget 40 -o improved.toml",
+    epilog="Example: dualdrive diagnose machine.toml fit.csv -o improved.toml",
 )
 @click.argument("machine", type=MACHINE)
 @traces_argument
@@ -53,7 +53,7 @@ from dualdrive_cli._traces import (
 @part_option
 @set_option
 @confronting
-@budget_option(60)
+@budget_option
 @click.option(
     "-o", "--output", type=OUTPUT, help="The machine with the best explanation in it, fitted."
 )
@@ -107,7 +107,7 @@ def command(
             click.echo(f"written: {output}: {change}")
         if plot:
             click.echo(f"written: {plot}")
-    end(stop)
+    end(stop, found)
 
 
 def _save(found: Diagnosis, path: Path, known: Machine, *, overwrite: bool) -> str:

@@ -46,7 +46,7 @@ from dualdrive_cli._traces import (
 
 
 @click.command(
-    epilog="Example: dualdrive improve machine.toml fit.csv --held-out held_out.csv --budget 60 "
+    epilog="Example: dualdrive improve machine.toml fit.csv --held-out held_out.csv "
     "-o improved.toml",
 )
 @click.argument("machine", type=MACHINE)
@@ -58,7 +58,7 @@ from dualdrive_cli._traces import (
 @part_option
 @set_option
 @confronting
-@budget_option(180)
+@budget_option
 @click.option("-o", "--output", type=OUTPUT, help="The improved machine file.")
 @click.option("--plot", type=PICTURE, help="Draw the ladder (png, pdf, svg).")
 @json_option
@@ -118,7 +118,7 @@ def command(
         show_ladder(found)
         for path in filter(None, (output, plot)):
             click.echo(f"written: {path}")
-    end(stop)
+    end(stop, *found.diagnoses)
 
 
 def _draw(found: Ladder, path: Path) -> None:

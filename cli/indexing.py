@@ -11,7 +11,7 @@ from rich.table import Table
 from dualdrive import indexing
 from dualdrive.ensembles.runs import cores
 from dualdrive.files import write_atomically
-from dualdrive.indexing import IndexingError, Iso230, LostMotion, TableRow
+from dualdrive.indexing import IndexingError, Iso230, LostMotion, Verdict
 from dualdrive.machine import Machine, presets
 from dualdrive.traces import read_parts
 from dualdrive.units import conversion, parse, parse_values
@@ -42,7 +42,9 @@ _SHOWN = {"rad": ("deg", "arcsec"), "m": ("mm", "um"), "": ("", "")}
 @click.option("--unit", default="", help="Of a measured file whose header names none: deg, mm.")
 @map_option
 @click.option("--pulls", type=Reads(), help="Lost motion of a log, laid out as this says.")
-@click.option("--tables", is_flag=True, help="Tables 1 and 2 of the source paper; takes a minute.")
+@click.option(
+    "--tables", is_flag=True, help="Tables 1 and 2 of the source paper, crossed; takes minutes."
+)
 @engine_option
 @click.option("-o", "--output", type=PICTURE, help="Draw the chart (png, pdf, svg).")
 @analysis
@@ -209,37 +211,41 @@ def _shown(value: float | None, unit: str) -> str:
 
 
 def _tables(json_to: str | None) -> None:
-    with console(err=True).status("simulating both tables, under every load"):
-        rows = indexing.table(jobs=cores())
-    floor = [{"effect": f.effect, **f.numbers, "why": f.why} for f in indexing.FLOOR]
-    write_json(json_to, {"floor": floor, "rows": [row.to_dict() for row in rows]})
+    with console(err=True).status("simulating both tables") as status:
+
+        def progress(done: int, of: int) -> None:
+            status.update(f"simulating both tables: {done} of {of}")
+
+        result = indexing.crossed(jobs=cores(), progress=progress)
+    found = list(indexing.verdicts(result))
+    unread = {name: {"unread": a, "of": b} for name, (a, b) in result.unread.items()}
+    content = {"draws": result.draws, "unread": unread, "rows": [v.to_dict() for v in found]}
+    write_json(json_to, content)
     if json_to == "-":
         return
-    for number, title in ((1, "Table 1: no load"), (2, "Table 2: under load")):
-        console().print(_paper(title, [row for row in rows if row.table == number]), "")
-    for one in indexing.FLOOR:
-        click.echo(f"floor: {one.effect}: {one.why}")
-    for (column, reason), figures in _reasons(rows).items():
-        click.echo(f"note: {column}, {', '.join(figures)}: {reason}")
+    for name in indexing.LOADS:
+        console().print(_paper(name, [v for v in found if v.cell.load == name]), "")
+    for name, counts in unread.items():
+        click.echo(
+            f"{name}: {counts['unread']} of {counts['of']} tests had a target without reading"
+        )
+    click.echo(f"median (least to most) of {result.draws} draws; all cells with --json FILE")
 
 
-def _reasons(rows: list[TableRow]) -> dict[tuple[str, str], list[str]]:
-    """(column, reason) -> the figures it holds for."""
-    found: dict[tuple[str, str], list[str]] = {}
-    for row in rows:
-        figures = found.setdefault((row.column, row.reason), [])
-        figures += [] if row.figure in figures else [row.figure]
-    return found
-
-
-def _paper(title: str, rows: list[TableRow]) -> Table:
-    table = Table(title=f"{title}, arc seconds", box=None, pad_edge=False, title_justify="left")
-    for name in ("load", "table", "figure", "printed", "drive model", "with floor", "deviation"):
-        table.add_column(name, justify="left" if name in ("load", "table", "figure") else "right")
-    for row in rows:
-        numbers = (row.printed, row.alone, row.with_floor, row.deviation)
-        shown = ["-" if value is None else f"{value:.2f}" for value in numbers]
-        table.add_row(row.load, row.column, row.figure, *shown)
+def _paper(weight: str, found: list[Verdict]) -> Table:
+    """The cells of one load at once the presets' gap and grade 5."""
+    table = Table(title=f"{weight}, arc seconds", box=None, pad_edge=False, title_justify="left")
+    for name in ("encoder", "reading", "figure", "printed", *indexing.PAIR, "better", "contrast"):
+        table.add_column(name)
+    for v in found:
+        if (v.cell.gap, v.cell.grade) != (1.0, 5.0):
+            continue
+        printed = " / ".join(f"{indexing.PRINTED[weight, c][v.figure]:g}" for c in indexing.PAIR)
+        gain = "-" if v.gain is None else f"{100 * v.gain:.0f} %"
+        table.add_row(
+            v.cell.sensor, f"{v.cell.reading:g} s", v.figure, printed, v.old.text, v.new.text,
+            gain, "comes out" if v.contrast else "no",
+        )  # fmt: skip
     return table
 
 

@@ -19,7 +19,7 @@ from dualdrive_cli._stop import guard
 TASKS = {
     "Model a machine": ("machine", "effects", "add", "simulate", "sweep", "bode", "cycles"),
     "Measure": ("map", "compare", "fit", "play", "indexing"),
-    "Diagnose": ("demo", "diagnose", "improve", "report"),
+    "Diagnose": ("demo", "workbench", "diagnose", "improve", "report"),
     "Commission": ("tune", "optimise"),
     "Reproduce the source paper": ("paper",),
 }

@@ -8,11 +8,11 @@ import click
 
 from dualdrive.files import write_atomically
 from dualdrive.machine import Machine
-from dualdrive.motion import parse_motion
 from dualdrive.optimise import ACCURACY, Corner, Front, OptimiseError, corners, optimise
 from dualdrive.units import parse_values
 from dualdrive_cli._files import PICTURE
 from dualdrive_cli._keys import SETTING
+from dualdrive_cli._motion import MOTION, motion_of
 from dualdrive_cli._shared import (
     FAILED,
     analysis,
@@ -28,7 +28,9 @@ from dualdrive_cli._shared import (
     epilog="Example: dualdrive optimise heavy-table-250t --over controller.T_ten=0:100%:11 "
     "--corner table.J=3e6:9.6e6 --plot front.png",
 )
-@click.option("--motion", help="Duty cycle; default: the machine's usual move, there and back.")
+@click.option(
+    "--motion", type=MOTION, help="Duty cycle; default: the machine's usual move, there and back."
+)
 @click.option(
     "--over",
     type=SETTING,
@@ -75,7 +77,7 @@ def command(
     m = load(machine, settings)
     cases = _cases(m, spread, no_corners)
     grid = {path: _values(m, path, text) for path, text in pairs(over)} or None
-    duty = parse_motion(motion) if motion is not None else None
+    duty = motion_of(motion, m)
     with console(err=True).status("optimising") as status:
 
         def show(done: int, total: int) -> None:

@@ -62,8 +62,8 @@ def command(
 ) -> None:
     """Reproduce figures and tables of the paper, each beside the printed one.
 
-    EXHIBIT is fig2, fig3, fig4, fig5, fig6, table1, table2, or all, the default. Each says what
-    the paper leaves open and was chosen here, what deviates and why, and which of the paper's
+    EXHIBIT is fig1, fig2, fig3, fig4, fig5, fig6, table1, table2, or all, the default. Each says
+    what the paper leaves open and was chosen here, what deviates and why, and which of the paper's
     sentences hold.
     """
     names = _named(exhibits)

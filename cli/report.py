@@ -41,8 +41,7 @@ from dualdrive_cli._traces import (
 
 
 @click.command(
-    epilog="Example: dualdrive report machine.toml fit.csv --held-out held_out.csv --budget 60 "
-    "-o report.html",
+    epilog="Example: dualdrive report machine.toml fit.csv --held-out held_out.csv -o report.html",
 )
 @click.argument("machine", type=MACHINE)
 @traces_argument
@@ -52,7 +51,7 @@ from dualdrive_cli._traces import (
 @part_option
 @set_option
 @confronting
-@budget_option(180)
+@budget_option
 @click.option(
     "-o", "--output", type=OUTPUT, default="report.html", show_default=True, help="The page."
 )
@@ -104,4 +103,4 @@ def command(
         best = f": {found.best.label}" if found.best else ""
         click.echo(f"{found.verdict}{best}")
         click.echo(f"written: {output}")
-    end(stop)
+    end(stop, *(steps.diagnoses if steps else [found]))

@@ -10,12 +10,12 @@ from rich.table import Table
 
 from dualdrive.files import write_atomically
 from dualdrive.machine import Machine
-from dualdrive.motion import parse_motion
 from dualdrive.run import Run
 from dualdrive.simulation import simulate
 from dualdrive.units import human, parse
 from dualdrive_cli._files import OUTPUT, PICTURE
 from dualdrive_cli._keys import KEY
+from dualdrive_cli._motion import MOTION, motion_of
 from dualdrive_cli._numbers import Real
 from dualdrive_cli._shared import (
     FAILED,
@@ -36,7 +36,9 @@ from dualdrive_cli._shared import (
     "--motion move:0.02,v=0.03,a=0.01,j=0.05,start=2,end=14 -o run.h5",
 )
 @click.option(
-    "--motion", help="KIND:FIRST,name=value,... of move, cycle, shuttle, step, sine, multisine."
+    "--motion",
+    type=MOTION,
+    help="KIND:FIRST,name=value,... of move, cycle, shuttle, step, sine, multisine; or a file.",
 )
 @click.option("--end", help="When to stop, s; else the motion says.")
 @click.option("--load", "load_torque", help="Constant load on the table, against positive motion.")
@@ -75,13 +77,14 @@ def command(
     Motions: move:DISTANCE,v=,a=,j=,start=  cycle:A;B;C,v=,a=,dwell=,repeats=
     shuttle:DISTANCE,speeds=A;B,a=  step:HEIGHT,at=  sine:AMPLITUDE,f=
     multisine:RMS,f=,lines=,seed=,levels=A;B; each takes end=. Numbers may carry units.
+    Or a file (csv, h5, mat) with columns t and theta_ref, such as next-experiment.csv.
     Ends with 1 if the integration failed; what was computed is written and says so.
     """
     m = load(machine, settings)
     with console(err=True).status("simulating"):
         run = simulate(
             m,
-            parse_motion(motion, axis=m.axis) if motion is not None else None,
+            motion_of(motion, m),
             end=parse(end, "s", key="--end") if end is not None else None,
             load=_load(m, load_torque),
             initial={state: parse(value, key=state) for state, value in pairs(initial)},

@@ -11,7 +11,6 @@ from rich.table import Table
 from dualdrive.files import write_atomically
 from dualdrive.linear import DriveComparison, differ, read_response
 from dualdrive.machine import Machine
-from dualdrive.motion import parse_motion
 from dualdrive.tune import (
     Ask,
     DriveTable,
@@ -26,6 +25,7 @@ from dualdrive.tune import (
 )
 from dualdrive.units import human
 from dualdrive_cli._files import OUTPUT, PICTURE, Reads, Writes, WritesInto
+from dualdrive_cli._motion import MOTION, motion_of
 from dualdrive_cli._numbers import Real, Whole
 from dualdrive_cli._shared import (
     FAILED,
@@ -49,7 +49,9 @@ def _picture_of(step: int) -> str:
     epilog="Example: dualdrive tune heavy-table-550t --set controller.T_ten=0 "
     "-o tuned.toml --table drives.csv --plot tuned.png",
 )
-@click.option("--motion", help="Test move that every step is judged by; default: one that suits.")
+@click.option(
+    "--motion", type=MOTION, help="Test move that every step is judged by; default: one that suits."
+)
 @click.option(
     "--parameters",
     type=Reads(),
@@ -106,7 +108,7 @@ def command(
     and jerk. Exit code 1 where it stops before its end; it says at which step and why.
     """
     m = load(machine, settings)
-    test = parse_motion(motion) if motion is not None else None
+    test = motion_of(motion, m)
     given = read_drive_parameters(parameters, m) if parameters else None
     seen = _measured(measured, tolerance_db, tolerance_deg)
     quiet = json_to == "-"

@@ -1,6 +1,14 @@
-# Address and undefined-behaviour sanitizers for everything built here; the first finding ends the run.
+# Sanitizers for everything built here; the first finding ends the run. Threads exclude the others.
+set_property(CACHE DUALDRIVE_SANITIZE PROPERTY STRINGS "" address thread)
+if(DUALDRIVE_SANITIZE STREQUAL "address")
+  set(sanitizers -fsanitize=address,undefined)
+elseif(DUALDRIVE_SANITIZE STREQUAL "thread")
+  set(sanitizers -fsanitize=thread)
+elseif(DUALDRIVE_SANITIZE)
+  message(FATAL_ERROR "DUALDRIVE_SANITIZE = ${DUALDRIVE_SANITIZE}: choose address or thread")
+endif()
 if(DUALDRIVE_SANITIZE)
-  add_compile_options(-fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer)
+  add_compile_options(${sanitizers} -fno-sanitize-recover=all -fno-omit-frame-pointer)
   add_compile_definitions(_GLIBCXX_ASSERTIONS)
-  add_link_options(-fsanitize=address,undefined)
+  add_link_options(${sanitizers})
 endif()

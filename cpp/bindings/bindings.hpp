@@ -11,6 +11,7 @@ namespace dualdrive::python {
 
 namespace nb = nanobind;
 
+void bind_effect_types(nb::module_& m);
 void bind_machine(nb::module_& m);
 void bind_simulate(nb::module_& m);
 void bind_ensemble(nb::module_& m);

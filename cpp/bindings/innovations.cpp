@@ -42,11 +42,23 @@ void bind_innovations(nb::module_& m) {
             },
             nb::arg("inputs"), nb::arg("times"), nb::arg("channels"), nb::arg("measured"))
         .def_prop_ro(
+            "starts", [](const SampledRecord& r) { return r.starts(); }, "Samples at which a stretch begins.")
+        .def_prop_ro(
             "samples", [](const SampledRecord& r) { return r.times().size(); }, "How many.")
+        .def("stretches", &SampledRecord::stretches, nb::arg("which"),
+             "Stretches of it, (first sample, how many), end to end; sampled loops tick as in the whole one.\n\n"
+             "Raises ValueError for none, for fewer than two samples in one, or beyond the end.")
         .def_prop_ro("step", &SampledRecord::step, "Median distance of the times, s.");
 
     nb::class_<KalmanGains>(m, "KalmanGains", "Steady-state Kalman gains of a machine, one set per contact pattern.")
         .def("copy", [](const KalmanGains& g) { return KalmanGains(g); })
+        .def(
+            "begin_as",
+            [](KalmanGains& g, const KalmanGains& other) {
+                g.first = other.first;
+                g.steady.insert(other.steady.begin(), other.steady.end());
+            },
+            nb::arg("other"), "Take over what another one has learned of first samples and of patterns.")
         .def_prop_ro(
             "patterns",
             [](const KalmanGains& g) {
@@ -71,26 +83,42 @@ void bind_innovations(nb::module_& m) {
     m.def(
         "kalman_gains",
         [](const Machine& machine, const SampledRecord& record, const std::vector<NoiseTuple>& sensors,
-           const std::map<std::string, TorqueTuple>& torque, double speed) {
+           const std::map<std::string, TorqueTuple>& torque, double speed, const std::vector<TorqueTuple>& drifts,
+           const std::map<std::string, TorqueTuple>& first_torque, std::map<std::string, double> first_deviation,
+           bool every) {
             NoiseModel noise;
+            FirstState first{{}, std::move(first_deviation)};
             for (const auto& [drive, memory, white] : sensors) noise.sensors.push_back({drive, memory, white});
+            if (!drifts.empty() && drifts.size() != sensors.size())
+                throw std::invalid_argument("kalman_gains: " + std::to_string(drifts.size()) + " drifts for " +
+                                            std::to_string(sensors.size()) + " sensors");
+            for (std::size_t j = 0; j < drifts.size(); ++j)
+                noise.sensors[j].drift = {drifts[j].first, drifts[j].second};
             for (const auto& [body, n] : torque) noise.torque[body] = {n.first, n.second};
+            for (const auto& [body, n] : first_torque) first.torque[body] = {n.first, n.second};
             const nb::gil_scoped_release unlocked;
-            return kalman_gains(machine, record, noise, speed);
+            return kalman_gains(machine, record, noise, speed, first, every);
         },
         nb::arg("machine"), nb::arg("record"), nb::arg("sensors"), nb::arg("torque"), nb::arg("speed") = 0.0,
+        nb::arg("drifts") = std::vector<TorqueTuple>{}, nb::arg("first_torque") = std::map<std::string, TorqueTuple>{},
+        nb::arg("first_deviation") = std::map<std::string, double>{}, nb::arg("every") = true,
         "Steady-state Kalman gains.\n\n"
         "sensors: (drive, memory, white) per channel: n' = memory n + drive w, and a white part. torque: body -> "
         "(drive, memory) of a torque of unknown course, constant over a sample, d' = memory d + drive w, N*m. speed: "
         "table speed, rad/s, about which laws that "
-        "are not affine are linearised. Raises ValueError.");
+        "are not affine are linearised. drifts: (drive, memory) per channel of a zero that drifts, or none. What is "
+        "not known of the first state is where torques like first_torque (those "
+        "of torque unless told) would take it, and first_deviation besides, state -> standard deviation. every: of all "
+        "contact "
+        "patterns, else of the one in which all carry; `predict` works out the others where it meets them. Raises "
+        "ValueError.");
 
     m.def(
         "predict",
         [](const Machine& machine, const SampledRecord& record, KalmanGains& gains,
-           const std::map<std::string, double>& initial, const std::vector<double>& offsets, int substeps, bool states,
-           bool learn_first) -> nb::typed<nb::dict, std::string, nb::any> {
-            PredictionOptions options{initial, offsets, substeps, states, learn_first};
+           std::vector<std::map<std::string, double>> initial, const std::vector<double>& offsets, int substeps,
+           int given, bool states, bool learn_first) -> nb::typed<nb::dict, std::string, nb::any> {
+            PredictionOptions options{std::move(initial), offsets, substeps, given, states, learn_first};
             Prediction p;
             {
                 const nb::gil_scoped_release unlocked;
@@ -114,14 +142,18 @@ void bind_innovations(nb::module_& m) {
             }
             return d;
         },
-        nb::arg("machine"), nb::arg("record"), nb::arg("gains"), nb::kw_only(), nb::arg("initial") = nb::dict(),
-        nb::arg("offsets") = nb::list(), nb::arg("substeps") = 1, nb::arg("states") = false,
+        nb::arg("machine"), nb::arg("record"), nb::arg("gains"), nb::kw_only(), nb::arg("initial") = nb::list(),
+        nb::arg("offsets") = nb::list(), nb::arg("substeps") = 1, nb::arg("given") = 0, nb::arg("states") = false,
         nb::arg("learn_first") = false,
         "Replay a record, the state corrected at every sample.\n\n"
-        "initial: state -> value at the first sample, others 0. offsets: per channel, what its sensor adds. substeps: "
-        "per sample, where a law is not affine. states: also trajectory, corrections (n, states), torques of unknown "
+        "initial: per stretch, state -> value at its first sample, others 0. offsets: per channel, what its sensor "
+        "adds. substeps: "
+        "per sample, where a law is not affine. given: first samples of a stretch that the likelihood is conditioned "
+        "on, "
+        "whose residuals are 0. states: also trajectory, corrections (n, states), torques of unknown "
         "course (n, bodies), innovations (n, "
-        "channels) and contact pattern (n,). learn_first: work out the gains of the first samples, into `gains`.\n"
+        "channels) and contact pattern (n,). learn_first: work out the gains of first samples that `gains` does not "
+        "have, into it.\n"
         "Returns a dict: residuals (n, channels), whitened; log_det; finite; switches. The GIL is released. Raises "
         "ValueError.");
 }

@@ -1,6 +1,5 @@
 #include "dualdrive/machine.hpp"
 
-#include <nanobind/stl/map.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/string_view.h>
@@ -10,10 +9,10 @@
 #include <stdexcept>
 
 #include "bindings.hpp"
+#include "choices.hpp"
 #include "dualdrive/effects.hpp"
-#include "dualdrive/expression.hpp"
 #include "dualdrive/layout.hpp"
-#include "dualdrive/unit.hpp"
+#include "parameter.hpp"
 #include "pickle.hpp"
 #include "user_laws.hpp"
 
@@ -21,95 +20,10 @@ namespace dualdrive::python {
 
 namespace {
 
-template <class E>
-struct Choice {
-    const char* name;
-    E value;
-};
-
-template <class E, std::size_t N>
-E chosen(const Choice<E> (&choices)[N], const std::string& what, const std::string& name) {
-    std::string known;
-    for (const auto& c : choices) {
-        if (name == c.name) return c.value;
-        known += (known.empty() ? "" : ", ") + std::string(c.name);
-    }
-    throw std::invalid_argument(what + " = '" + name + "' is unknown; choose one of " + known);
-}
-
-template <class E, std::size_t N>
-std::string name_of(const Choice<E> (&choices)[N], E value) {
-    for (const auto& c : choices)
-        if (c.value == value) return c.name;
-    return "?";
-}
-
-constexpr Choice<ConnectionKind> connection_kinds[] = {
-    {"rigid", ConnectionKind::rigid}, {"compliant", ConnectionKind::compliant}, {"gap", ConnectionKind::gap}};
-constexpr Choice<TwistFrame> frames[] = {{"driver", TwistFrame::driver}, {"driven", TwistFrame::driven}};
-constexpr Choice<MotorKind> motor_kinds[] = {{"armature", MotorKind::armature}, {"direct", MotorKind::direct}};
-using Options = ControllerOptions;
-constexpr Choice<Options::Kind> controller_kinds[] = {{"none", Options::Kind::none},
-                                                      {"master_slave", Options::Kind::master_slave}};
-constexpr Choice<Options::Target> targets[] = {
-    {"both", Options::Target::both}, {"slave", Options::Target::slave}, {"master", Options::Target::master}};
-constexpr Choice<Options::Schedule> schedules[] = {{"constant", Options::Schedule::constant},
-                                                   {"falling", Options::Schedule::falling},
-                                                   {"off", Options::Schedule::off}};
-constexpr Choice<Options::CurrentLoop> current_loops[] = {{"cascade", Options::CurrentLoop::cascade},
-                                                          {"voltage", Options::CurrentLoop::voltage}};
-
-template <class E, std::size_t N>
-nb::list names(const Choice<E> (&choices)[N]) {
-    nb::list l;
-    for (const auto& c : choices) l.append(c.name);
-    return l;
-}
-
-struct Parameter {
-    std::string path, unit, doc;
-    double low, high;
-    bool low_excluded;
-    double standard, typical, value;
-    bool counted;
-};
-
 Parameter describe(const Machine& m, std::size_t k) {
     const ParameterSlot& s = m.slots()[k];
     return {s.path,     s.unit,    s.doc,         s.bounds.low, s.bounds.high, s.bounds.low_excluded,
             s.standard, s.typical, m.values()[k], s.counted};
-}
-
-std::string hook_names(unsigned hooks) {
-    std::string text;
-    const auto add = [&](unsigned h, const char* name) {
-        if (hooks & h) text += (text.empty() ? "" : ", ") + std::string(name);
-    };
-    add(hook::body, "body torque");
-    add(hook::friction, "dry friction");
-    add(hook::mesh, "mesh");
-    add(hook::motor, "motor torque");
-    add(hook::reading, "sensor reading");
-    add(hook::delay, "sensor delay");
-    add(hook::inertia, "inertia");
-    add(hook::voltage, "motor voltage");
-    add(hook::estimate, "torque estimate");
-    return text;
-}
-
-// What an effect acts on: the hooks of its law, or the part of the machine that it is.
-std::string acts_on(const EffectType& type) {
-    switch (type.part) {
-        case Part::motor:
-            return "drive limit";
-        case Part::joint:
-            return "drive train";
-        case Part::controller:
-            return "command delay";
-        case Part::none:
-            break;
-    }
-    return hook_names(type.hooks);
 }
 
 // The registry's row of an effect; null for a user's own law.
@@ -129,83 +43,24 @@ std::vector<std::string> parameter_names(const Machine& machine, const EffectEnt
     return names;
 }
 
-}  // namespace
+template <class Parts>
+std::vector<std::string> names_of(const Parts& parts) {
+    std::vector<std::string> names;
+    for (const auto& part : parts) names.push_back(part.name);
+    return names;
+}
 
-void bind_machine(nb::module_& m) {
-    nb::class_<Parameter>(m, "Parameter",
-                          "One declared number of a machine: path, unit (SI), bounds, default, doc, value.")
-        .def_ro("path", &Parameter::path)
-        .def_ro("unit", &Parameter::unit)
-        .def_ro("doc", &Parameter::doc)
-        .def_ro("low", &Parameter::low)
-        .def_ro("high", &Parameter::high)
-        .def_ro("low_excluded", &Parameter::low_excluded, "True where the lower bound itself is not allowed.")
-        .def_ro("standard", &Parameter::standard, "The default.")
-        .def_ro("typical", &Parameter::typical, "A usual size: prior width, step scale.")
-        .def_ro("value", &Parameter::value)
-        .def_ro("counted", &Parameter::counted, "Counted, chosen or read off: not fitted unless it is named.");
-
-    nb::class_<EffectType>(m, "EffectType", "A physical effect of the registry: what can be added to a machine.")
-        .def_prop_ro("name", [](const EffectType& e) { return std::string(e.text.name); })
-        .def_prop_ro("equation", [](const EffectType& e) { return std::string(e.text.equation); })
-        .def_prop_ro("source", [](const EffectType& e) { return std::string(e.text.source); })
-        .def_prop_ro("validity", [](const EffectType& e) { return std::string(e.text.validity); })
-        .def_prop_ro("confused_with", [](const EffectType& e) { return std::string(e.text.confused_with); })
-        .def_prop_ro("places", [](const EffectType& e) { return std::string(e.text.places); })
-        .def_prop_ro("affine", [](const EffectType& e) { return e.text.affine; })
-        .def_prop_ro("acts_on", &acts_on)
-        .def_prop_ro("structural", &EffectType::structural,
-                     "Whether it is a part of the machine, its parameters one value with that part's.")
-        .def_prop_ro("in_balance", &EffectType::in_balance, "Whether a torque balance on recorded motion contains it.")
-        .def_prop_ro("parameters", [](const EffectType& e) {
-            std::vector<Parameter> list;
-            for (const auto& d : e.parameters)
-                list.push_back({d.name, d.unit, d.doc, d.bounds.low, d.bounds.high, d.bounds.low_excluded, d.standard,
-                                d.typical, d.standard, d.counted});
-            return list;
-        });
-    m.def(
-        "effect_types", [] { return std::vector<EffectType>(effect_types()); },
-        "Every registered effect, in registry order.");
-    m.def(
-        "user_laws", [] { return std::vector<EffectType>(user_laws()); },
-        "Effects whose law a user writes without a compiler, in a machine file: expression and spline.");
-    m.def(
-        "formula_unit",
-        [](const std::string& formula, const std::map<std::string, std::string>& units) {
-            const auto unit_of = [&](std::string_view name) {
-                const auto known = units.find(std::string(name));
-                if (known == units.end())
-                    throw std::invalid_argument("formula: the unit of " + std::string(name) + " is not given");
-                return Unit::parse(known->second);
-            };
-            return Expression::parse(formula).unit(unit_of).text();
-        },
-        nb::arg("formula"), nb::arg("units"),
-        "The unit of a formula whose names have these units (name -> SI unit; rad counts as a number).\n\n"
-        "Raises ValueError naming the part of the formula whose units contradict each other.");
-    m.def(
-        "formula_names", [](const std::string& formula) { return Expression::parse(formula).names(); },
-        nb::arg("formula"),
-        "The names a formula reads. Raises ValueError naming column and rule where it can't be read.");
-    m.def(
-        "effect_type", [](const std::string& name) { return EffectType(effect_type(name)); }, nb::arg("name"),
-        "The effect of that name, users' laws included.\n\nRaises ValueError naming the nearest known effects.");
-
-    nb::class_<Machine> bound(
-        m, "Machine",
-        "A machine as an assembly: bodies, connections, motors, a controller, effects.\n\n"
-        "Every number has a stable path (mesh_1.gap, table.J, controller.K_v) in SI units; tie groups (meshes.gap)\n"
-        "reach all members. Eq. 22/23 of the source paper is one instance. Raises ValueError naming part, value, "
-        "rule.");
-    pickles(bound, machine_of);
+void bind_copies(nb::class_<Machine>& bound) {
     bound.def(nb::init<>())
         .def_rw("name", &Machine::name)
         .def(
             "copy", [](const Machine& self) { return Machine(self); }, "An independent copy.")
         .def("__copy__", [](const Machine& self) { return Machine(self); })
-        .def(
-            "__deepcopy__", [](const Machine& self, const nb::handle&) { return Machine(self); }, nb::arg("memo"))
+        .def("__deepcopy__", [](const Machine& self, const nb::handle&) { return Machine(self); }, nb::arg("memo"));
+}
+
+void bind_assembly(nb::class_<Machine>& bound) {
+    bound
         .def("add_body", &Machine::add_body, nb::arg("name"), nb::arg("locked") = false,
              "Add a body with parameters J and b.")
         .def(
@@ -227,19 +82,21 @@ void bind_machine(nb::module_& m) {
         .def(
             "set_controller",
             [](Machine& self, const std::string& kind, const std::string& equaliser, const std::string& tension,
-               const std::string& current, int speed_samples) {
+               const std::string& current, int speed_samples, const std::string& position_sensor) {
                 self.set_controller({chosen(controller_kinds, "controller.kind", kind),
                                      chosen(targets, "controller.equaliser", equaliser),
                                      chosen(schedules, "controller.tension", tension),
-                                     chosen(current_loops, "controller.current", current), speed_samples});
+                                     chosen(current_loops, "controller.current", current), speed_samples,
+                                     chosen(position_sensors, "controller.position_sensor", position_sensor)});
             },
             nb::arg("kind") = "master_slave", nb::arg("equaliser") = "both", nb::arg("tension") = "constant",
-            nb::arg("current") = "cascade", nb::arg("speed_samples") = 0,
+            nb::arg("current") = "cascade", nb::arg("speed_samples") = 0, nb::arg("position_sensor") = "table",
             "Choose the controller's structure; its numbers are parameters controller.*.\n\n"
             "equaliser: both, slave or master gets the correction. tension: constant, falling with the load, off. "
             "current: cascade, or\n"
             "voltage for a drive without current loop. speed_samples n: speed from the mean of the last n encoder "
-            "samples, differenced.")
+            "samples, differenced. position_sensor: the position loop is closed on the table's encoder, the master "
+            "motor's, or both.")
         .def_prop_ro("controller_options",
                      [](const Machine& self) -> nb::typed<nb::dict, std::string, nb::any> {
                          const auto& o = self.controller();
@@ -249,6 +106,7 @@ void bind_machine(nb::module_& m) {
                          d["tension"] = name_of(schedules, o.tension);
                          d["current"] = name_of(current_loops, o.current);
                          d["speed_samples"] = o.speed_samples;
+                         d["position_sensor"] = name_of(position_sensors, o.position_sensor);
                          return d;
                      })
         .def_static(
@@ -261,9 +119,14 @@ void bind_machine(nb::module_& m) {
                 d["controller.equaliser"] = names(targets);
                 d["controller.tension"] = names(schedules);
                 d["controller.current"] = names(current_loops);
+                d["controller.position_sensor"] = names(position_sensors);
                 return d;
             },
-            "What each choice may be set to.")
+            "What each choice may be set to.");
+}
+
+void bind_effects(nb::class_<Machine>& bound) {
+    bound
         .def(
             "add_effect",
             [](Machine& self, const std::string& name, const std::string& place) {
@@ -317,8 +180,11 @@ void bind_machine(nb::module_& m) {
                              l.append(d);
                          }
                          return l;
-                     })
-        .def("get", &Machine::get, nb::arg("path"), "The value at a path, or that all members of a group agree on.")
+                     });
+}
+
+void bind_numbers(nb::class_<Machine>& bound) {
+    bound.def("get", &Machine::get, nb::arg("path"), "The value at a path, or that all members of a group agree on.")
         .def("set", &Machine::set, nb::arg("path"), nb::arg("value"),
              "Set a value (SI) by path or group; checks bounds.")
         .def(
@@ -343,25 +209,13 @@ void bind_machine(nb::module_& m) {
             "Every parameter with its declaration and value.")
         .def(
             "unread", [](const Machine& self, const std::string& path) { return self.unread(path); }, nb::arg("path"),
-            "Why no law reads the number at a path, the gap of a rigid mesh say; empty where one does.")
-        .def_prop_ro("bodies",
-                     [](const Machine& self) {
-                         std::vector<std::string> l;
-                         for (const auto& b : self.bodies()) l.push_back(b.name);
-                         return l;
-                     })
-        .def_prop_ro("connections",
-                     [](const Machine& self) {
-                         std::vector<std::string> l;
-                         for (const auto& c : self.connections()) l.push_back(c.name);
-                         return l;
-                     })
-        .def_prop_ro("motors",
-                     [](const Machine& self) {
-                         std::vector<std::string> l;
-                         for (const auto& c : self.motors()) l.push_back(c.name);
-                         return l;
-                     })
+            "Why no law reads the number at a path, the gap of a rigid mesh say; empty where one does.");
+}
+
+void bind_views(nb::class_<Machine>& bound) {
+    bound.def_prop_ro("bodies", [](const Machine& self) { return names_of(self.bodies()); })
+        .def_prop_ro("connections", [](const Machine& self) { return names_of(self.connections()); })
+        .def_prop_ro("motors", [](const Machine& self) { return names_of(self.motors()); })
         .def(
             "kind",
             [](const Machine& self, const std::string& name) {
@@ -392,6 +246,23 @@ void bind_machine(nb::module_& m) {
                 return list;
             },
             "(name, unit, long name) of every signal a run can record.");
+}
+
+}  // namespace
+
+void bind_machine(nb::module_& m) {
+    nb::class_<Machine> bound(
+        m, "Machine",
+        "A machine as an assembly: bodies, connections, motors, a controller, effects.\n\n"
+        "Every number has a stable path (mesh_1.gap, table.J, controller.K_v) in SI units; tie groups (meshes.gap)\n"
+        "reach all members. Eq. 22 and Eq. 23 of the source paper is one instance. Raises ValueError naming part, "
+        "value, rule.");
+    pickles(bound, machine_of);
+    bind_copies(bound);
+    bind_assembly(bound);
+    bind_effects(bound);
+    bind_numbers(bound);
+    bind_views(bound);
 }
 
 }  // namespace dualdrive::python

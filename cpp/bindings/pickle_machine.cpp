@@ -16,7 +16,7 @@ namespace nb = nanobind;
 namespace {
 
 using OwnNumbers = std::vector<std::tuple<std::string, std::string, double>>;  // of a user's law: name, unit, value
-using Options = std::tuple<int, int, int, int, int>;
+using Options = std::tuple<int, int, int, int, int, int>;
 
 struct Call {
     std::size_t first;  // of the numbers it declares: calls were made in this order
@@ -29,14 +29,18 @@ int number(E choice) {
 }
 
 Options options_of(const ControllerOptions& o) {
-    return {number(o.kind), number(o.equaliser), number(o.tension), number(o.current), o.speed_samples};
+    return {number(o.kind),    number(o.equaliser), number(o.tension),
+            number(o.current), o.speed_samples,     number(o.position_sensor)};
 }
 
 ControllerOptions controller_of(const Options& given) {
-    const auto [kind, equaliser, tension, current, speed_samples] = given;
-    return {static_cast<ControllerOptions::Kind>(kind), static_cast<ControllerOptions::Target>(equaliser),
-            static_cast<ControllerOptions::Schedule>(tension), static_cast<ControllerOptions::CurrentLoop>(current),
-            speed_samples};
+    const auto [kind, equaliser, tension, current, speed_samples, sensor] = given;
+    return {static_cast<ControllerOptions::Kind>(kind),
+            static_cast<ControllerOptions::Target>(equaliser),
+            static_cast<ControllerOptions::Schedule>(tension),
+            static_cast<ControllerOptions::CurrentLoop>(current),
+            speed_samples,
+            static_cast<ControllerOptions::PositionSensor>(sensor)};
 }
 
 OwnNumbers own_numbers(const Machine& machine, const EffectEntry& effect) {

@@ -102,7 +102,12 @@ Ensemble::Ensemble(EnsemblePlan plan, std::size_t threads, Order order) : plan_(
     const std::size_t few = plan_.signals.empty() ? 32 : 1;  // small results come in batches
     window_ = 2 * few * threads;
     batch_ = few;
-    for (std::size_t k = 0; k < threads; ++k) threads_.emplace_back([this] { work(); });
+    threads_.reserve(threads);
+    try {
+        while (threads_.size() < threads) threads_.emplace_back([this] { work(); });
+    } catch (const std::exception&) {  // no memory or no thread left: those there are do it all
+        if (threads_.empty()) throw;
+    }
 }
 
 void Ensemble::close() {
@@ -128,20 +133,27 @@ bool Ensemble::claim(std::size_t& number) {
 }
 
 void Ensemble::work() {
-    for (std::size_t number = 0; claim(number);) {
-        EnsembleRun result = run(number);
+    try {
+        for (std::size_t number = 0; claim(number);) {
+            EnsembleRun result = run(number);
+            const std::lock_guard lock(mutex_);
+            waiting_.emplace(number, std::move(result));
+            if (enough()) finished_.notify_all();
+        }
+    } catch (const std::bad_alloc&) {  // not even for saying so: who takes the runs is told
         const std::lock_guard lock(mutex_);
-        waiting_.emplace(number, std::move(result));
-        if (enough()) finished_.notify_all();
+        exhausted_ = stopped_ = true;
+        room_.notify_all();
+        finished_.notify_all();
     }
 }
 
-bool Ensemble::nothing_more() const { return taken_ == next_ && (stopped_ || next_ == plan_.runs); }
+bool Ensemble::nothing_more() const { return !exhausted_ && taken_ == next_ && (stopped_ || next_ == plan_.runs); }
 
 // Worth handing over: a batch, or all there is to come.
 bool Ensemble::enough() const {
     const bool last = stopped_ || next_ == plan_.runs;
-    return (ready() && waiting_.size() >= batch_) || (last && taken_ + waiting_.size() == next_);
+    return exhausted_ || (ready() && waiting_.size() >= batch_) || (last && taken_ + waiting_.size() == next_);
 }
 
 bool Ensemble::ready() const {
@@ -156,6 +168,7 @@ bool Ensemble::done() {
 std::vector<EnsembleRun> Ensemble::take(std::chrono::milliseconds patience) {
     std::unique_lock lock(mutex_);
     finished_.wait_for(lock, patience, [&] { return enough(); });
+    if (exhausted_) throw std::bad_alloc();
     std::vector<EnsembleRun> found;
     while (ready()) {
         found.push_back(std::move(waiting_.begin()->second));

@@ -30,6 +30,11 @@ std::vector<std::unique_ptr<Effect<S>>> effects_with(const Machine& machine, con
     std::vector<std::unique_ptr<Effect<S>>> found;
     const bool at_motor = machine.motor(channel) >= 0;
     for (const auto& e : machine.effects())
+        if (effect_type(e.name).text.by_force && channel == "table")
+            throw std::invalid_argument("effect " + e.label +
+                                        ": what this sensor reads follows from the forces of the teeth, not from a "
+                                        "recorded angle; a run has it as the signal sensed.table");
+    for (const auto& e : machine.effects())
         if (is_sensor_effect(e) && changes_angle(e, at_motor) &&
             std::find(e.members.begin(), e.members.end(), channel) != e.members.end())
             found.push_back(make_effect<S>(e.name, values + e.first));

@@ -21,6 +21,14 @@ template <class... Parts>
     throw std::invalid_argument(line.str());
 }
 
+// A number as a sentence shows it.
+inline std::string rounded(double value) {
+    std::ostringstream text;
+    text.precision(9);
+    text << value;
+    return text.str();
+}
+
 // A user's text as a message may show it: on one line, cut short between two UTF-8 characters.
 inline std::string shown(std::string_view text) {
     constexpr std::size_t longest = 80;

@@ -34,8 +34,10 @@ if TYPE_CHECKING:  # for editors and type checkers: what _HOMES says; a test com
     from dualdrive import mapper as mapper
     from dualdrive import memory as memory
     from dualdrive import motion as motion
+    from dualdrive import notebook as notebook
     from dualdrive import optimise as optimise
     from dualdrive import paper as paper
+    from dualdrive import plain as plain
     from dualdrive import plots as plots
     from dualdrive import readable as readable
     from dualdrive import recorder as recorder
@@ -49,6 +51,8 @@ if TYPE_CHECKING:  # for editors and type checkers: what _HOMES says; a test com
     from dualdrive import traces as traces
     from dualdrive import tune as tune
     from dualdrive import units as units
+    from dualdrive import web as web
+    from dualdrive import workbench as workbench
     from dualdrive.ensembles import Ensemble as Ensemble
     from dualdrive.ensembles.batch import ensemble as ensemble
     from dualdrive.files import FileError as FileError
@@ -109,8 +113,10 @@ _PARTS = (
     "mapper",
     "memory",
     "motion",
+    "notebook",
     "optimise",
     "paper",
+    "plain",
     "plots",
     "readable",
     "recorder",
@@ -124,6 +130,8 @@ _PARTS = (
     "traces",
     "tune",
     "units",
+    "web",
+    "workbench",
 )
 
 __all__ = ["__version__"]

@@ -232,6 +232,9 @@ class EffectType:
     def confused_with(self) -> str: ...
 
     @property
+    def brings(self) -> str: ...
+
+    @property
     def places(self) -> str: ...
 
     @property
@@ -285,7 +288,7 @@ class Machine:
     A machine as an assembly: bodies, connections, motors, a controller, effects.
 
     Every number has a stable path (mesh_1.gap, table.J, controller.K_v) in SI units; tie groups (meshes.gap)
-    reach all members. Eq. 22/23 of the source paper is one instance. Raises ValueError naming part, value, rule.
+    reach all members. Eq. 22 and Eq. 23 of the source paper is one instance. Raises ValueError naming part, value, rule.
     """
 
     def __init__(self) -> None: ...
@@ -318,12 +321,12 @@ class Machine:
     def add_motor(self, name: str, body: str = '', kind: str = 'armature') -> None:
         """Put a motor on a body (default: the body of the same name)."""
 
-    def set_controller(self, kind: str = 'master_slave', equaliser: str = 'both', tension: str = 'constant', current: str = 'cascade', speed_samples: int = 0) -> None:
+    def set_controller(self, kind: str = 'master_slave', equaliser: str = 'both', tension: str = 'constant', current: str = 'cascade', speed_samples: int = 0, position_sensor: str = 'table') -> None:
         """
         Choose the controller's structure; its numbers are parameters controller.*.
 
         equaliser: both, slave or master gets the correction. tension: constant, falling with the load, off. current: cascade, or
-        voltage for a drive without current loop. speed_samples n: speed from the mean of the last n encoder samples, differenced.
+        voltage for a drive without current loop. speed_samples n: speed from the mean of the last n encoder samples, differenced. position_sensor: the position loop is closed on the table's encoder, the master motor's, or both.
         """
 
     @property
@@ -662,8 +665,19 @@ class SampledRecord:
     def __init__(self, inputs: Mapping[str, Waveform], times: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], channels: Sequence[tuple[str, Sequence[str]]], measured: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> None: ...
 
     @property
+    def starts(self) -> list[int]:
+        """Samples at which a stretch begins."""
+
+    @property
     def samples(self) -> int:
         """How many."""
+
+    def stretches(self, which: Sequence[tuple[int, int]]) -> SampledRecord:
+        """
+        Stretches of it, (first sample, how many), end to end; sampled loops tick as in the whole one.
+
+        Raises ValueError for none, for fewer than two samples in one, or beyond the end.
+        """
 
     @property
     def step(self) -> float:
@@ -673,6 +687,11 @@ class KalmanGains:
     """Steady-state Kalman gains of a machine, one set per contact pattern."""
 
     def copy(self) -> KalmanGains: ...
+
+    def begin_as(self, other: KalmanGains) -> None:
+        """
+        Take over what another one has learned of first samples and of patterns.
+        """
 
     @property
     def patterns(self) -> list[int]:
@@ -690,18 +709,18 @@ class KalmanGains:
     def learned(self) -> int:
         """First samples of a record that have gains of their own."""
 
-def kalman_gains(machine: Machine, record: SampledRecord, sensors: Sequence[tuple[float, float, float]], torque: Mapping[str, tuple[float, float]], speed: float = 0.0) -> KalmanGains:
+def kalman_gains(machine: Machine, record: SampledRecord, sensors: Sequence[tuple[float, float, float]], torque: Mapping[str, tuple[float, float]], speed: float = 0.0, drifts: Sequence[tuple[float, float]] = [], first_torque: Mapping[str, tuple[float, float]] = {}, first_deviation: Mapping[str, float] = {}, every: bool = True) -> KalmanGains:
     """
     Steady-state Kalman gains.
 
-    sensors: (drive, memory, white) per channel: n' = memory n + drive w, and a white part. torque: body -> (drive, memory) of a torque of unknown course, constant over a sample, d' = memory d + drive w, N*m. speed: table speed, rad/s, about which laws that are not affine are linearised. Raises ValueError.
+    sensors: (drive, memory, white) per channel: n' = memory n + drive w, and a white part. torque: body -> (drive, memory) of a torque of unknown course, constant over a sample, d' = memory d + drive w, N*m. speed: table speed, rad/s, about which laws that are not affine are linearised. drifts: (drive, memory) per channel of a zero that drifts, or none. What is not known of the first state is where torques like first_torque (those of torque unless told) would take it, and first_deviation besides, state -> standard deviation. every: of all contact patterns, else of the one in which all carry; `predict` works out the others where it meets them. Raises ValueError.
     """
 
-def predict(machine: Machine, record: SampledRecord, gains: KalmanGains, *, initial: Mapping[str, float] = {}, offsets: Sequence[float] = [], substeps: int = 1, states: bool = False, learn_first: bool = False) -> dict[str, Any]:
+def predict(machine: Machine, record: SampledRecord, gains: KalmanGains, *, initial: Sequence[Mapping[str, float]] = [], offsets: Sequence[float] = [], substeps: int = 1, given: int = 0, states: bool = False, learn_first: bool = False) -> dict[str, Any]:
     """
     Replay a record, the state corrected at every sample.
 
-    initial: state -> value at the first sample, others 0. offsets: per channel, what its sensor adds. substeps: per sample, where a law is not affine. states: also trajectory, corrections (n, states), torques of unknown course (n, bodies), innovations (n, channels) and contact pattern (n,). learn_first: work out the gains of the first samples, into `gains`.
+    initial: per stretch, state -> value at its first sample, others 0. offsets: per channel, what its sensor adds. substeps: per sample, where a law is not affine. given: first samples of a stretch that the likelihood is conditioned on, whose residuals are 0. states: also trajectory, corrections (n, states), torques of unknown course (n, bodies), innovations (n, channels) and contact pattern (n,). learn_first: work out the gains of first samples that `gains` does not have, into it.
     Returns a dict: residuals (n, channels), whitened; log_det; finite; switches. The GIL is released. Raises ValueError.
     """
 

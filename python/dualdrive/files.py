@@ -5,9 +5,10 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
+import signal
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
@@ -120,6 +121,39 @@ def claim(path: Path) -> Iterator[None]:
     """
     place = target(path)
     bearer = place / ".lock" if place.is_dir() else place.with_name(f".{place.name}.lock")
+    with _ctrl_c_later() as heard:
+        file = _claimed(path, bearer)
+        try:
+            os.ftruncate(file, 0)
+            os.write(file, f"{os.getpid()}\n".encode())
+            with heard():
+                yield
+        finally:
+            bearer.unlink(missing_ok=True)
+            os.close(file)
+
+
+@contextmanager
+def _ctrl_c_later() -> Iterator[Callable[[], AbstractContextManager[None]]]:
+    """Ctrl-C comes when this is over, or where what it gives is entered."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+
+    @contextmanager
+    def heard() -> Iterator[None]:
+        try:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+
+    try:
+        yield heard
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _claimed(path: Path, bearer: Path) -> int:
+    """The open file that bears a claim."""
     while True:
         try:
             file = os.open(bearer, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
@@ -136,14 +170,7 @@ def claim(path: Path) -> Iterator[None]:
             pass  # a file system that knows no locks
         with suppress(FileNotFoundError):  # taken away between the two calls: once more
             if os.fstat(file).st_ino == bearer.stat().st_ino:
-                break
-        os.close(file)
-    try:
-        os.ftruncate(file, 0)
-        os.write(file, f"{os.getpid()}\n".encode())
-        yield
-    finally:
-        bearer.unlink(missing_ok=True)
+                return file
         os.close(file)
 
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualdrive.units import conversion
 
-__all__ = ["Scale", "scale"]
+__all__ = ["Scale", "ladder", "scale"]
 
 Array = NDArray[np.float64]
 
@@ -51,6 +51,12 @@ def scale(unit: str, values: ArrayLike = (), prefer: str | None = None) -> Scale
         peak = float(np.max(np.abs(np.asarray(values, dtype=np.float64)), initial=0.0))
         prefer = next((name for top, name in _READABLE.get(unit, ()) if peak < top), unit)
     return Scale(conversion(prefer, unit).scale, _printed(prefer))
+
+
+def ladder(unit: str) -> list[tuple[float, Scale]]:
+    """Every unit in which values of an SI unit are read, after the peak up to which it is."""
+    rungs = _READABLE.get(unit, ((np.inf, unit),))
+    return [(top, scale(unit, prefer=name)) for top, name in rungs]
 
 
 def _printed(unit: str) -> str:

@@ -7,6 +7,8 @@ import tomllib
 from collections.abc import Iterator
 from typing import Any, Final
 
+from dualdrive.echo import InputError
+
 __all__ = ["TomlError", "parse_toml"]
 
 _DEEPEST: Final = 20  # tables and lists within each other; a machine file has four
@@ -14,7 +16,7 @@ _LONG_KEY: Final = re.compile(rf"(?<![\w-])(?:[\w-]++\s*+\.\s*+){{{_DEEPEST + 1}
 _INTEGERS: Final = range(-(2**63), 2**63)  # what TOML itself asks a reader to keep exactly
 
 
-class TomlError(ValueError):
+class TomlError(InputError):
     """A text that is no TOML, or more than a file of ours can mean. The message is one line."""
 
 

@@ -16,7 +16,7 @@ import re
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from dualdrive.echo import shown
+from dualdrive.echo import InputError, shown
 from dualdrive.memory import excess
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ __all__ = [
 ]
 
 
-class UnitError(ValueError):
+class UnitError(InputError):
     """A value or unit that cannot be what it is used for. The message is one line."""
 
 
@@ -100,6 +100,23 @@ _COHERENT: Final = (
     *("kg", "N", "J", "W", "Pa", "V", "ohm", "F", "H", "C", "Wb", "T", "A"),
     *("m", "s", "Hz", "K", "rad"),
 )
+#: (unit, SI unit) -> scale of what is met every day: the library that knows every unit takes half a
+#: second to load, which a page or a table of angles would wait for
+_EVERYDAY: Final = {
+    ("arcsec", "rad"): math.pi / 648000,
+    ("mrad", "rad"): 1e-3,
+    ("deg", "rad"): math.pi / 180,
+    ("mrad/s", "rad/s"): 1e-3,
+    ("deg/s", "rad/s"): math.pi / 180,
+    ("um", "m"): 1e-6,
+    ("mm", "m"): 1e-3,
+    ("mm/s", "m/s"): 1e-3,
+    ("mN*m", "N*m"): 1e-3,
+    ("kN*m", "N*m"): 1e3,
+    ("MN*m", "N*m"): 1e6,
+    ("kN", "N"): 1e3,
+    ("ms", "s"): 1e-3,
+}
 _PREFIXES: Final = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"))
 
 
@@ -177,6 +194,8 @@ def conversion(given: str, declared: str) -> Conversion:
     """
     if given == declared:
         return Conversion(1.0, 0.0)
+    if (given, declared) in _EVERYDAY:
+        return Conversion(_EVERYDAY[given, declared], 0.0)
     to, unit = _parsed(declared), _parsed(given)
     (angle_to, _), (angle, turning) = _angle(to), _angle(unit)
     if angle_to == 1 and angle == 0 and dict(unit._units) == {"minute": -1}:

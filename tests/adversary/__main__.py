@@ -26,6 +26,7 @@ ROWS: Final[dict[str, Callable[[random.Random], Iterator[Attempt]]]] = {
     "arguments": rows_command_line.arguments,
     "outputs": rows_command_line.outputs,
     "places": rows_command_line.places,
+    "memory": rows_command_line.memory,
     "interrupts": rows_command_line.interrupts,
     "early interrupts": rows_command_line.interrupts_early,
     "machine files": rows_files.machine_files,

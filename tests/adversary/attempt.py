@@ -33,8 +33,18 @@ FOREIGN = re.compile(
     r"not JSON compliant|incompatible function arg|could not convert string|invalid literal|"
     r"std::|nanobind|must be str|argument must be|positional argument|codec can't|Errno|"
     r"unhashable|not subscriptable|is not iterable|Exceeds the limit|standard output cannot|"
-    r"embedded null|maximum recursion|array is too big|Warning:|truth value|too many values"
+    r"embedded null|PosixPath|maximum recursion|array is too big|Warning:|truth value|too many values"
 )
+
+
+#: the command as it starts; from `_BEGUN` on it is the project's, before that the interpreter's
+_BEGUN = ".begun"
+_COLD = f"""
+from dualdrive_cli.__main__ import guard, main
+guard.stand()
+open({_BEGUN!r}, "x")
+main()
+"""
 
 
 @dataclass(frozen=True)
@@ -45,7 +55,8 @@ class Attempt:
     arguments: Sequence[str] = ()
     call: Callable[[], object] | None = None
     prepare: Callable[[], object] | None = None  # puts files there, in that folder
-    interrupt: float | None = None  # s until Ctrl-C
+    interrupt: float | None = None  # s until Ctrl-C, from the project's first line on
+    memory: int = MEMORY  # bytes that may be mapped
     allowed: tuple[int, ...] = (0, 1, 2)
     cold: bool = False  # in an interpreter of its own, which loads everything itself
 
@@ -58,6 +69,8 @@ def judge(attempt: Attempt, inputs: Path, folder: Path) -> str:
     child = os.fork()
     if child == 0:
         _run(attempt, folder)
+    if attempt.cold:
+        _until_it_begins(folder, child)
     status, used = _wait(child, attempt.interrupt)
     wrong = _ending(attempt, status, folder)
     if used > RESIDENT:
@@ -76,13 +89,11 @@ def _ending(attempt: Attempt, status: int, folder: Path) -> list[str]:
     said = (folder / ".stderr").read_text("utf-8", "replace")
     out = (folder / ".stdout").read_text("utf-8", "replace")
     if os.WIFSIGNALED(status):
-        if attempt.cold and os.WTERMSIG(status) == signal.SIGINT:
-            return []  # before the interpreter listens, the system ends it, which is the same
         number = signal.Signals(os.WTERMSIG(status))
         slow = f"more than {PROCESSOR} s of the processor" if number == signal.SIGXCPU else ""
         return [slow or f"killed by {number.name}"]
     code = os.WEXITSTATUS(status)
-    wrong = []
+    wrong: list[str] = []
     if code not in attempt.allowed:
         wrong.append(f"exit {code}")
     if code not in (0, 130) and not said.strip():
@@ -90,7 +101,7 @@ def _ending(attempt: Attempt, status: int, folder: Path) -> list[str]:
     if found := FOREIGN.search(said):
         line = next(line for line in reversed(said.splitlines()) if line.strip())
         wrong.append(f"{found[0]!r} in: {line[:160]}")
-    if "out of memory" in said:
+    if "out of memory" in said and attempt.memory == MEMORY:
         wrong.append("asked for more memory than there is")
     if longest := max((len(line) for line in said.splitlines()), default=0) > LONGEST:
         wrong.append(f"a message of {longest} characters")
@@ -103,7 +114,9 @@ def _run(attempt: Attempt, folder: Path) -> NoReturn:
     """In the fork: limits, folder, streams; then the attempt, whose end is this process's."""
     code = 70
     try:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        from dualdrive_cli._stop import guard
+
+        guard.stand()
         os.chdir(folder)
         if attempt.prepare:
             attempt.prepare()
@@ -115,10 +128,10 @@ def _run(attempt: Attempt, folder: Path) -> NoReturn:
             2, "w", encoding="utf-8", errors="backslashreplace", closefd=False, buffering=1
         )
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        resource.setrlimit(resource.RLIMIT_AS, (attempt.memory, attempt.memory))
         resource.setrlimit(resource.RLIMIT_CPU, (PROCESSOR, PROCESSOR + 1))
         if attempt.cold:
-            command = [sys.executable, "-m", "dualdrive_cli.main", *attempt.arguments]
+            command = [sys.executable, "-c", _COLD, *attempt.arguments]
             os.execv(sys.executable, command)
         code = _call(attempt.call) if attempt.call else _command(attempt.arguments)
     except BaseException:
@@ -151,6 +164,14 @@ def _call(function: Callable[[], object]) -> int:
         print(error, file=sys.stderr)
         return 2
     return 0
+
+
+def _until_it_begins(folder: Path, child: int) -> None:
+    end = time.monotonic() + ASLEEP
+    while not (folder / _BEGUN).exists() and time.monotonic() < end:
+        if os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT):
+            return  # it never began; what it said is judged
+        time.sleep(0.001)
 
 
 def _wait(child: int, interrupt: float | None) -> tuple[int, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 from collections.abc import Iterator
 from pathlib import Path
@@ -162,6 +163,17 @@ def places(_: random.Random) -> Iterator[Attempt]:
             yield Attempt(_shown([*verb, name]), [*verb, name], prepare=links)
 
 
+def memory(chance: random.Random) -> Iterator[Attempt]:
+    """Every verb with little more memory than what the process has mapped when it begins."""
+    mapped = int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+    for line in lines():
+        for _ in range(5):
+            spare = int(2 ** chance.uniform(19, 28))  # 0.5 to 256 MB
+            arguments = [*line.verb.split(), *line.rest]
+            what = f"{_shown(arguments)} with {spare / 1e6:.1f} MB to spare"
+            yield Attempt(what, arguments, memory=mapped + spare)
+
+
 def interrupts(chance: random.Random) -> Iterator[Attempt]:
     """Ctrl-C at random moments of every verb that writes a file."""
     for line in lines():
@@ -174,9 +186,9 @@ def interrupts(chance: random.Random) -> Iterator[Attempt]:
 
 
 def interrupts_early(chance: random.Random) -> Iterator[Attempt]:
-    """Ctrl-C while the interpreter starts and modules load."""
+    """Ctrl-C while modules load, from the first line of the project on."""
     for _ in range(60):
-        after = chance.uniform(0.0, 0.8)
+        after = 0.8 * chance.random() ** 2
         arguments = ["simulate", "bench", "--end", "5"]
         what = f"{_shown(arguments)}, started anew, with Ctrl-C after {after:.2f} s"
         yield Attempt(what, arguments, interrupt=after, allowed=(0, 130), cold=True)

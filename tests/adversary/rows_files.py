@@ -132,7 +132,7 @@ def mappings(chance: random.Random) -> Iterator[Attempt]:
             text = _mutated(text, chance)
         name = chance.choice(["record.csv", "record.mat", "trace.h5"])
         yield _file(f"mapping {k} of {name}", "hostile.toml", text.encode("utf-8", "replace"),
-                    call=partial(_sound, lambda name=name: read(name, "hostile.toml")))  # fmt: skip
+                    call=partial(_sound, partial(read, name, "hostile.toml")))  # fmt: skip
 
 
 def tables(chance: random.Random) -> Iterator[Attempt]:
@@ -266,10 +266,14 @@ def links(_: random.Random) -> Iterator[Attempt]:
         odd,
         short,
     ):
-        for way, allowed in ((read, (0,) if change is wide else (2,)), (load_run, (2,))):
-            allowed = (0, 2) if change in (deep,) else allowed
+        ways: tuple[tuple[Callable[[str], Any], tuple[int, ...]], ...] = (
+            (read, (0,) if change is wide else (2,)),
+            (load_run, (2,)),
+        )
+        for way, allowed in ways:
+            ends = (0, 2) if change is deep else allowed
             yield Attempt(f"{change.__name__}: {way.__name__}", call=partial(_named, way, "hostile.h5"),
-                          prepare=made(change), allowed=allowed)  # fmt: skip
+                          prepare=made(change), allowed=ends)  # fmt: skip
 
 
 # --- shared ---------------------------------------------------------------------------------------

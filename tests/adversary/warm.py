@@ -12,7 +12,7 @@ from dualdrive_cli.main import main
 _LIBRARIES = (
     "h5netcdf", "h5py", "matplotlib.backends.backend_agg", "matplotlib.figure", "pandas", "rich.progress",
     "scipy.integrate", "scipy.interpolate", "scipy.io", "scipy.linalg", "scipy.optimize", "scipy.signal",
-    "scipy.stats", "tomlkit", "xarray", "dualdrive.plots", "dualdrive.store", "dualdrive.figures",
+    "scipy.stats", "tomlkit", "xarray", "dualdrive.plots", "dualdrive.store", "dualdrive_cli.__main__", "dualdrive.figures",
 )  # fmt: skip
 
 

@@ -1,9 +1,8 @@
-// Every registered effect: declarations, hooks, passivity, slopes, energy; then the closed form of each.
+// Every registered effect: declarations, hooks, passivity, slopes, energy. The closed form of each: test_effects_*.cpp.
 #include <doctest/doctest.h>
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <random>
 #include <set>
 #include <sstream>
@@ -12,10 +11,8 @@
 #include <vector>
 
 #include "dualdrive/effects.hpp"
-#include "dualdrive/nearest.hpp"
 
 using namespace dualdrive;
-using std::numbers::pi;
 
 namespace {
 
@@ -49,6 +46,7 @@ std::vector<S> answers(const std::string& name, const std::vector<S>& values, co
     ContactSpring<A> spring{};
     effect->load_contact(spring, deflection, law);
     const A energy = 0.5 * law.stiffness * deflection * deflection + spring.energy;
+    const ToothLoad<S> teeth[]{{q[2], q[9]}, {q[9], q[2]}};
     auto inertia = Dual<S, 1>(3.0);
     effect->shape_inertia(inertia, Dual<S, 1>::variable(q[0], 0));
 
@@ -58,7 +56,7 @@ std::vector<S> answers(const std::string& name, const std::vector<S>& values, co
             effect->torque_of_motor(motor),
             effect->voltage_of_motor(motor),
             effect->torque_estimate(q[2]),
-            effect->reading(q[6], {S(0.0), Measures::angle}),
+            effect->reading(q[6], {S(0.0), Measures::angle, S(0.0), S(0.0), teeth}),
             effect->reading(q[6], {S(0.0), Measures::speed, q[0], q[1]}),
             effect->delay(),
             law.offset.value,
@@ -133,8 +131,8 @@ std::vector<double> standard(const EffectType& type) {
 }  // namespace
 
 TEST_CASE("declarations are complete and consistent") {
-    const std::set<std::string> units{
-        "", "N*m", "N*m*s/rad", "N*m*s^2/rad^2", "N*m/rad", "rad", "rad/s", "s", "Hz", "V", "A", "K", "1/K"};
+    const std::set<std::string> units{"",  "N*m", "N*m*s/rad", "N*m*s^2/rad^2", "N*m/rad", "rad", "rad/s",    "s", "Hz",
+                                      "V", "A",   "K",         "1/K",           "m",       "m/N", "rad/(N*m)"};
     const std::set<std::string> places{"table", "pinions", "motors", "meshes", "motor_2", "gearboxes", "controller"};
     std::set<std::string> names;
     for (const auto& type : effect_types()) {
@@ -197,6 +195,9 @@ TEST_CASE("hooks are found where an effect offers them, and only there") {
     CHECK(hooks("sensor_offset") == hook::reading);
     CHECK(hooks("quantisation") == hook::reading);
     CHECK(hooks("encoder_eccentricity") == hook::reading);
+    CHECK(hooks("radial_shift") == hook::reading);
+    CHECK(hooks("table_tilt") == hook::reading);
+    CHECK(hooks("pitch_error") == hook::mesh);
     CHECK(hooks("torque_constant_saturation") == hook::motor);
     CHECK(hooks("thermal_drift") == (hook::motor | hook::voltage));
     CHECK(hooks("dead_time") == hook::voltage);
@@ -301,326 +302,6 @@ TEST_CASE("affine is said where, and only where, second differences vanish") {
     }
 }
 
-TEST_CASE("viscous: torque against speed") {
-    const double b[]{650.0};
-    const auto effect = make_effect<double>("viscous", b);
-    CHECK(effect->torque_on_body({.t = 0, .angle = 1, .speed = 0.2, .mesh_torque = 0}) == doctest::Approx(-130.0));
-}
-
-TEST_CASE("coulomb: the limit of each direction") {
-    const double values[]{300.0, 0.2};
-    const auto effect = make_effect<double>("coulomb", values);
-    CHECK(effect->friction_limit({}, 1) == doctest::Approx(360.0));
-    CHECK(effect->friction_limit({}, -1) == doctest::Approx(240.0));
-}
-
-TEST_CASE("lugre: the bristle of steady sliding carries the Stribeck curve") {
-    const double values[]{300.0, 1.5, 2e-3, 1e6, 100.0};
-    const auto effect = make_effect<double>("lugre", values);
-    for (const double speed : {-5e-3, -1e-3, 1e-3, 2e-3, 0.1}) {
-        const double level = 300.0 * (1.0 + 0.5 * std::exp(-std::pow(speed / 2e-3, 2)));
-        const double bent = std::copysign(level / 1e6, speed);  // where dz/dt = 0
-        const BodyPort<double> at{.t = 0, .angle = 0, .speed = speed, .mesh_torque = 0, .memory = &bent};
-        double rate = 1.0;
-        effect->flow(at, &rate);
-        CHECK(std::abs(rate) < 1e-15);
-        CHECK(effect->torque_on_body(at) == doctest::Approx(-std::copysign(level, speed)));
-    }
-}
-
-TEST_CASE("stribeck: breakaway, one Stribeck speed, far above it") {
-    const double values[]{300.0, 1.5, 2e-3};
-    const auto effect = make_effect<double>("stribeck", values);
-    const auto limit = [&](double speed) {
-        const BodyPort<double> at{.t = 0, .angle = 0, .speed = speed, .mesh_torque = 0};
-        return effect->friction_limit(at, speed < 0 ? -1 : 1);
-    };
-    CHECK(limit(0.0) == doctest::Approx(450.0));
-    CHECK(limit(2e-3) == doctest::Approx(300.0 + 150.0 / std::numbers::e));
-    CHECK(limit(-2e-3) == limit(2e-3));
-    CHECK(limit(0.1) == doctest::Approx(300.0));
-}
-
-TEST_CASE("angle_dependent_friction: twice the mean at its phase, nothing half a period on") {
-    const double values[]{200.0, 3.0, 0.6};
-    const auto effect = make_effect<double>("angle_dependent_friction", values);
-    const auto limit = [&](double angle) { return effect->friction_limit({.t = 0, .angle = angle}, 1); };
-    CHECK(limit(-0.2) == doctest::Approx(400.0));
-    CHECK(limit(-0.2 + pi / 6) == doctest::Approx(200.0));
-    CHECK(std::abs(limit(-0.2 + pi / 3)) < 1e-12);
-    CHECK(effect->friction_limit({.t = 0, .angle = -0.2}, -1) == doctest::Approx(400.0));
-}
-
-TEST_CASE("load_dependent_mesh_loss: so much of what the mesh carries") {
-    const double values[]{0.02};
-    const auto effect = make_effect<double>("load_dependent_mesh_loss", values);
-    CHECK(effect->friction_limit({.t = 0, .angle = 0, .speed = 1, .mesh_torque = 4500}, 1) == doctest::Approx(90.0));
-    CHECK(effect->friction_limit({.t = 0, .angle = 0, .speed = 1, .mesh_torque = 0}, -1) == 0.0);
-}
-
-TEST_CASE(
-    "hertzian_stiffness: stiffer by the growth at the reference overlap, and the torque is the energy's derivative") {
-    using A = Dual<double, 2>;
-    const double values[]{0.4, 1e-3};
-    const auto effect = make_effect<double>("hertzian_stiffness", values);
-    const MeshLaw<A> law{A(0.0), A(1e-3), A(2e7), A(0.0)};
-    const auto at = [&](double overlap) {
-        ContactSpring<A> spring{};
-        effect->load_contact(spring, A::variable(overlap, 0), law);
-        return spring;
-    };
-    CHECK(at(1e-3).torque.value == doctest::Approx(0.4 * 2e7 * 1e-3).epsilon(1e-4));
-    CHECK(at(4e-3).torque.value == doctest::Approx(2 * 0.4 * 2e7 * 4e-3).epsilon(1e-5));
-    CHECK(at(1e-3).energy.value == doctest::Approx(0.4 * 0.4 * 2e7 * 1e-6).epsilon(1e-3));  // ∫ K h ξ^(3/2) dξ
-    for (const double overlap : {-1e-6, 0.0, 1e-5, 3e-4, 2e-3})
-        CHECK(at(overlap).energy.slope[0] == doctest::Approx(at(overlap).torque.value));
-    CHECK(at(0.0).torque.value == 0.0);
-    CHECK(std::abs(at(0.0).energy.value) < 1e-15);
-}
-
-TEST_CASE("time_varying_mesh_stiffness: its swing, at the tooth order") {
-    using A = Dual<double, 2>;
-    const double values[]{0.2, 18.0, 0.5}, stiffness = 2e7, overlap = 1e-3;
-    const auto effect = make_effect<double>("time_varying_mesh_stiffness", values);
-    const auto at = [&](double angle) {
-        MeshLaw<A> law{A(0.0), A(0.0), A(stiffness), A(0.0)};
-        const A pinion = A::variable(angle, 0);
-        effect->shape_mesh(law, {A(0.0), pinion, A(0.0), pinion, 1});
-        return law.stiffness;
-    };
-    CHECK(at(-0.5 / 18).value == doctest::Approx(2.4e7));
-    CHECK(at((pi - 0.5) / 18).value == doctest::Approx(1.6e7));
-    // the pinion feels ½ ξ² dK/dθ: steepest a quarter period on
-    CHECK(0.5 * overlap * overlap * at((pi / 2 - 0.5) / 18).slope[0] ==
-          doctest::Approx(-0.5 * overlap * overlap * stiffness * 0.2 * 18.0));
-}
-
-TEST_CASE("transmission_error: deflection at the tooth order, levered by the teeth") {
-    using A = Dual<double, 2>;
-    const double values[]{1e-5, 25.0, 0.0};
-    MeshLaw<A> law{A(0.0), A(0.0), A(2e7), A(0.0)};
-    const A pinion = A::variable(2 * pi / 25 / 4, 0);
-    make_effect<double>("transmission_error", values)->shape_mesh(law, {A(0.0), pinion, A(0.0), pinion, 1});
-    CHECK(std::abs(law.offset.value) < 1e-20);
-    CHECK(law.offset.slope[0] == doctest::Approx(-25e-5));
-}
-
-TEST_CASE("wear: widest at its centre, a bell beside it, periodic, never a smaller gap") {
-    using A = Dual<double, 2>;
-    const double values[]{5e-4, 1.0, 0.1, 1.0};
-    const auto effect = make_effect<double>("wear", values);
-    const auto gap = [&](double angle) {
-        MeshLaw<A> law{A(0.0), A(1e-3), A(2e7), A(0.0)};
-        effect->shape_mesh(law, {A(0.0), A(0.0), A(angle), A(angle), 1});
-        return law.gap.value;
-    };
-    CHECK(gap(1.0) == doctest::Approx(1.5e-3));
-    CHECK(gap(1.1) == doctest::Approx(1e-3 + 5e-4 * std::exp(-0.5)).epsilon(1e-3));
-    CHECK(gap(1.1 + 2 * pi) == doctest::Approx(gap(1.1)));
-    for (double angle = 0.0; angle < 7.0; angle += 0.01) CHECK(gap(angle) >= 1e-3);
-}
-
-TEST_CASE("unbalance: m g r of a mass beside an axis that lies") {
-    const double values[]{20.0 * 9.81 * 0.5, 0.0};  // 20 kg at 0.5 m
-    const auto effect = make_effect<double>("unbalance", values);
-    CHECK(effect->torque_on_body({.t = 0, .angle = 0.0}) == doctest::Approx(98.1));
-    CHECK(effect->torque_on_body({.t = 0, .angle = pi / 3}) == doctest::Approx(49.05));
-    CHECK(effect->torque_on_body({.t = 0, .angle = pi}) == doctest::Approx(-98.1));
-}
-
-TEST_CASE("cutting_torque: nothing outside its window, mean and harmonic inside, smooth at the edges") {
-    const double values[]{1000.0, 300.0, 10.0, 2.0, 1.5, 0.1};
-    const auto effect = make_effect<double>("cutting_torque", values);
-    const auto torque = [&](double t) { return effect->torque_on_body({.t = t}); };
-    CHECK(torque(1.999) == 0.0);
-    CHECK(torque(3.501) == 0.0);
-    CHECK(torque(2.5) == doctest::Approx(-1000.0));
-    CHECK(torque(2.525) == doctest::Approx(-1300.0));
-    CHECK(torque(2.05) == doctest::Approx(-500.0));  // half way in; the harmonic is at a zero
-    std::vector<double> times;
-    effect->instants(times);
-    CHECK(times == std::vector<double>{2.0, 2.1, 3.4, 3.5});
-}
-
-TEST_CASE("hydrostatic_drag: straight at low speed, square above") {
-    const double values[]{1e6, 1e4};
-    const auto effect = make_effect<double>("hydrostatic_drag", values);
-    const auto torque = [&](double speed) { return effect->torque_on_body({.t = 0, .angle = 0, .speed = speed}); };
-    CHECK(torque(0.05) == doctest::Approx(-3000.0));
-    CHECK(torque(-0.05) == doctest::Approx(3000.0));
-    CHECK(torque(1e-6) == doctest::Approx(-0.01).epsilon(1e-3));
-}
-
-TEST_CASE("position_dependent_inertia: its swing, and its slope by the angle") {
-    const double values[]{0.25, 2.0, 0.0};
-    const auto effect = make_effect<double>("position_dependent_inertia", values);
-    const auto at = [&](double angle) {
-        Dual<double, 1> inertia(8.0);
-        effect->shape_inertia(inertia, Dual<double, 1>::variable(angle, 0));
-        return inertia;
-    };
-    CHECK(at(0.0).value == doctest::Approx(10.0));
-    CHECK(at(pi / 2).value == doctest::Approx(6.0));
-    CHECK(at(pi / 4).slope[0] == doctest::Approx(-4.0));
-}
-
-TEST_CASE("cogging: order periods per turn, no mean torque, no work over a turn") {
-    const double values[]{1.5, 24.0, 0.3};
-    const auto effect = make_effect<double>("cogging", values);
-    const auto torque = [&](double angle) {
-        return effect->torque_on_body({.t = 0, .angle = angle, .speed = 0, .mesh_torque = 0});
-    };
-    double work = 0.0, square = 0.0;
-    const int points = 1000;
-    for (int k = 0; k < points; ++k) {
-        work += torque(2 * pi * k / points) / points;
-        square += torque(2 * pi * k / points) * torque(2 * pi * k / points) / points;
-    }
-    CHECK(std::abs(work) < 1e-12);
-    CHECK(square == doctest::Approx(1.5 * 1.5 / 2));
-    CHECK(torque(0.2 + 2 * pi / 24) == doctest::Approx(torque(0.2)));
-    CHECK(torque((pi / 2 - 0.3) / 24) == doctest::Approx(1.5));
-}
-
-TEST_CASE("torque_ripple: proportional to the torque of the current") {
-    const double values[]{0.02, 6.0, 0.0};
-    const auto effect = make_effect<double>("torque_ripple", values);
-    const auto ripple = [&](double angle, double torque) {
-        return effect->torque_of_motor({.t = 0, .angle = angle, .speed = 0, .current = torque, .torque = torque});
-    };
-    CHECK(ripple(pi / 12, 50.0) == doctest::Approx(1.0));
-    CHECK(ripple(pi / 12, -50.0) == doctest::Approx(-1.0));
-    CHECK(ripple(pi / 12, 0.0) == 0.0);
-    CHECK(std::abs(ripple(pi / 6, 50.0)) < 1e-14);
-}
-
-TEST_CASE("eccentricity: mesh forces are the derivatives of the mesh energy") {
-    using A = Dual<double, 2>;
-    const double a = 1e-2, phase = 0.4, spacing = 2.1, stiffness = 2e7, gap = 1e-3, ratio = 20.0;
-    const double values[]{a, phase, spacing};
-    const auto effect = make_effect<double>("eccentricity", values);
-    const double pinion = 0.7, ring = 0.03;
-    const double twist = pinion - ratio * ring;
-
-    const auto energy = [&](bool at_ring, int number) {
-        const A p = A::variable(pinion, 0), r = A::variable(ring, 1);
-        MeshLaw<A> law{A(0.0), A(gap), A(stiffness), A(0.0)};
-        effect->shape_mesh(law, {p - ratio * r, p, r, at_ring ? r : p, number});
-        const A x = p - ratio * r + law.offset - law.gap;
-        return 0.5 * law.stiffness * x * x;
-    };
-    SUBCASE("of the pinion: its torque gains the lever of the eccentricity") {
-        const double x = twist + a * std::cos(pinion + phase) - gap;
-        const A v = energy(false, 1);
-        CHECK(v.slope[0] == doctest::Approx(stiffness * x * (1.0 - a * std::sin(pinion + phase))));
-        CHECK(v.slope[1] == doctest::Approx(-stiffness * x * ratio));
-    }
-    SUBCASE("of the ring: mesh 2 sees it `spacing` away from mesh 1") {
-        for (const int number : {1, 2, 3}) {
-            const double angle = ring + (number - 1) * spacing + phase;
-            const double x = twist + a * std::cos(angle) - gap;
-            const A v = energy(true, number);
-            CHECK(v.slope[0] == doctest::Approx(stiffness * x));
-            CHECK(v.slope[1] == doctest::Approx(-stiffness * x * (ratio + a * std::sin(angle))));
-        }
-    }
-}
-
-TEST_CASE("effects add to a mesh, they do not overwrite it") {
-    using A = Dual<double, 2>;
-    MeshLaw<A> law{A(1e-4), A(1e-3), A(2e7), A(100.0)};
-    const double damping[]{2e4}, eccentric[]{1e-4, 0.0, 0.0};
-    make_effect<double>("mesh_damping", damping)->shape_mesh(law, {0.0, 0.0, 0.0, 0.0, 1});
-    make_effect<double>("eccentricity", eccentric)->shape_mesh(law, {0.0, 0.0, 0.0, 0.0, 1});
-    CHECK(law.damping.value == doctest::Approx(20100.0));
-    CHECK(law.offset.value == doctest::Approx(2e-4));
-    CHECK(law.stiffness.value == 2e7);
-    CHECK(law.gap.value == 1e-3);
-}
-
-TEST_CASE("sensors: late by so much, wrong by so much") {
-    const double value[]{2e-3};
-    CHECK(make_effect<double>("sensor_delay", value)->delay() == 2e-3);
-    CHECK(make_effect<double>("sensor_delay", value)->reading(0.5, {0.0}) == 0.5);
-    CHECK(make_effect<double>("sensor_offset", value)->reading(0.5, {0.0}) == doctest::Approx(0.502));
-}
-
-TEST_CASE("quantisation: whole counts, ties to even, derivatives of the unrounded reading") {
-    const double step[]{0.25}, none[]{0.0};
-    const auto counts = make_effect<double>("quantisation", step);
-    CHECK(counts->reading(0.3, {0.0}) == 0.25);
-    CHECK(counts->reading(-0.4, {0.0}) == -0.5);
-    CHECK(counts->reading(0.125, {0.0}) == 0.0);
-    CHECK(counts->reading(0.375, {0.0}) == 0.5);
-    CHECK(make_effect<double>("quantisation", none)->reading(0.3, {0.0}) == 0.3);
-    const Gradient steps[]{Gradient(0.25)};
-    const Gradient read = make_effect<Gradient>("quantisation", steps)->reading(Gradient::variable(0.3, 1), {0.0});
-    CHECK(read.value == 0.25);
-    CHECK(read.slope[1] == 1.0);
-}
-
-TEST_CASE("encoder_eccentricity: once per turn, in the angle and in the speed made from it") {
-    const double values[]{1e-2, 0.3};
-    const auto effect = make_effect<double>("encoder_eccentricity", values);
-    const auto angle = [&](double x) { return effect->reading(x, {0.0, Measures::angle}); };
-    CHECK(angle(-0.3) == doctest::Approx(-0.3 + 1e-2));
-    CHECK(angle(pi - 0.3) == doctest::Approx(pi - 0.3 - 1e-2));
-    const double at = 0.7, speed = 3.0, h = 1e-5;
-    CHECK(effect->reading(speed, {0.0, Measures::speed, at, speed}) ==
-          doctest::Approx(speed * (angle(at + h) - angle(at - h)) / (2 * h)).epsilon(1e-9));
-    CHECK(effect->reading(5.0, {0.0}) == 5.0);  // neither: nothing to do with it
-}
-
-TEST_CASE("torque_constant_saturation: the parabola for small currents, a bound for large ones") {
-    const double values[]{0.1};
-    const auto effect = make_effect<double>("torque_constant_saturation", values);
-    const auto torque = [&](double ideal) {
-        return ideal + effect->torque_of_motor(
-                           {.t = 0, .angle = 0, .speed = 0, .current = ideal, .torque = ideal, .rated_torque = 100});
-    };
-    CHECK(torque(10.0) == doctest::Approx(10.0 * (1 - 0.1 * 0.01)).epsilon(1e-5));
-    CHECK(torque(100.0) == doctest::Approx(100.0 / std::sqrt(1.2)));
-    CHECK(torque(-100.0) == doctest::Approx(-torque(100.0)));
-    CHECK(torque(200.0) > torque(100.0));
-    CHECK(torque(1e6) == doctest::Approx(100.0 / std::sqrt(0.2)).epsilon(1e-6));
-}
-
-TEST_CASE("thermal_drift: copper gains 0.393 %, flux loses 0.1 % per kelvin, and no power is made of it") {
-    const double values[]{50.0, 1e-3};
-    const auto effect = make_effect<double>("thermal_drift", values);
-    const MotorPort<double> at{.t = 0,
-                               .angle = 0,
-                               .speed = 40,
-                               .current = 60,
-                               .torque = 72,
-                               .resistance = 0.2,
-                               .back_emf = 1.2,
-                               .rated_torque = 100};
-    CHECK(effect->torque_of_motor(at) == doctest::Approx(-0.05 * 72));
-    CHECK(effect->voltage_of_motor(at) == doctest::Approx(0.05 * 1.2 * 40 - 0.1965 * 0.2 * 60));
-    // what the flux takes from the torque it gives back to the circuit: K_d = C_e stays true
-    const double copper = -0.1965 * 0.2 * 60;
-    CHECK(effect->torque_of_motor(at) * at.speed + (effect->voltage_of_motor(at) - copper) * at.current ==
-          doctest::Approx(0.0));
-}
-
-TEST_CASE("dead_time: the full voltage against a large current, three quarters of it in the zone, none at zero") {
-    const double values[]{6.0, 0.5};
-    const auto effect = make_effect<double>("dead_time", values);
-    const auto voltage = [&](double I) {
-        return effect->voltage_of_motor({.t = 0, .angle = 0, .speed = 0, .current = I, .torque = I});
-    };
-    CHECK(voltage(20.0) == doctest::Approx(-6.0));
-    CHECK(voltage(-20.0) == doctest::Approx(6.0));
-    CHECK(voltage(0.5) == doctest::Approx(-6.0 * 0.76159415595576));  // tanh 1
-    CHECK(voltage(0.0) == 0.0);
-}
-
-TEST_CASE("tension_mismatch: so much more than it is") {
-    const double values[]{0.05};
-    CHECK(make_effect<double>("tension_mismatch", values)->torque_estimate(-80.0) == doctest::Approx(-84.0));
-}
-
 TEST_CASE("structural effects lend the declarations of the part, word for word") {
     for (const auto& field : Motor<double>::parameters())
         if (std::string(field.declaration.name) == "T_max")
@@ -637,10 +318,4 @@ TEST_CASE("an unknown effect is refused with the names it may have meant") {
     CHECK_THROWS_WITH_AS(make_effect<double>("sensor_ofset", value), doctest::Contains("sensor_offset"),
                          std::invalid_argument);
     CHECK(std::string(effect_type("coulomb").text.name) == "coulomb");
-}
-
-TEST_CASE("nearest names: edit distance, ties in given order, no more than asked") {
-    CHECK(nearest("gap", {"ratio", "gpa", "gap_", "cap"}, 2) == std::vector<std::string>{"gap_", "cap"});
-    CHECK(nearest("kitten", {"sitting", "kitchen"}, 5) == std::vector<std::string>{"kitchen", "sitting"});
-    CHECK(nearest("x", {}).empty());
 }

@@ -6,10 +6,17 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 import core_machines
 from clusters import Cluster
 from dualdrive import distributed
+
+# the same examples on any computer, however busy; `tests.adversary.fuzz` draws others
+settings.register_profile(
+    "any computer", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("any computer")
 
 
 @pytest.fixture(params=["auto", "cvode"])
@@ -31,5 +38,5 @@ def hasty(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> No
 
     More with one that is there: on a busy computer it answers late.
     """
-    monkeypatch.setattr(distributed, "CONNECT", 3.0 if "mortal" in request.fixturenames else 0.5)
+    monkeypatch.setattr(distributed, "CONNECT", 10.0 if "mortal" in request.fixturenames else 0.5)
     monkeypatch.setattr(distributed, "PATIENCE", 1.0)

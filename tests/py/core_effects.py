@@ -10,7 +10,13 @@ if TYPE_CHECKING:
     from core_random import RandomMachine
 
 Placed = tuple[str, dict[str, float]]
-MESH = ("transmission_error", "time_varying_mesh_stiffness", "hertzian_stiffness", "wear")
+MESH = (
+    "transmission_error",
+    "pitch_error",
+    "time_varying_mesh_stiffness",
+    "hertzian_stiffness",
+    "wear",
+)
 
 
 def placed(kind: str, m: RandomMachine, body: str, level: float, still: float) -> Placed | None:
@@ -50,6 +56,9 @@ def placed(kind: str, m: RandomMachine, body: str, level: float, still: float) -
             return _in_the_train(kind, m)
         case "encoder_eccentricity":
             return "table", {"amplitude": 1e-5, "phase": 1.0}
+        case "radial_shift" | "table_tilt":
+            meshes = [m.machine.kind(f"mesh_{n}") for n in range(1, m.drives + 1)]
+            return None if set(meshes) == {"rigid"} else usual(kind)
         case "quantisation":
             return "theta_m", {"step": 1e-6}
         case _:
@@ -71,6 +80,7 @@ def _at_a_mesh(kind: str, m: RandomMachine) -> Placed | None:
     gap = m.scale.mesh["gap"]
     numbers: dict[str, dict[str, float]] = {
         "transmission_error": {"amplitude": gap / 20, "teeth": 20.0, "phase": 1.0},
+        "pitch_error": {"amplitude": gap / 10, "order": 3.0, "phase": 1.0},
         "time_varying_mesh_stiffness": {"amplitude": 0.2, "teeth": 20.0},
         "hertzian_stiffness": {"growth": m.near(0.5), "overlap": m.near(gap)},
         "wear": {"depth": m.near(gap / 2), "centre": 0.0, "width": 0.05},

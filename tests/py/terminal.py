@@ -45,7 +45,7 @@ class Terminal:
                 return
             self.screen += data.decode(errors="replace")
 
-    def wait_for(self, words: str, seconds: float = 60.0) -> None:
+    def wait_for(self, words: str, seconds: float = 600.0) -> None:
         """Until the words stand on the screen."""
         end = time.monotonic() + seconds
         while words not in self.screen:
@@ -58,7 +58,7 @@ class Terminal:
         """Press it once."""
         self._process.send_signal(signal.SIGINT)
 
-    def end(self, seconds: float = 60.0) -> tuple[int, str]:
+    def end(self, seconds: float = 600.0) -> tuple[int, str]:
         """(exit status, standard output) once the command is through; it is killed if it is not."""
         try:
             out, _ = self._process.communicate(timeout=seconds)

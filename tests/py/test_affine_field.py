@@ -15,7 +15,9 @@ from core_machines import Array
 from core_random import RandomMachine
 from dualdrive import Machine, _core, default_motion, presets
 
-AFFINE = {kind.name for kind in _core.effect_types() if kind.affine} - {"sensor_delay"}
+#: those that may stand in any machine: tooth forces need flanks on every mesh of the ring
+AFFINE = {kind.name for kind in _core.effect_types() if kind.affine}
+AFFINE -= {"sensor_delay", "radial_shift", "table_tilt"}
 ROUNDING = 1e-11  # of the sum of what a law adds up; inputs may cancel each other in it
 FORMULAS = {  # of a body, affine between the switches of their signs; a in N m, c in N m s/rad
     "-a * sign(speed) - c * speed": "ac",

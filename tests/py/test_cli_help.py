@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from dualdrive import Machine, parse_motion, simulate
+from dualdrive.echo import once
 from dualdrive.traces.log import Issue
 from dualdrive_cli._traces import _once
 from dualdrive_cli.main import TASKS, Verbs, main
@@ -112,6 +113,27 @@ def test_a_sweep_says_what_does_not_change(tmp_path: Path, monkeypatch: pytest.M
     assert "peak_error" in steady
     assert "mrad" in steady
     assert "peak_error" not in rows
+
+
+def test_sentences_that_differ_in_numbers_alone_are_told_once() -> None:
+    """Ten lines said that the angles of a rig come late, two for each part of its log."""
+    names = [f"log[part={n}]" for n in range(1, 7)]
+    late = [
+        f"{name}: theta_c{k} lags theta_m by {30 + n}.{k} ms ({n} to 5e1 ms); --set time={n}ms"
+        for n, name in enumerate(names)
+        for k in (1, 2)
+    ]
+    others = ["a limit is off", "a limit is on", f"{names[1]}: it jitters"]
+    told = once([*late, *others], names)
+    assert len(told) == 2 + len(others)
+    assert told[0] == (
+        f"{late[0]}. The same, with numbers of their own, in {', '.join(names[1:4])}, ..."
+    )
+    assert "theta_c2" in told[1]
+    assert told[2:] == others
+    assert once([f"warning: {n}: 3 samples" for n in "ab"], "ab") == [
+        "warning: a: 3 samples. The same, with numbers of their own, in b"
+    ]
 
 
 def test_warnings_of_a_kind_are_one_line() -> None:

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 import dualdrive
 from commands import Leaf, leaves, required
-from dualdrive_cli._files import Reads, Writes, WritesInto
+from dualdrive_cli._files import Reads, WorksIn, Writes, WritesInto
 from dualdrive_cli._numbers import Real, Whole
 from dualdrive_cli.main import main
 
@@ -23,7 +23,7 @@ WORDS = {("machine new", "name"), ("fit", "scheduler"), ("sweep", "scheduler")}
 #: what a command wants that is no option of its own
 GRID = {"sweep": ("--delta", "0:1mrad:2")}
 
-FILES = (Reads, Writes, WritesInto)
+FILES = (Reads, Writes, WritesInto, WorksIn)
 
 
 def valued(leaf: Leaf) -> list[click.Option]:

@@ -84,7 +84,8 @@ def test_list_and_show(dualdrive: Callable[[str], Result]) -> None:
 def test_every_number_shown_has_a_unit_or_is_a_ratio(dualdrive: Callable[[str], Result]) -> None:
     content = json.loads(dualdrive("machine show --json -").stdout)
     bare = {path.rpartition(".")[2] for path, p in content["parameters"].items() if not p["unit"]}
-    assert bare == {"ratio", "K_d", "f_v", "g_E", "w", "asymmetry"}
+    damping = {"filter_pole_damping", "filter_zero_damping"}
+    assert bare == {"ratio", "K_d", "f_v", "g_E", "w", "asymmetry", *damping}
 
 
 def test_new_writes_a_machine_with_its_history(dualdrive: Callable[[str], Result]) -> None:

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from dualdrive import Machine
+from dualdrive import Machine, parse_motion, simulate
 from dualdrive.compare import Comparison, compare
 from dualdrive.replay import ReplayError
 from dualdrive.traces import Trace
@@ -105,6 +105,41 @@ def test_a_record_that_begins_braced_starts_from_a_settled_loop() -> None:
     assert found.error["headline"] < 0.01
     assert compare(sheet(torque=12000.0), late, start="rest").error["headline"] > 0.05
     assert compare(sheet(torque=12000.0), clean()).starts == {"clean": "rest"}
+
+
+def begun_at(machine: Machine, begin: float, rms: float, **initial: float) -> Trace:
+    """What the machine itself records from `begin` on, before which its command stood still."""
+    motion = parse_motion(f"move:0.02,v=0.02,a=0.012,j=0.05,start={begin + 1.5}")
+    run = simulate(machine, motion, end=begin + 7.0, initial=initial)
+    random = np.random.default_rng(0)
+    t = np.arange(begin, begin + 7.0, 5e-3)
+    names = ("theta_ref", "theta_m", "theta_1", "theta_2", "I_1", "I_2")
+    channels = {name: np.interp(t, run.t, run[name]) for name in names}
+    channels["theta_m"] += random.normal(0.0, rms, len(t))
+    return Trace(t - begin, channels, name="own")
+
+
+@pytest.mark.parametrize("K_v", [1.0, 4.8])
+def test_a_loop_gets_the_time_that_it_needs_to_settle(K_v: float) -> None:
+    """Twenty times the controller's own times are 2 s; position loop and equaliser want ten."""
+    machine = sheet()
+    machine.set("controller.K_v", K_v)
+    machine.core.set_controller("master_slave", equaliser="slave")
+    found = compare(machine, begun_at(machine, 40.0, 0.0), start="settled")
+    assert found.error["headline"] < 1e-5
+
+
+@pytest.mark.parametrize("tension", [0.0, 28.0])
+def test_the_angle_at_the_first_sample_is_an_unknown_with_its_noise(tension: float) -> None:
+    """A mean of five noisy samples taken for it stayed wrong to the end, where friction holds."""
+    machine, rms = sheet(torque=6000.0), 1.5e-7
+    machine.set("controller.T_ten", tension)
+    found = compare(machine, begun_at(machine, 0.0, rms, theta_m=2e-5), start="rest")
+    assert found.initial["own", "theta_m"] == pytest.approx(2e-5, abs=0.2 * rms)
+    left = found["e"].residual / rms
+    for part in np.array_split(left, 8):
+        assert np.sqrt(np.mean(part**2)) == pytest.approx(1.0, abs=0.15)
+    assert found.error["I_1"] < 1e-3
 
 
 def test_a_pause_makes_two_records() -> None:

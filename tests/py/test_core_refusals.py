@@ -166,3 +166,14 @@ def test_effects_without_a_torque_of_their_own_show_none() -> None:
     names = {name for name, _, _ in machine.core.signals()}
     assert "coulomb@table" in names
     assert not names & {"sensor_offset@theta_m", "mesh_damping@meshes"}
+
+
+def test_a_refused_formula_leaves_the_machine_as_it_was() -> None:
+    core = heavy()
+    before = [e["label"] for e in core.effects]
+    numbers = [("a", "N*m*s/rad", 1.0), ("c", "N*m", float("nan"))]
+    with pytest.raises(ValueError, match="parameter c is not finite"):
+        core.add_expression("table", "a*speed + c", numbers)
+    assert [e["label"] for e in core.effects] == before
+    core.validate()
+    assert run(core).status == "success"

@@ -5,6 +5,7 @@ On the demo's, whose answer is known: test_demo_story.py.
 
 from __future__ import annotations
 
+import time
 from importlib.resources import files
 from pathlib import Path
 
@@ -29,6 +30,35 @@ def test_a_short_budget_says_what_it_cut() -> None:
     cut = diagnose(machine, trace, budget=0.5, experiment=False, checks=False)
     assert cut.cut
     assert cut.verdict != "effect"
+
+
+def test_a_search_of_a_balance_that_was_cut_is_no_answer_either() -> None:
+    """It said "something is missing that no effect explains" before any of them was tried."""
+    machine = Machine.load(str(ROOT / "examples" / "emps.toml"))
+    cut = diagnose(machine, emps(), mode="balance", budget=0.01, experiment=False, checks=False)
+    assert (cut.verdict, cut.best, cut.command, cut.groups) == ("unfinished", None, "", [])
+    assert cut.cut
+    assert "no effect of the library" not in cut.paragraph
+    assert "stopped before every law had its turn" in cut.paragraph
+
+
+def test_no_search_reads_a_clock_unless_it_is_told_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A computer on which every look at the clock takes an hour finds the very same."""
+    machine, trace = clean_axis()
+    asked = {"mode": "balance", "experiment": False, "checks": False}
+    usual = diagnose(machine, trace, **asked)  # type: ignore[arg-type]
+    hours = iter(range(0, 10**9, 3600))
+    monkeypatch.setattr(time, "monotonic", lambda: float(next(hours)))
+    slow = diagnose(machine, trace, **asked)  # type: ignore[arg-type]
+    known, found = ({**d.figures(), "seconds": None} for d in (usual, slow))
+    assert found == known
+    assert usual.verdict != "unfinished"
+
+
+def clean_axis() -> tuple[Machine, Trace]:
+    """A stretch of the linear axis: the search has a law to find."""
+    machine = Machine.load(str(ROOT / "examples" / "emps.toml"))
+    return machine, emps().between(0.0, 6.0)
 
 
 # --- records that allow no answer ----------------------------------------------------------------
@@ -78,10 +108,29 @@ def test_options_are_refused_by_name() -> None:
 
 
 @pytest.fixture(scope="module")
-def ladder() -> Ladder:
-    """What comes of the axis of A. Janot et al. 2019, whose dry friction is left out."""
+def climbed() -> tuple[Ladder, list[str]]:
+    """What comes of the axis of A. Janot et al. 2019 without its dry friction; what was told."""
     machine = Machine.load(str(ROOT / "examples" / "emps.toml"))
-    return improve(machine, emps(), mode="balance", budget=600.0)
+    told: list[str] = []
+    return improve(machine, emps(), mode="balance", progress=told.append), told
+
+
+@pytest.fixture
+def ladder(climbed: tuple[Ladder, list[str]]) -> Ladder:
+    return climbed[0]
+
+
+def test_a_search_of_a_balance_tells_what_is_best_so_far(
+    climbed: tuple[Ladder, list[str]],
+) -> None:
+    """Before it ends: the law that is named in the end, and how little it leaves."""
+    found, told = climbed
+    first = told[: next(k for k, line in enumerate(told) if "held out" in line)]
+    leaders = [line.partition("; best so far ")[2] for line in first if "best so far" in line]
+    label, left = leaders[-1].split(", ")
+    assert label == found.steps[2].label.removeprefix("+ ")
+    fallen = found.steps[2].fitted / found.steps[1].fitted
+    assert float(left.split()[0]) == pytest.approx(100.0 * fallen, rel=0.3)
 
 
 def test_emps_is_named_without_being_told(ladder: Ladder) -> None:

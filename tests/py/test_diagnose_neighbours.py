@@ -84,7 +84,7 @@ def test_nothing_is_tried_beside_a_machine_that_lacks_nothing() -> None:
     told: list[str] = []
     base: Any = SimpleNamespace(hypothesis=Hypothesis())
     found: Any = SimpleNamespace(best=base, base=base)
-    assert with_neighbours(found, Work(Clock(math.inf), tell=told.append)) is found
+    assert with_neighbours(found, Work(Clock(math.inf), told=told.append)) is found
     assert not told
 
 

@@ -125,3 +125,14 @@ def test_which_clock_was_even_is_read_off_the_motion(even: bool) -> None:
     else:
         assert found is trace
         assert size == 0.0
+
+
+@pytest.mark.parametrize("rate", [500.0, 2048.0, 501.37])
+def test_a_rate_is_taken_as_set_unless_the_stamps_tell_it_apart(rate: float) -> None:
+    """To rounding where it is round hertz to four digits; as fitted where it is not."""
+    t = np.arange(4000) / rate
+    jittered = t + rng.normal(scale=1e-5, size=4000)
+    found, _ = evened(Trace(jittered, {"theta_ref": np.sin(3.0 * t)}))
+    off = abs(found.t[-1] - t[-1])
+    assert off < 1e-12 if rate != 501.37 else off < 2e-6
+    assert found.t[0] == 0.0

@@ -9,6 +9,8 @@ import pytest
 
 from dualdrive.compare.orders import Order
 from dualdrive.compare.time_skew import Skew
+from dualdrive.diagnose import sentences
+from dualdrive.diagnose.decision import MissingTorque
 from dualdrive.diagnose.free_torque import Course
 from dualdrive.diagnose.judge import Judgement
 from dualdrive.diagnose.result import Candidate, Interval, Shape, Verdict
@@ -122,6 +124,43 @@ def test_sentences_are_those_of_an_engineer() -> None:
     text = said("unknown", candidate("viscous@table", explained=0.0), why="gains")
     assert "No candidate helps. Check sign and scale of the torques." in text
     assert "cross-validated 2 %" in said("effect", best)
+
+
+def in_a_loop(verdict: Verdict, *candidates: Candidate, **more: Any) -> str:
+    told = {"shapes": (), "warnings": (), "groups": (), "command": "dualdrive add", **more}
+    missing = {"table": MissingTorque(3.0, 0.2)}
+    return sentences.paragraph(
+        verdict, candidates, told["groups"], ERROR, missing, told["shapes"], None,
+        told["warnings"], told["command"], (),
+    )  # fmt: skip
+
+
+def test_a_closed_loop_is_told_in_the_same_sentences() -> None:
+    best = candidate("coulomb@table", explained=0.9)
+    none = np.zeros(2)
+    direction = Shape("motor_1", "direction", "", "N*m", none, none, none, none, 0.47)
+    text = in_a_loop("unknown", best, shapes=[direction])
+    assert "Best candidate: coulomb@table; removes 90 % of the unexplained error; with it" in text
+    assert (
+        "47 % of the missing torque of the motor 1 depends only on the sign of the speed, as dry "
+        "friction does."
+    ) in text
+    assert "spline" not in text
+    assert "The refitted machine leaves 20 % of the drive torque unexplained at the table" in text
+    note = "needs fraction = 0.5, its upper limit: implausible"
+    text = in_a_loop("unknown", candidate("load_dependent_mesh_loss@table", note=note))
+    assert f"removes 95 % of the unexplained error; {note}." in text
+    text = in_a_loop("unknown", candidate("viscous@table", explained=0.0))
+    assert "No candidate helps. Check signs, scales and units of the channels." in text
+    text = in_a_loop("effect", best)
+    assert "It removes 90 % of the unexplained error." in text
+    assert "Without it, the refitted machine leaves 20 %" in text
+    assert "cross-validated 2 %" in text
+    assert text.endswith("To add it: dualdrive add")
+    cut = in_a_loop("unfinished", best)
+    assert "stopped before every law had its turn" in cut
+    assert "no effect of the library" not in cut
+    assert "To add it" not in cut
 
 
 def test_a_lag_is_told_with_its_command() -> None:

@@ -17,7 +17,8 @@ import pytest
 
 import core_machines
 from core_machines import Run, add_friction, core_inputs, core_machine, set_all
-from dualdrive import _core
+from dualdrive import Machine, _core
+from dualdrive.simulation import simulate
 from reference_model import heavy_table, move
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
@@ -312,3 +313,19 @@ def test_machines_that_would_not_settle(seed: int) -> None:
     """A tension's kink of a size no rule knew; a drive that leaves its limit with no rate."""
     case = AffineMachine(seed)
     assert campaign.run(case, engine="exact").status == "success"
+
+
+@pytest.mark.parametrize("J", [1e-9, 1e-12])
+def test_what_dies_away_in_picoseconds_is_left_to_bdf(J: float) -> None:
+    """No inertia on a bearing with friction: billions of exact steps, some thousand of BDF."""
+    machine = Machine.load("bench")
+    machine.set("table.J", J)
+    found = simulate(machine, end=1.0)
+    assert found.status == "success", found.message
+    assert found.statistics["method"] == "bdf"
+    assert found.statistics["steps"] < 20_000
+    machine.set("table.J", 1e-6)  # nothing hangs on it any more
+    usual = simulate(machine, end=1.0)
+    assert usual.statistics["method"] == "exact"
+    near = 1e-5 * float(np.ptp(usual["theta_m"]))
+    assert found["theta_m"][-1] == pytest.approx(usual["theta_m"][-1], abs=near)

@@ -304,6 +304,7 @@ def test_several_starts_keep_the_best() -> None:
         (["meshes.ratio"], {}, "counted or set"),
         (["table.J"], {"tolerance": {"table.b": 0.1}}, "not among the free"),
         (["table.J"], {"tolerance": 0.0}, "must be positive"),
+        (["table.J"], {"tolerance": 1e-308}, "must be positive, 1e-06 at least"),
         (["table.J"], {"mode": "open"}, "closed_loop"),
         (["table.J"], {"channels": ["omega_9"]}, "omega_9"),
         ([], {}, "nothing to fit"),

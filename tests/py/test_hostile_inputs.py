@@ -12,9 +12,11 @@ from click.testing import CliRunner, Result
 from dualdrive import Machine
 from dualdrive.files import FileError
 from dualdrive.machine_file.layers import MachineError
+from dualdrive.motion import MotionError
 from dualdrive.simulation import simulate
 from dualdrive.traces import TraceError, read
 from dualdrive.traces.mapping_file import mapping_from, read_mapping
+from dualdrive_cli._failures import end_with
 from dualdrive_cli.main import main
 
 
@@ -52,7 +54,7 @@ def test_names_that_no_file_can_have(tmp_path: Path) -> None:
         Machine.load(path)
     with pytest.raises(FileError, match="File name too long"):
         Machine.load("n" * 300 + ".toml")
-    with pytest.raises(TraceError, match=r"\. is a folder; name a file"):
+    with pytest.raises(TraceError, match=r"\.: a folder, no file"):
         read(".")
     with pytest.raises(FileError, match="longer than 100 MB"):
         Machine.load(Path("/dev/zero"))
@@ -155,6 +157,17 @@ def test_command_lines(arguments: Sequence[str], words: str) -> None:
     assert len(result.stderr.splitlines()[-1]) < 1100
 
 
+@pytest.mark.parametrize("verb", [["compare", "bench"], ["play"], ["map"], ["diagnose", "bench"]])
+@pytest.mark.parametrize("name", [".", "/", ".."])
+def test_a_folder_is_no_recording(verb: list[str], name: str) -> None:
+    """`.` ended in the words "PosixPath('.') has an empty name"."""
+    result = typed(*verb, name)
+    assert result.exit_code == 2
+    assert (
+        result.stderr.splitlines()[-1] == f"dualdrive: {name}: a folder, no file; name a recording"
+    )
+
+
 def test_a_name_of_any_bytes_is_told(tmp_path: Path) -> None:
     result = typed("simulate", "bench", "--end", "10ms", "-o", f"{tmp_path}/x\udcff.h5")
     assert result.exit_code == 0
@@ -166,3 +179,64 @@ def test_the_channel_list_of_a_mapping_is_read_like_a_machine(tmp_path: Path) ->
     path.write_text(f"a = {'[' * 5000}")
     with pytest.raises(TraceError, match=r"^x\.map\.toml: nested deeper than 20 levels"):
         read_mapping(path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "schema = 1\n[gearboxes]\nkind = '{}'\n",
+        "schema = 1\n[table]\nJ = '1 {}'\n",
+        "schema = 1\n{} = 3\n",
+        "schema = 1\n{} = [\n",
+    ],
+)
+@pytest.mark.parametrize("long", ["a" * 5000, "a b " * 3000])
+def test_the_library_echoes_no_kilobytes(text: str, long: str) -> None:
+    """The command line cut them; who used the library had them whole."""
+    with pytest.raises(ValueError, match="machine") as refusal:
+        Machine.from_toml(text.format(long))
+    assert len(str(refusal.value)) < 1200
+    assert "\n" not in str(refusal.value)
+
+
+def test_threads_that_can_not_be_started_are_told() -> None:
+    for error in (RuntimeError("can't start new thread"), BlockingIOError(11, "Resource")):
+        with pytest.raises(SystemExit) as end:
+            end_with(error)
+        assert end.value.code == 1
+
+
+@pytest.mark.parametrize("count", [-1, 101, 99_999_999, 4_000_000_000, 2**62])
+def test_encoder_samples_beyond_use_are_refused(count: int) -> None:
+    """Found by fuzzing: one ended in the binding's words, one in 20 GB of states."""
+    head = "schema = 1\nbase = 'bench'\n[controller]\nspeed_sample = '1ms'\n"
+    with pytest.raises(MachineError, match="speed_samples"):
+        Machine.from_toml(f"{head}speed_samples = {count}\n")
+
+
+@pytest.mark.parametrize(
+    ("path", "value"), [("motors.T_max", 1e-320), ("motors.omega_max", 1e-322)]
+)
+def test_a_machine_that_can_not_move_is_told(path: str, value: float) -> None:
+    """Found by fuzzing: it ended in the words of the core's own move."""
+    machine = Machine.load("bench")
+    machine.set(path, value)
+    with pytest.raises(MotionError, match="bench: no motion suits it"):
+        simulate(machine, end=0.01)
+
+
+def test_a_law_that_explodes_ends_and_says_so() -> None:
+    """exp(1000 t) ran until the step limit."""
+    machine = Machine.load("bench")
+    machine.add("expression@table", formula="c*exp(1000*t)", parameters={"c": 1.0})
+    found = simulate(machine, end=2.0)
+    assert not found.ok
+    assert found.status in ("not_finite", "step_too_small", "too_many_steps")
+    assert found.statistics["steps"] < 500_000
+
+
+def test_a_load_of_nothing_is_no_load_to_the_last_bit() -> None:
+    machine = Machine.load("bench")
+    bare, loaded = (simulate(machine, end=2.0, load=load) for load in (None, 0.0))
+    for name in ("theta_m", "I_1", "T_2"):
+        assert np.array_equal(bare[name], loaded[name])

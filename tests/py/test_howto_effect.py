@@ -55,11 +55,13 @@ def test_the_printed_effect_passes_every_effect_test(tmp_path: Path) -> None:
         text = apply(diff, text)
     registry.write_text(text)
 
-    tests = tmp_path / "test_effects.cpp"
-    tests.write_text((ROOT / "tests" / "cpp" / "test_effects.cpp").read_text() + case)
+    tests = ROOT / "tests" / "cpp"
+    beside = tmp_path / "test_effects_body.cpp"
+    beside.write_text((tests / "test_effects_body.cpp").read_text() + case)
     sources = [
-        tests,
-        ROOT / "tests" / "cpp" / "doctest_main.cpp",
+        beside,
+        tests / "test_effects.cpp",
+        tests / "doctest_main.cpp",
         ROOT / "cpp" / "src" / "effects.cpp",
         ROOT / "cpp" / "src" / "nearest.cpp",
     ]

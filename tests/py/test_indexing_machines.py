@@ -14,16 +14,14 @@ from click.testing import CliRunner, Result
 
 from dualdrive import Machine
 from dualdrive.indexing import (
-    FLOOR,
     LOADS,
     PRINTED,
     IndexingError,
     cycle_for,
     evaluate_trace,
+    loaded,
     measure,
-    table,
 )
-from dualdrive.indexing.tables import loaded
 from dualdrive.simulation import simulate
 from dualdrive.traces import Trace
 from dualdrive_cli.main import main
@@ -143,23 +141,6 @@ def test_every_command_works_on_every_drive_train(
     assert len(content["targets"]) == 3
 
 
-def test_the_tables_beside_the_printed_ones() -> None:
-    rows = table(loads=("empty", "550t"), floor=(), repeats=2, targets=NEAR)
-    keys = [(row.table, row.load, row.column, row.figure) for row in rows]
-    unloaded = [(1, "empty", c, f) for c in COLUMNS for f in "ARB"]
-    assert keys == [*unloaded, (2, "550t", "traditional", "A"), (2, "550t", "double motors", "A")]
-    assert [row.printed for row in rows] == [8, 5, 4, 4, 4, 3, 10, 4]
-    for row in rows:
-        assert row.alone is not None
-        assert row.printed is not None
-        assert 0 <= row.alone < 0.5 * row.printed, "a drive model alone lands well below"
-        assert row.with_floor is row.deviation is None
-    # 2 Δ_u / i_m of the presets: 2 · 0.435e-3 / 20 rad
-    assert "9.0 arcsec at the table" in rows[0].reason
-    with pytest.raises(IndexingError, match="load '7t': unknown"):
-        table(loads=("7t",))
-
-
 def test_the_printed_numbers_and_the_loads() -> None:
     """Tables 1 and 2 as printed, arc seconds; inertias as the presets were designed."""
     table_2 = {load: [PRINTED[load, c]["A"] for c in COLUMNS] for load in ("100t", "250t", "550t")}
@@ -170,19 +151,6 @@ def test_the_printed_numbers_and_the_loads() -> None:
     ]
     inertias = [loaded("heavy-table-double-pinion", load).get("table.J") for load in LOADS]
     assert inertias == pytest.approx([3.0e6, 4.95e6, 9.6e6, 16.8e6])
-
-
-def test_the_floor_is_named_and_bounded() -> None:
-    (floor,) = FLOOR
-    assert floor.effect == "quantisation@table"
-    assert floor.numbers == {"step": pytest.approx(3.6 * ARCSEC)}
-    (row,) = table(("heavy-table-dual-servo",), ("550t",), repeats=1, targets=NEAR)
-    assert row.alone is row.with_floor is None, "A needs a spread, and one approach gives none"
-    alone, floored = row.results
-    assert alone is not None
-    assert floored is not None
-    errors = [result.figures()["E"] or 0.0 for result in (alone, floored)]
-    assert errors[0] < 0.5 * ARCSEC < errors[1] <= 3.6 * ARCSEC * 1.1
 
 
 # --- the command ----------------------------------------------------------------------------------

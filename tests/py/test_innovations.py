@@ -175,7 +175,7 @@ def test_it_returns_from_a_wrong_start() -> None:
     inputs = {"theta_ref": REVERSALS}
     core = bench()
     seen = record(inputs, run(core, inputs, samples) + coloured(random, samples))
-    off = predicted(core, seen, TORQUE, initial={"theta_m": 1e-3}, learn_first=True)
+    off = predicted(core, seen, TORQUE, initial=[{"theta_m": 1e-3}], learn_first=True)
     assert np.mean(off["residuals"][500:] ** 2) == pytest.approx(1.0, abs=0.15)
 
 
@@ -184,7 +184,7 @@ def test_it_returns_from_a_wrong_start() -> None:
     [
         ({"sensors": SENSORS[:3]}, "3 noises for 5 channels"),
         ({"torque": {"flywheel": (1.0, 0.9)}}, "no body flywheel"),
-        ({"initial": {"theta_x": 1.0}}, "no state theta_x"),
+        ({"initial": [{"theta_x": 1.0}]}, "no state theta_x"),
         ({"offsets": [0.0]}, "one offset per channel"),
         ({"channel": "theta_9"}, "no signal theta_9"),
         ({"times": np.array([0.0, 1e-3, 1e-3])}, "time does not increase at sample 2"),

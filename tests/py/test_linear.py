@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from core_machines import core_machine
+from core_machines import core_machine, drive_train, set_all
 from dualdrive import Machine, linear
 from dualdrive.linear.small_signal import loops_of
 from reference_model import Machine as Reference
@@ -235,6 +235,41 @@ def test_poles_are_where_the_return_difference_vanishes() -> None:
     loop = linear.open_loop(machine, "position", [abs(edge) / 2 / np.pi], modes="(1, 1)")
     assert loop.response[0] == pytest.approx(-1, abs=0.01)
     assert len(linear.poles(table(delta_c=0.01))) == len(found) + 6
+
+
+def three_drives(g_E: float) -> Any:
+    """Three equal drives at one table, two slaves beside the first, loops sampled."""
+    core = drive_train(3)
+    core.set_controller(equaliser="slave", current="cascade")
+    set_all(core, "motors", {"J": 1e-4, "b": 1e-4, "K_d": 0.3})
+    set_all(core, "gearboxes", {"ratio": 10.0})
+    set_all(core, "pinions", {"J": 1e-3, "b": 1e-3})
+    set_all(core, "meshes", {"ratio": 5.0, "stiffness": 2000.0, "gap": 1e-3})
+    set_all(core, "table", {"J": 2.0, "b": 0.2})
+    own = {
+        "omega_ci": 1000.0,
+        "position_sample": 2e-3,
+        "tau_t": 0.05,
+        "K_v": 5.0,
+        "k_p": 0.5,
+        "T_N": 0.1,
+        "g_E": g_E,
+        "T_E": 0.2,
+        "T_ten": 0.1,
+    }
+    set_all(core, "controller", own)
+    return core
+
+
+def test_three_drives_have_their_poles() -> None:
+    """What drives apart against each other moves with the equaliser, and all of it dies away."""
+    softly, firmly = (linear.poles(three_drives(g)) for g in (0.5, 2.0))
+    assert len(softly) == len(firmly)
+    free = 1e-6 * np.abs(softly).max()
+    for found in (softly, firmly):
+        held = found[np.abs(found) > free]
+        assert np.all(held.real < 0.0)
+    assert np.min(np.abs(softly[:, None] - firmly[None, :]), axis=1).max() > 1e-3
 
 
 def test_a_vanishing_delay_moves_no_pole() -> None:

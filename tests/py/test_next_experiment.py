@@ -27,7 +27,7 @@ RMS = {"theta_m": 2e-6, "I_1": 0.5, "I_2": 0.5}
 NOISE = Noise(RMS, 4e-3)
 SECONDS = 4.0
 #: s for a search of seconds, so that a busy machine cuts nothing
-PLENTY = 600.0
+PLENTY = 1e6
 
 
 def table_with(*effects: tuple[str, dict[str, float]]) -> Machine:
@@ -62,12 +62,12 @@ def noisy(machine: Machine, motion: Motion, settings: dict[str, float], seed: in
 def test_what_there_was_no_time_for_is_said_and_the_search_ends() -> None:
     told: list[str] = []
     rivals = list(zip(("table", "motors"), friction(), strict=True))
-    given = {"noise": RMS, "channels": list(RMS), "budget": 1e-3, "cut": told.append}
-    begin = time.monotonic()
+    given = {"noise": RMS, "channels": list(RMS), "simulations": 0.0, "cut": told.append}
+    begin = time.process_time()
     assert next_experiment(rivals, **given) is None  # type: ignore[arg-type]
-    assert time.monotonic() - begin < 30.0
+    assert time.process_time() - begin < 30.0
     assert told
-    assert told[0].startswith("too slow to simulate in time: ")
+    assert told[0].startswith("next experiment: not tried: ")
     assert "ramps" in told[0]
 
 
@@ -83,7 +83,7 @@ def test_a_suggestion_is_words_settings_and_commands() -> None:
     best = next_experiment(
         [("coulomb@table", a), ("coulomb@motors", b)],
         noise=RMS, channels=list(RMS), seconds=SECONDS, spacing=NOISE.spacing,
-        budget=PLENTY, files=("m.toml", "old.csv", "new.csv"), progress=told.append,
+        simulations=PLENTY, files=("m.toml", "old.csv", "new.csv"), progress=told.append,
     )  # fmt: skip
     assert best is not None
     assert best.separates == ("coulomb@table", "coulomb@motors")
@@ -167,7 +167,7 @@ def test_a_law_that_holds_the_other_is_told_by_what_only_it_can_do() -> None:
     plain = table_with(("coulomb@table", {"torque": 1600.0}))
     best = next_experiment(
         [("coulomb@table", plain), ("stribeck@table", richer)],
-        noise=RMS, channels=list(RMS), seconds=3.0, spacing=NOISE.spacing, budget=PLENTY,
+        noise=RMS, channels=list(RMS), seconds=3.0, spacing=NOISE.spacing, simulations=PLENTY,
     )  # fmt: skip
     assert best is not None
     assert best.expected_distance > TELLS_APART
@@ -182,8 +182,8 @@ def test_twins_are_never_separated_and_the_next_pair_is_tried() -> None:
         "noise": RMS, "channels": list(RMS), "seconds": SECONDS, "spacing": NOISE.spacing,
     }  # fmt: skip
     twins = [("coulomb@motors", motors), ("coulomb@pinions", pinions)]
-    assert next_experiment(twins, budget=PLENTY, **asked) is None
-    best = next_experiment([*twins, ("coulomb@table", ring)], budget=PLENTY, **asked)
+    assert next_experiment(twins, simulations=PLENTY, **asked) is None
+    best = next_experiment([*twins, ("coulomb@table", ring)], simulations=PLENTY, **asked)
     assert best is not None
     assert best.separates == ("coulomb@motors", "coulomb@table")
 

@@ -15,7 +15,8 @@ DISSIPATIVE = ("viscous", "coulomb", "stribeck", "mesh_damping", "sensor_delay",
                "eccentricity", "angle_dependent_friction", "load_dependent_mesh_loss",
                "hydrostatic_drag", "transmission_error", "time_varying_mesh_stiffness", "wear",
                "hertzian_stiffness", "position_dependent_inertia", "dead_time", "quantisation",
-               "encoder_eccentricity", "tension_mismatch", "current_limit", "voltage_limit",
+               "encoder_eccentricity", "radial_shift", "table_tilt", "pitch_error",
+               "tension_mismatch", "current_limit", "voltage_limit",
                "transport_delay", "gearbox_backlash", "shaft_compliance")  # fmt: skip
 SUFFIX = {"table": "m"} | {f"pinion_{n}": f"c{n}" for n in "123"} | {f"motor_{n}": n for n in "123"}
 

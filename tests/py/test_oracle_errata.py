@@ -199,3 +199,16 @@ def test_the_discs_of_table_2_do_not_weigh_what_is_printed() -> None:
         max(weight / printed for weight, printed in zip(weights, (100, 250, 550), strict=True))
         < 0.02
     )
+
+
+def test_torques_keep_their_signs_while_the_table_turns_back() -> None:
+    """Section 2, reversal: what stays the same is the direction of M1's torque, not its "
+    "rotation."""
+    turns = [0.01, 0.0]
+    motion = _core.cycle_of_moves(turns, 0.01, 0.01, 0.05, 1.0, 2.0, 1)
+    held = run(core_machine(heavy_table()), {"theta_ref": motion}, 8.0,
+               signals=["omega_1", "T_1", "T_2"])  # fmt: skip
+    moves = held.t > 2.0
+    assert held["omega_1"][moves].max() > 10
+    assert held["omega_1"][moves].min() < -10
+    assert held["T_1"][moves].min() > 0 > held["T_2"][moves].max()

@@ -28,7 +28,7 @@ def test_the_preset_s_diagram() -> None:
     shown = diagram()
     assert corrected(shown) == {"speed sum 1", "speed sum 2"}
     assert shown["speed 1"].text.startswith("speed PI 1\nk_p 2e5\nT_N 100 ms")
-    assert shown["mesh 2"].text == "backlash\n± 1.1 mrad"
+    assert shown["mesh 2"].text == "backlash\n± 1.1 mrad\nK_t 2e7"
     assert "feed-forward" in shown
     assert "slave lag 2" not in shown
     signs = {a.source: a.sign for a in shown.arrows if a.target == "equaliser"}
@@ -50,6 +50,7 @@ def test_the_equaliser_acts_on_the_drives_it_is_set_to(choice: str, drives: set[
         ({"controller__current": "voltage"}, "current 1", "no current loop 1"),
         ({"meshes__kind": "compliant"}, "mesh 1", "compliant mesh"),
         ({"controller__speed_sample": 1e-3}, "speed 1", "every 1 ms"),
+        ({"motors__filter_pole": 90.0}, "filter 2", "set-point low-pass\n90 Hz"),
     ],
 )
 def test_a_change_of_the_model_changes_its_block(
@@ -61,7 +62,7 @@ def test_a_change_of_the_model_changes_its_block(
 
 def test_play_ahead_of_the_pinion_is_a_block_of_its_own() -> None:
     shown = structure(Machine.load("heavy-table-dual-servo"))
-    assert shown["gearbox 1"].text == "i 150\nbacklash\n± 0.435 mrad"
+    assert shown["gearbox 1"].text == "i 150\nbacklash\n± 0.435 mrad\nK_t 4e7"
     assert "gearbox 1" not in diagram()
 
 
@@ -98,3 +99,24 @@ def test_the_exhibit_says_what_each_change_does() -> None:
     rows = {str(what): str(change) for what, change in reproduce("fig3").tables[0].rows}
     assert rows["equaliser on the slave alone"] == "− equaliser → speed sum 1"
     assert all(text != "nothing" for text in rows.values())
+
+
+def test_what_acts_back_and_what_limits_is_drawn() -> None:
+    shown = diagram()
+    ways = {(a.source, a.target): a.text for a in shown.arrows}
+    assert ways["mesh 1", "pinion 1"] == "− T_c1"
+    assert ways["mesh 2", "table"] == "i_m 20, torque i_m T_c2"
+    assert ways["motor 1", "current 1"] == "EMF C_e ω_1"
+    assert "± U_max 400 V" in shown["current 1"].text
+    assert "K_t 2e7" in shown["mesh 1"].text
+
+
+@pytest.mark.parametrize(
+    ("sensor", "sources"),
+    [("table", {"table"}), ("motor", {"motor 1"}), ("both", {"table", "motor 1"})],
+)
+def test_the_position_loop_is_closed_where_the_machine_closes_it(
+    sensor: str, sources: set[str]
+) -> None:
+    shown = diagram(controller__position_sensor=sensor)
+    assert {a.source for a in shown.arrows if a.target == "e" and a.sign == "−"} == sources

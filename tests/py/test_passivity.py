@@ -13,7 +13,7 @@ from dualdrive import Machine
 from dualdrive.compare import check_records, compare
 from dualdrive.diagnose import diagnose
 from dualdrive.identify import fit, with_torques
-from dualdrive.identify.passivity import torque_doubts
+from dualdrive.identify.passivity import torque_doubts, whose_is_open
 from dualdrive.traces import Trace, read
 from dualdrive_cli.main import main
 from measured import EXAMPLES, emps, measured_file, rig
@@ -82,6 +82,39 @@ def test_exchanged_torques_are_told_though_their_sum_is_the_same() -> None:
     assert "exchange T_1 and T_2 in the mapping" in doubt.message
     notes = compare(machine, exchanged(trace), "balance").notes
     assert any("look exchanged" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("tension", "angles", "why"),
+    [
+        (0.0, True, "a record under more tension may tell"),
+        (28.0, False, "the drives' angles are not recorded"),
+    ],
+)
+def test_where_nothing_tells_whose_a_torque_is_that_is_said(
+    tension: float, angles: bool, why: str
+) -> None:
+    machine = nominal()
+    machine.set("controller.T_ten", tension)
+    trace = with_torques(machine.core, record(machine))
+    kept = {c: trace[c] for c in trace if c[0] != "I" and (angles or c == "theta_m" or c[0] == "T")}
+    plain = Trace(trace.t, kept, name="record")
+    for one in (plain, exchanged(plain)):
+        assert torque_doubts(machine.core, one) == []
+        assert why in whose_is_open(machine.core, one)
+        for lines in (
+            compare(machine, one, "balance").notes,
+            fit(machine, one, mode="balance").table().splitlines(),
+        ):
+            [told] = [line for line in lines if "is whose this record can't tell" in line]
+            assert "hangs on the mapping" in told
+
+
+def test_under_tension_the_record_tells_whose_each_torque_is() -> None:
+    machine, trace = twin()
+    assert whose_is_open(machine.core, trace) == whose_is_open(machine.core, exchanged(trace)) == ""
+    assert whose_is_open(machine.core, flipped(trace, "T_1")) == "", "it has a warning of its own"
+    assert whose_is_open(linear()[0].core, linear()[1]) == ""
 
 
 def test_a_column_with_a_sign_of_its_own_that_was_exchanged() -> None:

@@ -9,15 +9,10 @@ import pytest
 
 from dualdrive import Machine, Run, default_motion, parse_motion, simulate
 from dualdrive.machine import DEFAULT, presets
+from heavy_table import STUDY, heavy
 
 ARCSEC = math.pi / 648000
 HEAVY = ("empty", "100t", "250t", "550t")
-#: of the study that set the heavy table's numbers
-STUDY = "move:0.02,v=0.03,a=0.01,j=0.05,start=2,end=14"
-
-
-def heavy(load: str) -> Machine:
-    return Machine.load(f"heavy-table-{load}")
 
 
 def hunting(run: Run) -> float:

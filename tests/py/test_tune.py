@@ -27,25 +27,12 @@ from dualdrive.tune import (
 )
 from dualdrive.tune.assess import assess
 from dualdrive.tune.edge import pushed
+from heavy_table import STUDY, heavy, tuned
 
 ARCSEC = math.pi / 648000
-#: of the study that set the heavy table's numbers; hunting there without tension, arc seconds
-STUDY = "move:0.02,v=0.03,a=0.01,j=0.05,start=2,end=14"
+#: without tension in the study that set the heavy table's numbers, arc seconds
 HUNTING = {"empty": 0.0, "100t": 0.0, "250t": 35.0, "550t": 51.7}
 GAIN = "controller.K_v"
-
-
-def heavy(load: str = "550t", **changes: float) -> Machine:
-    machine = Machine.load(f"heavy-table-{load}")
-    for path, value in changes.items():
-        machine.set(path.replace("__", "."), value)
-    return machine
-
-
-@cache
-def tuned(load: str) -> Tuning:
-    """Without tension to begin with."""
-    return tune(heavy(load, controller__T_ten=0.0), parse_motion(STUDY))
 
 
 # --- smoothness -----------------------------------------------------------------------------------

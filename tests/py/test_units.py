@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dualdrive import units
 from dualdrive.units import Conversion, UnitError, conversion, human, is_unit, parse, parse_values
 
 ARCSEC = math.pi / 180 / 3600
@@ -123,6 +124,16 @@ def test_lists_and_single_values() -> None:
 def test_bad_ranges(text: str) -> None:
     with pytest.raises(UnitError, match=r"^machine\.x = "):
         parse_values(text, "rad", key="machine.x")
+
+
+@pytest.mark.parametrize(("given", "declared"), units._EVERYDAY)
+def test_what_is_met_every_day_is_what_the_library_of_all_units_has(
+    given: str, declared: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To the same bits, whichever way it came."""
+    quick = units.conversion.__wrapped__(given, declared)
+    monkeypatch.setattr(units, "_EVERYDAY", {})
+    assert units.conversion.__wrapped__(given, declared) == quick
 
 
 def test_conversion_of_temperatures_has_an_offset() -> None:

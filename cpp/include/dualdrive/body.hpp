@@ -5,7 +5,8 @@
 
 namespace dualdrive {
 
-// J ω̇ + b ω = Σ torques acting on the body     (Eq. 3, 5, 7 of the source paper)
+// J ω̇ + b ω = Σ torques acting on the body: the motor (Eq. 3), the driving gear (Eq. 5) and the table (Eq. 7), whose
+// torque is what all meshes give it (Eq. 8).
 template <class S>
 struct Body {
     S J, b;

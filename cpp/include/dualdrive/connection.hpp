@@ -4,7 +4,7 @@
 //   mesh     d = θ_driver − ratio · θ_driven            (Eq. 6 corrected: x_n = θ_cn − i_m θ_m)
 //   gearbox  d = θ_driver / ratio − θ_driven            (Eq. 4 is its rigid case)
 // and the torque of the connection, in the same frame, is K · dz(x; Δ) with x the deflection (twist plus what geometry
-// effects add) and dz the dead zone of half width Δ      (Eq. 15–17 corrected).
+// effects add) and dz the dead zone of half width Δ (Eq. 15; Eq. 16 with the twist of the mesh put in; both corrected).
 #pragma once
 
 #include "dualdrive/parameter.hpp"

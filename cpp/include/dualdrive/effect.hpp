@@ -8,6 +8,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -54,13 +55,20 @@ struct MotorPort {
     S resistance{}, back_emf{}, rated_torque{1.0};  // R, C_e, T_rated of its data sheet
 };
 
+// What the teeth of one mesh do to the wheel that a sensor sits at, in its frame: torque, and the size of that.
+template <class S>
+struct ToothLoad {
+    S torque, size;
+};
+
 // What an effect on a sensor sees: the sensor reads an angle, or the speed that goes with it, or something else.
 enum class Measures : std::uint8_t { other, angle, speed };
 template <class S>
 struct SensorPort {
     S t;
     Measures measures = Measures::other;
-    S angle{}, speed{};  // of the body that the sensor sits at, in the loop
+    S angle{}, speed{};                     // of the body that the sensor sits at, in the loop
+    std::span<const ToothLoad<S>> teeth{};  // in the loop, at the table: of mesh 1, 2, ... on the ring
 };
 
 // One attached effect behind a small virtual face, for one scalar.
@@ -105,9 +113,11 @@ struct EffectText {
     bool affine = false;        // affine in the state once its modes are frozen
     bool makes_play = false;    // of a mesh: a gap of zero opens
     bool by_load = false;       // reads BodyPort::mesh_torque
+    bool by_force = false;      // reads SensorPort::teeth, so sits in the loop, at the table
     bool of_angle = false;      // reads angles, and speeds made from them; no other recorded channel
     bool rounds = false;        // jumps with the signal: in the loop only where that is sampled
     bool of_rating = false;     // measured against the motor's T_rated
+    const char* brings = "";    // the effect that comes with it where it is put in: no joint gives without loss
 };
 
 // A part of the machine that an effect may be.

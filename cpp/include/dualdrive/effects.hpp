@@ -20,12 +20,15 @@
 #include "dualdrive/effects/load_dependent_mesh_loss.hpp"
 #include "dualdrive/effects/lugre.hpp"
 #include "dualdrive/effects/mesh_damping.hpp"
+#include "dualdrive/effects/pitch_error.hpp"
 #include "dualdrive/effects/position_dependent_inertia.hpp"
 #include "dualdrive/effects/quantisation.hpp"
+#include "dualdrive/effects/radial_shift.hpp"
 #include "dualdrive/effects/sensor_delay.hpp"
 #include "dualdrive/effects/sensor_offset.hpp"
 #include "dualdrive/effects/shaft_compliance.hpp"
 #include "dualdrive/effects/stribeck.hpp"
+#include "dualdrive/effects/table_tilt.hpp"
 #include "dualdrive/effects/tension_mismatch.hpp"
 #include "dualdrive/effects/thermal_drift.hpp"
 #include "dualdrive/effects/time_varying_mesh_stiffness.hpp"
@@ -54,6 +57,7 @@ using Registry = EffectList<
     MeshDamping,
     Eccentricity,
     TransmissionError,
+    PitchError,
     TimeVaryingMeshStiffness,
     HertzianStiffness,
     Wear,
@@ -67,6 +71,8 @@ using Registry = EffectList<
     SensorOffset,
     Quantisation,
     EncoderEccentricity,
+    RadialShift,
+    TableTilt,
     TorqueConstantSaturation,
     ThermalDrift,
     DeadTime,

@@ -68,7 +68,8 @@ class Ensemble {
     Ensemble(const Ensemble&) = delete;
     Ensemble& operator=(const Ensemble&) = delete;
 
-    // What can be handed over, once it is a batch, it is all that will come, or patience ends.
+    // What can be handed over, once it is a batch, it is all that will come, or patience ends. std::bad_alloc where there
+    // was no memory to keep a run.
     std::vector<EnsembleRun> take(std::chrono::milliseconds patience);
     // Whether everything that will ever come was taken.
     bool done();
@@ -106,6 +107,7 @@ class Ensemble {
     std::map<std::size_t, EnsembleRun> waiting_;  // finished, to be taken
     std::size_t next_ = 0, taken_ = 0;            // to begin; handed over so far
     bool stopped_ = false;
+    bool exhausted_ = false;  // a thread found no memory to hand its run over
     std::atomic<bool> abandoned_{false};
     std::vector<std::thread> threads_;
 };

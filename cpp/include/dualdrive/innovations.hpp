@@ -26,22 +26,27 @@ namespace exact {
 class Generator;
 }
 
-// n_{k+1} = memory · n_k + drive · white noise; the reading besides has white noise `white`, of its rounding say.
-struct SensorNoise {
-    double drive, memory, white;
-};
-
-// A torque of unknown course, constant over a sample, N·m in its body's own frame: d_{k+1} = memory · d_k + drive · w.
-struct TorqueNoise {
+// An autoregression of order one: n_{k+1} = memory · n_k + drive · white noise.
+struct Autoregression {
     double drive, memory;
 };
+
+// A sensor's noise: an autoregression, white noise `white` on top, of its rounding say, and a zero that drifts.
+struct SensorNoise {
+    double drive, memory, white;
+    Autoregression drift = {0.0, 0.0};
+};
+
+// A torque of unknown course, constant over a sample, N·m in its body's own frame.
+using TorqueNoise = Autoregression;
 
 struct NoiseModel {
     std::vector<SensorNoise> sensors;           // per channel
     std::map<std::string, TorqueNoise> torque;  // by body
+    bool drifts() const;                        // whether any sensor's zero does
 };
 
-// A stretch of a record: times about evenly spaced, what was commanded, and what the sensors said.
+// A record, or stretches of one end to end: times about evenly spaced, what was commanded, and what the sensors said.
 class SampledRecord {
   public:
     struct Channel {
@@ -57,44 +62,65 @@ class SampledRecord {
     const Inputs& inputs() const { return inputs_; }
     const exact::Generator& generator() const { return *generator_; }
     const std::vector<double>& times() const { return times_; }
-    double step() const { return step_; }  // median distance of the times
+    double step() const { return step_; }    // median distance of the times
+    double begin() const { return begin_; }  // of the whole record: from there on sampled loops tick
     const std::vector<Channel>& channels() const { return channels_; }
     const double* measured(std::size_t sample) const { return measured_.data() + sample * channels_.size(); }
     // States of the inputs' generator from a sample on.
     const double* generator_states(std::size_t sample) const;
+    // Samples at which a stretch begins, the first one among them.
+    const std::vector<std::size_t>& starts() const { return starts_; }
+    // Stretches of it, (first sample, how many), end to end. Throws std::invalid_argument for none, for fewer than two
+    // samples in one, or beyond the end.
+    SampledRecord stretches(const std::vector<std::pair<std::size_t, std::size_t>>& which) const;
 
   private:
+    SampledRecord() = default;
     Inputs inputs_;
     std::shared_ptr<const exact::Generator> generator_;
     std::vector<double> times_, measured_, generator_states_;
     std::vector<Channel> channels_;
-    double step_;
+    std::vector<std::size_t> starts_ = {0};
+    double step_ = 0.0, begin_ = 0.0;
 };
 
 // Steady-state Kalman gains of a machine, one set per contact pattern (bit c: connection c carries), and those of the first
-// samples of a record, while the filter still learns where the state is.
+// samples of a stretch, while the filter still learns where the state is, by the pattern that it begins in. Patterns that are
+// not there yet are worked out when a record meets them: of many drives most never occur.
 struct KalmanGains {
     struct Set {
-        Eigen::MatrixXd K;          // (states + torques + channels) × channels
+        Eigen::MatrixXd K;          // (states + torques + channels, twice where zeros drift) × channels
         Eigen::MatrixXd whitening;  // S^(−1/2), lower triangular
         double log_det = 0.0;       // log det S
     };
     NoiseModel noise;
-    Eigen::VectorXd scale;  // typical size of each state within a short while
+    Eigen::VectorXd at_first;  // standard deviation of what is not known of each state at the first sample
+    double speed = 0.0;        // table speed about which laws that are not affine are linearised, rad/s
     std::map<unsigned, Set> steady;
-    std::vector<Set> first;
+    std::map<unsigned, std::vector<Set>> first;
+};
+
+// What is not known of the state at the first sample: where torques of unknown course of this size would take it, and, by
+// state, a standard deviation besides.
+struct FirstState {
+    std::map<std::string, TorqueNoise> torque;  // by body; empty: those of the noise model
+    std::map<std::string, double> deviation;
 };
 
 // The gains of the machine's tangents about motion at table speed `speed`, rad/s. Throws std::domain_error where a Riccati
 // equation has no solution: a state that grows and that no sensor sees.
-KalmanGains kalman_gains(const Machine& machine, const SampledRecord& record, const NoiseModel& noise, double speed);
+// every: of all patterns, else of the one in which all contacts carry alone.
+KalmanGains kalman_gains(const Machine& machine, const SampledRecord& record, const NoiseModel& noise, double speed,
+                         const FirstState& first = {}, bool every = true);
 
 struct PredictionOptions {
-    std::map<std::string, double> initial;  // state name -> value at the first sample; all others 0
-    std::vector<double> offsets;            // per channel: what the sensor adds; empty: nothing
-    int substeps = 1;                       // per sample, where a law is not affine
-    bool states = false;                    // keep states and contact patterns
-    bool learn_first = false;               // compute gains.first along this record instead of using them
+    // per stretch: state name -> value at its first sample; all others 0, and those of stretches without an entry
+    std::vector<std::map<std::string, double>> initial;
+    std::vector<double> offsets;  // per channel: what the sensor adds; empty: nothing
+    int substeps = 1;             // per sample, where a law is not affine
+    int given = 0;                // first samples of a stretch that the likelihood is conditioned on: they do not count
+    bool states = false;          // keep states and contact patterns
+    bool learn_first = false;     // what gains.first and gains.steady lack along this record is kept there
 };
 
 struct Prediction {

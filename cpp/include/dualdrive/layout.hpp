@@ -64,8 +64,9 @@ struct Layout {
     std::vector<BlockPlace> blocks;
     int position_block = -1;
     std::vector<int> tension_block, speed_block, current_block;  // per slave; per motor; per motor (-1: none)
-    int derivative_filter = -1, tension_filter = -1;
-    std::vector<int> encoder_history;  // per motor: first of speed_samples states
+    int derivative_filter = -1, sensor_filter = -1, tension_filter = -1;
+    std::vector<int> set_point_filter;  // per motor: first of its filter's two states (-1: no filter)
+    std::vector<int> encoder_history;   // per motor: first of speed_samples states
     std::vector<Clock> clocks;
 
     std::vector<Switch> switches;
@@ -74,6 +75,8 @@ struct Layout {
     std::vector<std::vector<int>>
         branch_of;  // per effect and body: first branch element of its formula there (-1: none)
     std::vector<std::vector<int>> effects_on_body, friction_on_body, effects_in_motor, sensor_effects;
+    std::vector<std::vector<int>> encoder_effects;   // per motor: those of sensor_effects that change an angle
+    std::vector<int> ring_meshes;                    // connections whose teeth push the table, where a sensor feels it
     std::vector<std::vector<int>> torque_estimates;  // per motor: effects on what its drive takes for the torque
     struct MeshEffect {
         int effect;
@@ -105,6 +108,7 @@ struct Layout {
         std::vector<int> angle, speed, acceleration;        // per body
         std::vector<int> twist, deflection, torque, flank;  // per connection
         std::vector<int> I, U, T, Omega, T_ref;             // per motor
+        std::vector<int> filtered;                          // per motor: set-point behind its filter (-1: no filter)
         std::vector<int> sensor;                            // readings in the loop: motors' speeds, table angle
         std::vector<int> effect;                            // per effect (-1: no torque of its own)
         std::vector<int> input;                             // per input, in map order

@@ -1,6 +1,6 @@
 // A machine as an assembly: bodies, connections, motors, a controller and effects, with every number in one flat
-// parameter vector. Eq. 22/23 of the source paper is one instance of it: motor and pinion joined rigidly by the
-// reducer, two meshes with play, one table.
+// parameter vector. The source paper's model is one instance of it: motor and pinion joined rigidly by the reducer, two
+// meshes, one table; Eq. 14 without play, Eq. 17 with it, Eq. 22 with selectors in place of the dead zone.
 #pragma once
 
 #include <string>
@@ -138,6 +138,7 @@ class Machine {
                          const std::vector<Column>& columns) const;
     std::string unread(std::size_t slot) const;
     bool shapes_a_mesh(const std::string& place, bool with_play = false) const;
+    void check_place(const EffectType& type, const std::string& member) const;
 
     // Effects that are parts of the machine (structural.hpp).
     void check_part(const EffectType& type, const std::string& member) const;

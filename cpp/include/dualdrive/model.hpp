@@ -81,8 +81,9 @@ class Model {
     void guards(S* out, const S* block_rate) const;
     S guard(int element, int which, const S* block_rate) const;
 
-    // What the clock's blocks put into the state at a tick (`next` starts as a copy of z); and the later output.
-    void tick(const Clock& clock, S* next) const;
+    // What the clock's blocks put into the state at a tick (`next` starts as a copy of z); and the later output. Without
+    // limits a tick is affine in z.
+    void tick(const Clock& clock, S* next, bool limited = true) const;
     void put_out(const Clock& clock, const S* z, S* next) const;
     // A riding limiter's integrator follows from its output: write it into the state.
     void slave_integrators(S* z) const;
@@ -100,6 +101,9 @@ class Model {
     void limit(std::size_t b, const S* z);
     S torque_estimate(std::size_t k) const;
     S encoder_angle(std::size_t k) const;
+    void loads_of_teeth();
+    S position_reading(const S& t);
+    S filtered(std::size_t k, const S& set_point) const;
     S delayed(int line, const S& t) const;
     S tension_set_point() const;
     S measured_speed(std::size_t k, const S* z) const;
@@ -139,7 +143,8 @@ class Model {
     std::vector<S> sensed_, motor_torque_, voltage_, added_voltage_, torque_ref_, correction_;
     std::vector<S> delay_;  // per delay line
     std::vector<Block<S>> block_;
-    S derivative_rate_{}, tension_rate_{}, tension_sum_{}, tension_left_{};
+    std::vector<ToothLoad<S>> tooth_load_;  // of the ring's meshes, where a sensor feels them
+    S derivative_rate_{}, sensor_rate_{}, tension_rate_{}, tension_sum_{}, tension_left_{};
     std::vector<S> branch_argument_;
     std::array<S, powers> power_{};
     S stored_{};

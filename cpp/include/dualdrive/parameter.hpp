@@ -54,6 +54,16 @@ constexpr std::array<Field<Component, S>, N> fields(const Field<Component, S> (&
     return r;
 }
 
+// The same for a component that extends another: its own numbers first, then the base's.
+template <class Component, class S, std::size_t N, class Base, std::size_t M>
+constexpr std::array<Field<Component, S>, N + M> fields(const Field<Component, S> (&own)[N],
+                                                        const std::array<Field<Base, S>, M>& inherited) {
+    Field<Component, S> list[N + M]{};
+    for (std::size_t k = 0; k < N; ++k) list[k] = own[k];
+    for (std::size_t k = 0; k < M; ++k) list[N + k] = {inherited[k].member, inherited[k].declaration};
+    return fields<Component, S>(list);
+}
+
 // How many parameters a component declares.
 template <class Component>
 inline constexpr std::size_t parameter_count = Component::parameters().size();

@@ -3,12 +3,12 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <deque>
 #include <map>
 #include <memory>
 #include <vector>
 
 #include "../solvers/exact/laws.hpp"
+#include "delay_memory.hpp"
 #include "dualdrive/innovations.hpp"
 #include "dualdrive/layout.hpp"
 #include "dualdrive/model.hpp"
@@ -18,8 +18,8 @@ namespace dualdrive::innovations {
 // One set of modes, prepared. y = (states, generator of the inputs, 1, torques of unknown course).
 struct Frozen {
     Eigen::MatrixXd A, outputs, guards;
-    Eigen::MatrixXd phi1, phi2;      // of a substep, for what is not affine
     std::vector<double> packed;      // A, column-major, padded rows
+    std::vector<double> phi1, phi2;  // of a substep, packed like A, for what is not affine
     double bound = 0.0;              // on its spectral radius, 1/s
     std::vector<double> step;        // [e^{A h}; C e^{A h}; G e^{A h}] of a substep, column-major, padded rows
     int rows = 0;                    // of `step`
@@ -48,7 +48,8 @@ class Flow final {
     std::size_t guard_count() const { return layout_.switches.size() * guards_per_switch; }
     long switches() const { return switches_; }
 
-    void start(const std::map<std::string, double>& initial);
+    // At the first sample of a stretch.
+    void start(std::size_t sample, const std::map<std::string, double>& initial);
     // From sample k to the next one; false where numbers are lost.
     bool flow(std::size_t sample);
     // The state moved by K e at a sample, what rests excepted: friction holds it. Modes that no longer hold there are found anew. `steady`: K is that of the
@@ -57,11 +58,12 @@ class Flow final {
     // The tangent for gains: given contacts carry, bodies slide at table speed `speed`, limiters are linear.
     Frozen tangent(unsigned pattern, double speed);
     unsigned patterns() const { return 1u << contacts_.size(); }
+    // e^{A h} over a sample, the ticks of sampled loops in it.
+    Eigen::MatrixXd over_a_sample(const Frozen& frozen);
     // The signal of a channel as it is, before its recorder.
     double signal(std::size_t channel) const;
 
   private:
-    class Memory;  // of delayed signals
     Frozen prepare(const exact::Laws<double>& laws, const Modes& modes) const;
     Frozen& frozen();
     void evaluate(double t, const double* z);
@@ -69,9 +71,12 @@ class Flow final {
     bool advance(double t, double length);
     std::size_t resting(int element) const;  // the speed that a friction holds
     bool through_switches(double t, double length);
-    void propagate(const double* from, const double* n0, const double* slope, double length, double* to);
+    void expand(const double* y, const double* n0, const double* slope, double length);
+    void at(double fraction, double* y) const;
     bool all_guards(double t, const double* y, double* g);
     void switch_element(double t, int element, int which);
+    void wind_clocks(double t);
+    std::vector<Eigen::MatrixXd> jumps();
     void tick(double t);
     double next_tick(double t) const;
     void settle(std::size_t sample);
@@ -87,16 +92,17 @@ class Flow final {
     const bool affine_;
     const std::vector<int> bodies_;
     const int n_;  // of y
-    int outputs_, substeps_;
+    int outputs_, substeps_, order_ = 0;
     double h_;                            // substep
     std::vector<int> contacts_, sticks_;  // elements: flanks; bodies with dry friction
     Modes modes_;
     std::map<Modes, std::unique_ptr<Frozen>> known_;
     Frozen* now_ = nullptr;
-    std::vector<double> y_, out_, scratch_, trial_, n0_, n1_, slope_, g0_, g1_;
+    std::vector<double> y_, out_, terms_, trial_, n0_, n1_, slope_, g0_, g1_;
     Cell cell_;
     std::vector<long> ticks_, put_out_;
-    std::unique_ptr<Memory> memory_;
+    std::vector<Eigen::MatrixXd> jumps_;  // of every clock, its waiting outputs and its tick; empty until asked for
+    std::unique_ptr<DelayMemory> memory_;
     long switches_ = 0;
     bool at_end_ = false;  // out_ holds outputs and guards of the present state: the last sample took one whole step
 };

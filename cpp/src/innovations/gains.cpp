@@ -1,12 +1,17 @@
 #include "gains.hpp"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
 #include "riccati.hpp"
 
 namespace dualdrive {
+
+bool NoiseModel::drifts() const {
+    return std::any_of(sensors.begin(), sensors.end(), [](const SensorNoise& s) { return s.drift.drive > 0.0; });
+}
 
 namespace innovations {
 
@@ -16,6 +21,7 @@ using Eigen::VectorXd;
 namespace {
 
 constexpr int short_while = 100;      // samples within which a state's typical size is reached
+constexpr double forgotten = 100.0;   // s: see steady()
 constexpr double unknown = 100.0;     // of that size: what is not known of the first state
 constexpr double white_floor = 1e-3;  // of a sensor's drive: no reading is exact, and R has an inverse
 
@@ -24,23 +30,32 @@ constexpr double white_floor = 1e-3;  // of a sensor's drive: no reading is exac
 StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel& noise, unsigned pattern, double speed)
     : StateSpace(flow.tangent(pattern, speed), flow, record, noise) {}
 
-StateSpace::StateSpace(const Frozen& frozen, const Flow& flow, const SampledRecord& record, const NoiseModel& noise)
+StateSpace::StateSpace(const Frozen& frozen, Flow& flow, const SampledRecord& record, const NoiseModel& noise)
     : states_(flow.states()) {
     const auto states = static_cast<Eigen::Index>(flow.states()), torques = Eigen::Index{flow.torque_count()},
                n = states + torques, m = static_cast<Eigen::Index>(record.channels().size());
-    const Exponentials e = exponentials(frozen.A, record.step());
-    F = MatrixXd::Zero(n + m, n + m);
-    F.topLeftCorner(states, states) = e.flow.topLeftCorner(states, states);
-    F.block(0, states, states, torques) = e.flow.block(0, flow.first_torque(), states, torques);
-    Q = MatrixXd::Zero(n + m, n + m);
-    C = MatrixXd::Zero(m, n + m);
+    const bool drifts = noise.drifts();
+    const Eigen::Index size = n + (drifts ? 2 : 1) * m;
+    const MatrixXd flowed = flow.over_a_sample(frozen);
+    sensors_ = n;
+    step_ = record.step();
+    F = MatrixXd::Zero(size, size);
+    F.topLeftCorner(states, states) = flowed.topLeftCorner(states, states);
+    F.block(0, states, states, torques) = flowed.block(0, flow.first_torque(), states, torques);
+    Q = MatrixXd::Zero(size, size);
+    C = MatrixXd::Zero(m, size);
     C.leftCols(states) = frozen.outputs.leftCols(states);
-    C.rightCols(m) = MatrixXd::Identity(m, m);
+    C.middleCols(n, m) = MatrixXd::Identity(m, m);
+    if (drifts) C.rightCols(m) = MatrixXd::Identity(m, m);
     R = MatrixXd::Zero(m, m);
     for (Eigen::Index j = 0; j < m; ++j) {
         const SensorNoise& s = noise.sensors[static_cast<std::size_t>(j)];
         F(n + j, n + j) = s.memory;
         Q(n + j, n + j) = s.drive * s.drive;
+        if (drifts) {
+            F(n + m + j, n + m + j) = s.drift.memory;
+            Q(n + m + j, n + m + j) = s.drift.drive * s.drift.drive;
+        }
         R(j, j) = s.white * s.white + white_floor * white_floor * s.drive * s.drive;
     }
     Eigen::Index b = states;
@@ -76,10 +91,10 @@ KalmanGains::Set StateSpace::steady(const VectorXd& reached) const {
     const auto scaled = [&](const MatrixXd& M) -> MatrixXd {
         return s.cwiseInverse().asDiagonal() * M * s.asDiagonal();
     };
-    if (reached.head(F.rows() - C.rows())
-            .isZero(0)) {  // a simulation: nothing but the sensors' own noise is to be learned
+    if (F.rows() == sensors_ + C.rows() && reached.head(sensors_).isZero(0)) {
+        // a simulation: nothing but the sensors' own noise is to be learned
         MatrixXd P = MatrixXd::Zero(F.rows(), F.rows());
-        for (Eigen::Index j = F.rows() - C.rows(), k = 0; j < F.rows(); ++j, ++k) {
+        for (Eigen::Index j = sensors_, k = 0; j < F.rows(); ++j, ++k) {
             const double f = F(j, j), q = Q(j, j), r = R(k, k), b = r * (1.0 - f * f) - q;
             P(j, j) = 0.5 * (-b + std::sqrt(b * b + 4.0 * q * r));
         }
@@ -88,16 +103,21 @@ KalmanGains::Set StateSpace::steady(const VectorXd& reached) const {
     const VectorXd outputs = (C * s.asDiagonal()).rowwise().norm().cwiseMax(R.diagonal().cwiseSqrt());
     const MatrixXd own = outputs.cwiseInverse().asDiagonal();
     const MatrixXd inverse = s.cwiseInverse().asDiagonal();
-    const Steady found = steady_covariance(scaled(F), inverse * Q * inverse, own * C * s.asDiagonal(), own * R * own);
+    const auto covariance = [&](double kept) {
+        return steady_covariance(kept * scaled(F), inverse * Q * inverse, own * C * s.asDiagonal(), own * R * own);
+    };
+    // what nothing shows and nothing feels may walk away, as the difference of two slaves' equalisers does that both act on
+    // the master: forgotten over minutes it stays finite, and no gain feels it
+    Steady found = covariance(1.0);
+    if (!found.converged) found = covariance(std::exp(-step_ / forgotten));
     if (!found.converged) throw std::domain_error("kalman_gains: no steady gain; a state grows that no sensor sees");
     return gain(s.asDiagonal() * found.P * s.asDiagonal());
 }
 
-MatrixXd StateSpace::start(const VectorXd& s) const {
-    const auto m = C.rows(), n = F.rows() - m;
+MatrixXd StateSpace::start(const VectorXd& deviation) const {
     MatrixXd P = MatrixXd::Zero(F.rows(), F.rows());
-    for (Eigen::Index k = 0; k < states_; ++k) P(k, k) = std::pow(unknown * s(k), 2);
-    for (Eigen::Index k = states_; k < n + m; ++k) P(k, k) = Q(k, k) / std::max(1e-9, 1.0 - F(k, k) * F(k, k));
+    for (Eigen::Index k = 0; k < states_; ++k) P(k, k) = std::pow(deviation(k), 2);
+    for (Eigen::Index k = states_; k < F.rows(); ++k) P(k, k) = Q(k, k) / std::max(1e-9, 1.0 - F(k, k) * F(k, k));
     return P;
 }
 
@@ -107,9 +127,16 @@ MatrixXd StateSpace::next(const MatrixXd& P, const KalmanGains::Set& set) const 
     return 0.5 * (next + next.transpose());
 }
 
+KalmanGains::Set steady_gain(Flow& flow, const SampledRecord& record, const NoiseModel& noise, unsigned pattern,
+                             double speed) {
+    const StateSpace space(flow, record, noise, pattern, speed);
+    return space.steady(space.scale());
+}
+
 }  // namespace innovations
 
-KalmanGains kalman_gains(const Machine& machine, const SampledRecord& record, const NoiseModel& noise, double speed) {
+KalmanGains kalman_gains(const Machine& machine, const SampledRecord& record, const NoiseModel& noise, double speed,
+                         const FirstState& first, bool every) {
     if (noise.sensors.size() != record.channels().size())
         throw std::invalid_argument("kalman_gains: " + std::to_string(noise.sensors.size()) + " noises for " +
                                     std::to_string(record.channels().size()) + " channels");
@@ -118,12 +145,17 @@ KalmanGains kalman_gains(const Machine& machine, const SampledRecord& record, co
     innovations::Flow flow(machine, record, 1, bodies);
     KalmanGains gains;
     gains.noise = noise;
-    for (unsigned pattern = 0; pattern < flow.patterns(); ++pattern) {
-        const innovations::StateSpace space(flow, record, noise, pattern, speed);
-        const Eigen::VectorXd scale = space.scale();
-        if (pattern == flow.patterns() - 1) gains.scale = scale;
-        gains.steady[pattern] = space.steady(scale);
-    }
+    gains.speed = speed;
+    const unsigned all = flow.patterns() - 1;
+    for (unsigned pattern = every ? 0 : all; pattern <= all; ++pattern)
+        gains.steady[pattern] = innovations::steady_gain(flow, record, noise, pattern, speed);
+    NoiseModel wide = noise;
+    for (const auto& [body, torque] : first.torque)
+        if (wide.torque.contains(body)) wide.torque[body] = torque;
+    gains.at_first = innovations::unknown * innovations::StateSpace(flow, record, wide, all, speed).scale();
+    for (const auto& [name, deviation] : first.deviation)
+        if (const int k = flow.layout().state(name); k >= 0)
+            gains.at_first(k) = std::hypot(gains.at_first(k), deviation);
     return gains;
 }
 

@@ -60,8 +60,10 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
     const auto samples = record.times().size();
     if (!options.offsets.empty() && options.offsets.size() != static_cast<std::size_t>(m))
         throw std::invalid_argument("predict: one offset per channel");
+    const bool drifts = gains.noise.drifts();
+    const Eigen::Index size = n + (drifts ? 2 : 1) * m;
     for (const auto& [pattern, set] : gains.steady)
-        if (set.K.rows() != n + m) throw std::invalid_argument("predict: gains of a machine with other states");
+        if (set.K.rows() != size) throw std::invalid_argument("predict: gains of a machine with other states");
 
     Prediction out;
     out.states = flow.layout().state_names;
@@ -82,16 +84,41 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
     }
     const Vector offsets = options.offsets.empty() ? Vector::Zero(m) : Vector(Map(options.offsets.data(), m));
 
-    flow.start(options.initial);
-    Vector noise = Vector::Zero(m), e(m), r(m), output(m), correction(n + m);
+    if (options.initial.size() > record.starts().size())
+        throw std::invalid_argument("predict: more initial states than stretches");
+    const std::map<std::string, double> at_zero;
+    Vector noise = Vector::Zero(m), drift = Vector::Zero(m), e(m), r(m), output(m), correction(size);
     Eigen::MatrixXd P;
     std::map<const innovations::Frozen*, std::unique_ptr<innovations::StateSpace>> spaces;
-    bool learning = options.learn_first;
-    if (learning) {
-        gains.first.clear();
-        P = innovations::StateSpace(flow.now(), flow, record, gains.noise).start(gains.scale);
-    }
+    std::unique_ptr<innovations::Flow> tangents;  // apart from the flow, whose state it would disturb
+    std::map<unsigned, KalmanGains::Set> met;
+    const auto steady = [&](unsigned pattern) -> const KalmanGains::Set& {
+        const auto known = gains.steady.find(pattern);
+        if (known != gains.steady.end()) return known->second;
+        auto& more = options.learn_first ? gains.steady : met;
+        if (const auto found = more.find(pattern); found != more.end()) return found->second;
+        if (!tangents) tangents = std::make_unique<innovations::Flow>(machine, record, options.substeps, bodies);
+        auto own = innovations::steady_gain(*tangents, record, gains.noise, pattern, gains.speed);
+        return more.emplace(pattern, std::move(own)).first->second;
+    };
+    bool learning = false;
+    std::vector<KalmanGains::Set>* first = nullptr;
+    std::size_t stretch = 0, begin = 0, end = 0;
     for (std::size_t k = 0; k < samples; ++k) {
+        if (k == end) {
+            begin = k;
+            flow.start(k, stretch < options.initial.size() ? options.initial[stretch] : at_zero);
+            noise.setZero();
+            drift.setZero();
+            end = ++stretch < record.starts().size() ? record.starts()[stretch] : samples;
+            const auto known = gains.first.find(flow.now().pattern);
+            first = known != gains.first.end() ? &known->second : nullptr;
+            learning = options.learn_first && !first;
+            if (learning) {
+                first = &gains.first[flow.now().pattern];
+                P = innovations::StateSpace(flow.now(), flow, record, gains.noise).start(gains.at_first);
+            }
+        }
         innovations::Frozen* now = &flow.now();
         flow.outputs(output.data());
         if (!plain) {
@@ -104,21 +131,24 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
         }
         for (Eigen::Index j = 0; j < m; ++j) {
             const std::size_t row = k + readings[static_cast<std::size_t>(j)].shift();
-            e(j) = row < samples ? record.measured(row)[j] - offsets(j) - output(j) - noise(j) : 0.0;
+            e(j) = row < end ? record.measured(row)[j] - offsets(j) - output(j) - noise(j) - drift(j) : 0.0;
         }
-        const KalmanGains::Set* set = &gains.steady.at(now->pattern);
+        const KalmanGains::Set* set = &steady(now->pattern);
         if (learning) {
             auto& known = spaces[now];
             if (!known) known = std::make_unique<innovations::StateSpace>(*now, flow, record, gains.noise);
             const innovations::StateSpace& space = *known;
-            gains.first.push_back(space.gain(P));
-            P = space.next(P, gains.first.back());
-            learning = gains.first.size() < static_cast<std::size_t>(most_first) &&
-                       std::abs(gains.first.back().log_det - set->log_det) > settled_gain * static_cast<double>(m);
+            first->push_back(space.gain(P));
+            P = space.next(P, first->back());
+            learning = first->size() < static_cast<std::size_t>(most_first) &&
+                       std::abs(first->back().log_det - set->log_det) > settled_gain * static_cast<double>(m);
         }
-        if (k < gains.first.size()) set = &gains.first[k];
+        const bool early = first && k - begin < first->size();
+        if (early) set = &(*first)[k - begin];
         r.noalias() = set->whitening * e;
-        out.log_det += set->log_det;
+        // what is not known of the state at first costs a model with more states more: that is not held against it
+        const bool counts = k - begin >= static_cast<std::size_t>(options.given);
+        if (counts) out.log_det += set->log_det;
         correction.noalias() = set->K * e;
         for (Eigen::Index j = 0; j < m; ++j) {
             const double value = r(j);
@@ -126,12 +156,15 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
                 out.finite = false;
                 return out;
             }
-            out.residuals[k * static_cast<std::size_t>(m) + static_cast<std::size_t>(j)] = value;
+            out.residuals[k * static_cast<std::size_t>(m) + static_cast<std::size_t>(j)] = counts ? value : 0.0;
         }
-        for (Eigen::Index j = 0; j < m; ++j)
-            noise(j) = gains.noise.sensors[static_cast<std::size_t>(j)].memory * (noise(j) + correction(n + j));
+        for (Eigen::Index j = 0; j < m; ++j) {
+            const SensorNoise& sensor = gains.noise.sensors[static_cast<std::size_t>(j)];
+            noise(j) = sensor.memory * (noise(j) + correction(n + j));
+            if (drifts) drift(j) = sensor.drift.memory * (drift(j) + correction(n + m + j));
+        }
         for (Eigen::Index j = 0; j < torques; ++j) flow.torques()[j] += correction(states + j);
-        flow.correct(k, set->K, e.data(), correction.data(), k >= gains.first.size());
+        flow.correct(k, set->K, e.data(), correction.data(), !early);
         if (options.states) {
             const auto row = static_cast<std::ptrdiff_t>(k);
             std::copy_n(flow.y(), states, out.trajectory.begin() + row * states);
@@ -140,7 +173,7 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
             std::copy_n(e.data(), m, out.innovations.begin() + static_cast<std::ptrdiff_t>(k) * m);
             out.pattern[k] = static_cast<int>(flow.now().pattern);
         }
-        if (k + 1 == samples) break;
+        if (k + 1 == end) continue;
         if (!flow.flow(k)) {
             out.finite = false;
             return out;

@@ -27,12 +27,40 @@ SampledRecord::SampledRecord(Inputs inputs, std::vector<double> times, std::vect
     }
     std::nth_element(steps.begin(), steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2), steps.end());
     step_ = steps[steps.size() / 2];
+    begin_ = times_.front();
     const auto size = static_cast<std::size_t>(generator_->size());
     generator_states_.resize(times_.size() * size);
     for (std::size_t k = 0; k < times_.size(); ++k) {
         const double next = k + 1 < times_.size() ? times_[k + 1] : times_[k] + step_;
         generator_->set(times_[k], Cell{times_[k], next}, generator_states_.data() + k * size);
     }
+}
+
+SampledRecord SampledRecord::stretches(const std::vector<std::pair<std::size_t, std::size_t>>& which) const {
+    if (which.empty()) throw std::invalid_argument("record: no stretches");
+    SampledRecord found;
+    found.inputs_ = inputs_;
+    found.generator_ = generator_;
+    found.channels_ = channels_;
+    found.step_ = step_;
+    found.begin_ = begin_;
+    found.starts_.clear();
+    const auto take = [&](const std::vector<double>& rows, std::size_t first, std::size_t count,
+                          std::vector<double>& to) {
+        const std::size_t width = rows.size() / times_.size();
+        const auto from = rows.begin() + static_cast<std::ptrdiff_t>(first * width);
+        to.insert(to.end(), from, from + static_cast<std::ptrdiff_t>(count * width));
+    };
+    for (const auto& [first, count] : which) {
+        if (count < 2 || count > times_.size() || first > times_.size() - count)
+            throw std::invalid_argument("record: no stretch of " + std::to_string(count) + " samples from sample " +
+                                        std::to_string(first) + " on in " + std::to_string(times_.size()));
+        found.starts_.push_back(found.times_.size());
+        take(times_, first, count, found.times_);
+        take(measured_, first, count, found.measured_);
+        take(generator_states_, first, count, found.generator_states_);
+    }
+    return found;
 }
 
 const double* SampledRecord::generator_states(std::size_t sample) const {

@@ -13,6 +13,7 @@ Model<S>::Model(const Machine& machine, const Inputs& inputs, const Layout& layo
     varied_.resize(machine.bodies().size());
     resize(machine.motors().size(), motor_torque_, voltage_, added_voltage_, torque_ref_, correction_, i_, i_m_);
     resize(machine.motors().size() + 1, sensed_);
+    tooth_load_.resize(layout.ring_meshes.size());
     resize(layout.switches.size(), branch_argument_);
     resize(layout.signals.size(), signal_);
     resize(static_cast<std::size_t>(layout.size()), rate_);
@@ -62,7 +63,8 @@ void Model<S>::set_parameters(const S* values) {
     }
     delay_.clear();
     for (const DelayLine& line : layout_.delays) delay_.push_back(values[line.slot]);
-    // ω_body = ratio · ω_group: J_n = i² J_d + J_c and b_n = i² b_d + b_c of Eq. 11 follow from this sum.
+    // ω_body = ratio · ω_group: J_n = i² J_d + J_c and b_n = i² b_d + b_c of Eq. 11 follow from this sum, which is Eq. 9
+    // (torques at the motor) times i, Eq. 10.
     std::fill(ratio_.begin(), ratio_.end(), S(1.0));
     for (const auto& s : layout_.steps) {
         const auto c = static_cast<std::size_t>(s.connection);

@@ -11,10 +11,21 @@ S Model<S>::delayed(int line, const S& t) const {
     return now_.past->at(line, t - delay, {now_.cell.low - shift, now_.cell.high - shift});
 }
 
+// What the teeth of each mesh do to the table: torque in its frame, and the size of that.
+template <class S>
+void Model<S>::loads_of_teeth() {
+    for (std::size_t k = 0; k < tooth_load_.size(); ++k) {
+        const int c = layout_.ring_meshes[k];
+        const S& torque = signal_[static_cast<std::size_t>(layout_.at.torque[static_cast<std::size_t>(c)])];
+        tooth_load_[k] = {torque * connection_[static_cast<std::size_t>(c)].ratio, load_through({c, true, false})};
+    }
+}
+
 // What the control reads: motor speeds (motor frame) and the table angle, late or shifted where an effect says so.
 template <class S>
 void Model<S>::sense(const S& t) {
     const auto& at = layout_.at;
+    loads_of_teeth();
     for (std::size_t s = 0; s < sensed_.size(); ++s) {
         const bool table = s == motor_.size();
         const int body = table ? layout_.table : machine_.motors()[s].body;
@@ -29,11 +40,39 @@ void Model<S>::sense(const S& t) {
             if (!differenced)
                 for (const int e : layout_.sensor_effects[s])
                     reading = effect_[static_cast<std::size_t>(e)]->reading(
-                        reading, {t, table ? Measures::angle : Measures::speed, angle, speed});
+                        reading, {t, table ? Measures::angle : Measures::speed, angle, speed, tooth_load_});
         }
         sensed_[s] = reading;
-        signal_[static_cast<std::size_t>(at.sensor[s])] = reading;
+        if (table && machine_.controlled()) sensed_[s] = position_reading(t);
+        signal_[static_cast<std::size_t>(at.sensor[s])] = sensed_[s];
     }
+}
+
+// Eq. C1: the angle that the position loop is closed on. With the motor's encoder in it, an offset at the table is one of
+// the whole reading: where the control believes its zero.
+template <class S>
+S Model<S>::position_reading(const S& t) {
+    using Sensor = ControllerOptions::PositionSensor;
+    const Sensor sensor = machine_.controller().position_sensor;
+    if (sensor == Sensor::table) return sensed_.back();
+    const S motor = encoder_angle(0) / (i_[0] * i_m_[0]);
+    S reading = motor;
+    if (sensor == Sensor::both) {
+        const S& difference = state_[layout_.sensor_filter];
+        sensor_rate_ = sensor_difference_rate(controller_, sensed_.back(), motor, difference);
+        reading += difference;
+        return reading;
+    }
+    for (const int e : layout_.sensor_effects.back())
+        reading = effect_[static_cast<std::size_t>(e)]->reading(reading, {t});
+    return reading;
+}
+
+// Eq. C6: the torque set-point of a drive behind its filter.
+template <class S>
+S Model<S>::filtered(std::size_t k, const S& set_point) const {
+    const int state = layout_.set_point_filter[k];
+    return state < 0 ? set_point : SetPointFilter<S>(motor_[k]).output(set_point, state_ + state);
 }
 
 // The output of a block: held between ticks, or continuous with the mode that is frozen.
@@ -90,10 +129,10 @@ void Model<S>::control(const S& t, const S* z) {
     }
     // Position loop of the master.
     const S e = theta_ref - sensed_.back();
-    const S filtered = layout_.derivative_filter >= 0 ? z[layout_.derivative_filter] : e;
-    derivative_rate_ = (e - filtered) / controller_.tau_d;
+    const S smoothed = layout_.derivative_filter >= 0 ? z[layout_.derivative_filter] : e;
+    derivative_rate_ = (e - smoothed) / controller_.tau_d;
     const auto position = static_cast<std::size_t>(layout_.position_block);
-    block_[position] = position_loop(controller_, i_m_[0], S(motor_[0].omega_max / i_[0]), e, omega_ref, filtered);
+    block_[position] = position_loop(controller_, i_m_[0], S(motor_[0].omega_max / i_[0]), e, omega_ref, smoothed);
     limit(position, z);
     S Omega_1 = block_[position].out;
     if (layout_.command_delay >= 0) {
@@ -150,6 +189,7 @@ void Model<S>::control(const S& t, const S* z) {
         limit(speed, z);
         torque_ref_[k] = block_[speed].out;
         put(at.T_ref[k], torque_ref_[k]);
+        if (at.filtered[k] >= 0) put(at.filtered[k], torque_ref_[k] = filtered(k, torque_ref_[k]));
         if (layout_.current[k] < 0) {
             if (!now_.motor_torque) motor_torque_[k] = torque_ref_[k];
             continue;
@@ -182,20 +222,21 @@ template <class S>
 S Model<S>::encoder_angle(std::size_t k) const {
     const auto body = static_cast<std::size_t>(machine_.motors()[k].body);
     S angle = signal_[static_cast<std::size_t>(layout_.at.angle[body])];
-    for (const int e : layout_.sensor_effects[k])
+    for (const int e : layout_.encoder_effects[k])
         angle = effect_[static_cast<std::size_t>(e)]->reading(angle, {time_, Measures::angle});
     return angle;
 }
 
 // A tick: outputs are put out (now, or after the latency), integrators step by forward Euler unless saturated outward.
 template <class S>
-void Model<S>::tick(const Clock& clock, S* next) const {
+void Model<S>::tick(const Clock& clock, S* next, bool limited) const {
     const S period(clock.period);
     for (std::size_t b = 0; b < block_.size(); ++b) {
         const BlockPlace& place = layout_.blocks[b];
         if (place.loop != clock.loop) continue;
         const Block<S>& block = block_[b];
-        const int side = value_of(block.raw) > value_of(block.limit)    ? 1
+        const int side = !limited                                       ? 0
+                         : value_of(block.raw) > value_of(block.limit)  ? 1
                          : value_of(block.raw) < -value_of(block.limit) ? -1
                                                                         : 0;
         next[place.pending >= 0 ? place.pending : place.held] = side == 0 ? block.raw : double(side) * block.limit;
@@ -204,6 +245,8 @@ void Model<S>::tick(const Clock& clock, S* next) const {
     }
     if (clock.loop == Loop::position && layout_.derivative_filter >= 0)
         next[layout_.derivative_filter] += period * derivative_rate_;
+    if (clock.loop == Loop::position && layout_.sensor_filter >= 0)
+        next[layout_.sensor_filter] += period * sensor_rate_;
     if (clock.loop == Loop::tension && layout_.tension_filter >= 0)
         next[layout_.tension_filter] += period * tension_rate_;
     if (clock.loop == Loop::speed)

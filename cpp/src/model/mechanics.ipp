@@ -40,7 +40,8 @@ void Model<S>::add_torque(int body, const S& torque) {
     body_torque_[static_cast<std::size_t>(body)] += torque;
 }
 
-// T = K dz(x; Δ) by the frozen mode (Eq. 18–21 corrected): −|s| selectors become the flank's side s in {−1, 0, 1}.
+// T = K dz(x; Δ) by the frozen mode: the flank's side s in {−1, 0, 1} is selector, |s| (Eq. 18, Eq. 20), and offset,
+// β = s Δ (Eq. 19, Eq. 21), of both meshes; all corrected. The torque is that of Eq. 22.
 template <class S>
 void Model<S>::connection_torques() {
     const auto& at = layout_.at;
@@ -116,7 +117,7 @@ void Model<S>::connection_torques() {
     }
 }
 
-// T = K_d I, plus what effects add inside the motor (Eq. 2 corrected).
+// T = K_d I, plus what effects add inside the motor (Eq. 2 corrected); of a direct drive the filtered set-point.
 template <class S>
 void Model<S>::motors(const S* z) {
     const auto& at = layout_.at;
@@ -131,7 +132,7 @@ void Model<S>::motors(const S* z) {
         else if (!machine_.controlled())
             motor_torque_[k] = motor_input_[k] ? motor_input_[k]->value(time_, now_.cell) : S(0.0);
         else if (const int held = layout_.blocks[static_cast<std::size_t>(layout_.speed_block[k])].held; held >= 0)
-            motor_torque_[k] = z[held];
+            motor_torque_[k] = filtered(k, z[held]);
     }
 }
 
@@ -333,6 +334,12 @@ void Model<S>::rates(const S* z) {
     }
     if (layout_.derivative_filter >= 0 && layout_.blocks[static_cast<std::size_t>(layout_.position_block)].held < 0)
         rate_[static_cast<std::size_t>(layout_.derivative_filter)] = derivative_rate_;
+    if (layout_.sensor_filter >= 0 && layout_.blocks[static_cast<std::size_t>(layout_.position_block)].held < 0)
+        rate_[static_cast<std::size_t>(layout_.sensor_filter)] = sensor_rate_;
+    for (std::size_t k = 0; k < layout_.set_point_filter.size(); ++k)
+        if (const int s = layout_.set_point_filter[k]; s >= 0)
+            SetPointFilter<S>(motor_[k]).flow(signal_[static_cast<std::size_t>(at.T_ref[k])], z + s,
+                                              &rate_[static_cast<std::size_t>(s)]);
     if (layout_.tension_filter >= 0 && layout_.blocks[static_cast<std::size_t>(layout_.tension_block[0])].held < 0)
         rate_[static_cast<std::size_t>(layout_.tension_filter)] = tension_rate_;
 }

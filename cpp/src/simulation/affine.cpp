@@ -10,8 +10,21 @@ namespace dualdrive {
 
 namespace {
 
+// Whether a flank owns the sign of every tooth force on the ring; elsewhere the force's size bends at zero.
+bool flanks_on_the_ring(const Machine& machine) {
+    return std::all_of(machine.connections().begin(), machine.connections().end(), [&](const ConnectionEntry& c) {
+        const bool on_ring = c.frame == TwistFrame::driver && c.driven == machine.body("table");
+        return !on_ring || c.kind == ConnectionKind::rigid ||
+               (c.kind == ConnectionKind::gap &&
+                read_component<Connection<double>>(machine.values().data() + c.first).gap > 0.0);
+    });
+}
+
 bool is_affine(const Machine& machine, const EffectEntry& effect) {
-    if (effect.formula.empty()) return effect_type(effect.name).text.affine;  // a spline is not
+    if (effect.formula.empty()) {
+        const EffectText& text = effect_type(effect.name).text;  // a spline is not
+        return text.affine && (!text.by_force || flanks_on_the_ring(machine));
+    }
     using Growth = Expression::Growth;
     const auto slots = machine.slots().begin() + static_cast<std::ptrdiff_t>(effect.first);
     return Expression::parse(effect.formula).is_affine([&](std::string_view name) {

@@ -23,6 +23,7 @@ constexpr double slowest_ring = 1000.0;  // 1/s: a drive's own loops; below that
 // Something well damped and so much faster than what rings makes a machine stiff: the explicit engine and Adams methods
 // then take steps for stability alone, and BDF is the cheaper from about here on (measured, benchmarks/effects.py).
 constexpr double stiff_beyond = 14.0;
+constexpr double exact_reach = 3.0;  // of |λ| times a step of the exact engine, whose series is that long
 
 // Whether b is a whole multiple of a.
 bool divides(double a, double b) { return std::abs(b / a - std::round(b / a)) < near_multiple && b > 0.5 * a; }
@@ -81,6 +82,14 @@ Simulation::Pace Simulation::pace() {
     return pace;
 }
 
+// Whether a motion that dies away at once would cost the exact engine more steps than a run may take. What does not reach
+// the end so does with BDF, which damps such a motion out.
+bool Simulation::too_stiff_to_be_exact() {
+    const auto [rings, decays] = pace();
+    const double steps = decays / exact_reach * (options_.end - options_.start);
+    return decays > stiff_beyond * rings && steps > static_cast<double>(options_.max_steps);
+}
+
 // What was asked for and can't be had together, said before anything moves. `impossible`: why the exact engine would not
 // do, or empty.
 void Simulation::refuse_what_is_not_exact(const std::string& impossible) const {
@@ -130,7 +139,8 @@ void Simulation::choose_solver(int guards, std::span<const double> parameter_sca
     std::string impossible;
     const bool possible = exact_is_possible(impossible), left_open = chooses_engine();
     refuse_what_is_not_exact(impossible);
-    if (wants_exact() || (left_open && possible)) return take_exact_solver(size);
+    const bool must = wants_exact() || !options_.gradient.empty();
+    if (must || (left_open && possible && !too_stiff_to_be_exact())) return take_exact_solver(size);
     if (possible) field_ = std::make_unique<AffineField>(machine_, inputs_, layout_, modes_, cell_);
     const auto cvode = [this, size,
                         scale = std::vector<double>(parameter_scale.begin(), parameter_scale.end())](Method m) {

@@ -54,6 +54,7 @@ class Simulation final : public Problem {
         double rings, decays;
     };
     Pace pace();
+    bool too_stiff_to_be_exact();
     void choose_solver(int guards, std::span<const double> parameter_scale);
     bool exact_is_possible(std::string& reason) const;
     void refuse_what_is_not_exact(const std::string& impossible) const;

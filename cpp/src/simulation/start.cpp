@@ -100,6 +100,12 @@ void Simulation::start() {
         const double torque = std::isfinite(m.T_rated) ? m.T_rated : std::isfinite(m.T_max) ? m.T_max : 1.0;
         scale_[static_cast<std::size_t>(layout_.current[k])] = 0.1 * torque / m.K_d;
     }
+    for (std::size_t k = 0; k < layout_.set_point_filter.size(); ++k) {
+        if (layout_.set_point_filter[k] < 0) continue;
+        const auto m = read_component<Motor<double>>(machine_.values().data() + machine_.motors()[k].first);
+        const double torque = std::isfinite(m.T_rated) ? m.T_rated : std::isfinite(m.T_max) ? m.T_max : 1.0;
+        for (int s = 0; s < 2; ++s) scale_[static_cast<std::size_t>(layout_.set_point_filter[k] + s)] = 0.1 * torque;
+    }
     for (std::size_t b = 0; b < layout_.blocks.size(); ++b)
         if (const int s = layout_.blocks[b].integrator; s >= 0) {
             const auto& block = model_.block(static_cast<int>(b));

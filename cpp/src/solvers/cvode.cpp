@@ -69,7 +69,7 @@ struct Cvode::Hidden {
     SUNContext context = nullptr;
     void* memory = nullptr;
     N_Vector y = nullptr, tolerance = nullptr, scratch = nullptr, q = nullptr;
-    N_Vector *s = nullptr, s_scratch = nullptr;
+    N_Vector *s = nullptr, q_scratch = nullptr;
     SUNMatrix matrix = nullptr;
     SUNLinearSolver linear = nullptr;
     double t = 0.0, begin = 0.0, longest = std::numeric_limits<double>::infinity();
@@ -88,7 +88,7 @@ struct Cvode::Hidden {
         if (linear) SUNLinSolFree(linear);
         if (matrix) SUNMatDestroy(matrix);
         if (s) N_VDestroyVectorArray(s, size.sensitivities);
-        for (N_Vector v : {y, tolerance, scratch, q, s_scratch})
+        for (N_Vector v : {y, tolerance, scratch, q, q_scratch})
             if (v) N_VDestroy(v);
         if (context) SUNContext_Free(&context);
     }
@@ -130,9 +130,16 @@ struct Cvode::Hidden {
         return h.guarded([&] { return h.problem.quadrature(t, N_VGetArrayPointer(y), N_VGetArrayPointer(rate)); });
     }
 
-    static void need(int status, const char* what) {
+    static void need(int status, const char* what, int no_memory = CV_MEM_FAIL) {
+        if (status == no_memory) throw std::bad_alloc();
         if (status != 0)
             throw std::runtime_error(std::string("solver: ") + what + " failed with code " + std::to_string(status));
+    }
+
+    template <class T>
+    static T* made(T* block) {
+        if (!block) throw std::bad_alloc();
+        return block;
     }
 
     Counts read_counts() const {
@@ -150,28 +157,27 @@ Cvode::Cvode(Problem& problem, Size size, Method method, double rtol, std::span<
              std::span<const double> parameter_scale)
     : h_(std::make_unique<Hidden>(problem, size, method, rtol)) {
     Hidden& h = *h_;
-    Hidden::need(create_context(&h.context), "context");
-    h.y = N_VNew_Serial(size.states, h.context);
-    h.tolerance = N_VNew_Serial(size.states, h.context);
-    h.scratch = N_VNew_Serial(size.states, h.context);
-    if (!h.y || !h.tolerance || !h.scratch) throw std::bad_alloc();
+    if (create_context(&h.context) != 0) throw std::bad_alloc();  // it does nothing but allocate
+    h.y = Hidden::made(N_VNew_Serial(size.states, h.context));
+    h.tolerance = Hidden::made(N_VNew_Serial(size.states, h.context));
+    h.scratch = Hidden::made(N_VNew_Serial(size.states, h.context));
     N_VConst(0.0, h.y);
     N_VConst(1.0, h.tolerance);
     if (size.sensitivities > 0) {
-        h.s = N_VCloneVectorArray(size.sensitivities, h.y);
+        h.s = Hidden::made(N_VCloneVectorArray(size.sensitivities, h.y));
         for (int k = 0; k < size.sensitivities; ++k) N_VConst(0.0, h.s[k]);
         h.s_in.resize(static_cast<std::size_t>(size.sensitivities));
         h.s_out.resize(static_cast<std::size_t>(size.sensitivities));
     }
     if (size.quadratures > 0) {
-        h.q = N_VNew_Serial(size.quadratures, h.context);
+        h.q = Hidden::made(N_VNew_Serial(size.quadratures, h.context));
+        h.q_scratch = Hidden::made(N_VNew_Serial(size.quadratures, h.context));
         N_VConst(0.0, h.q);
     }
     h.direction.assign(root_direction.begin(), root_direction.end());
     h.root.assign(h.direction.size(), 0);
     h.scale.assign(parameter_scale.begin(), parameter_scale.end());
-    h.memory = CVodeCreate(method == Method::bdf ? CV_BDF : CV_ADAMS, h.context);
-    if (!h.memory) throw std::bad_alloc();
+    h.memory = Hidden::made(CVodeCreate(method == Method::bdf ? CV_BDF : CV_ADAMS, h.context));
 }
 
 Cvode::~Cvode() = default;
@@ -191,24 +197,24 @@ void Cvode::restart(double t, std::span<const double> atol, double quadrature_at
         CVodeSetMaxNumSteps(h.memory, -1);
         CVodeSetNoInactiveRootWarn(h.memory);
         Hidden::need(CVodeSVtolerances(h.memory, h.rtol, h.tolerance), "CVodeSVtolerances");
-        h.matrix = SUNDenseMatrix(h.size.states, h.size.states, h.context);
-        h.linear = SUNLinSol_Dense(h.y, h.matrix, h.context);
-        Hidden::need(CVodeSetLinearSolver(h.memory, h.linear, h.matrix), "CVodeSetLinearSolver");
+        h.matrix = Hidden::made(SUNDenseMatrix(h.size.states, h.size.states, h.context));
+        h.linear = Hidden::made(SUNLinSol_Dense(h.y, h.matrix, h.context));
+        Hidden::need(CVodeSetLinearSolver(h.memory, h.linear, h.matrix), "CVodeSetLinearSolver", CVLS_MEM_FAIL);
         Hidden::need(CVodeSetJacFn(h.memory, Hidden::jacobian), "CVodeSetJacFn");
         if (h.size.guards > 0) {
             Hidden::need(CVodeRootInit(h.memory, h.size.guards, Hidden::roots), "CVodeRootInit");
-            CVodeSetRootDirection(h.memory, h.direction.data());
+            Hidden::need(CVodeSetRootDirection(h.memory, h.direction.data()), "CVodeSetRootDirection");
         }
         if (h.size.quadratures > 0) {
             Hidden::need(CVodeQuadInit(h.memory, Hidden::quadrature, h.q), "CVodeQuadInit");
-            CVodeQuadSStolerances(h.memory, h.rtol, quadrature_atol);
+            Hidden::need(CVodeQuadSStolerances(h.memory, h.rtol, quadrature_atol), "CVodeQuadSStolerances");
             CVodeSetQuadErrCon(h.memory, SUNTRUE);
         }
         if (h.size.sensitivities > 0) {
             Hidden::need(CVodeSensInit(h.memory, h.size.sensitivities, CV_STAGGERED, Hidden::sensitivity, h.s),
                          "CVodeSensInit");
-            CVodeSetSensParams(h.memory, nullptr, h.scale.data(), nullptr);
-            CVodeSensEEtolerances(h.memory);
+            Hidden::need(CVodeSetSensParams(h.memory, nullptr, h.scale.data(), nullptr), "CVodeSetSensParams");
+            Hidden::need(CVodeSensEEtolerances(h.memory), "CVodeSensEEtolerances");
             CVodeSetSensErrCon(h.memory, SUNTRUE);  // off (its default) the sensitivities are wrong by whole per cents
         }
         h.started = true;
@@ -217,7 +223,7 @@ void Cvode::restart(double t, std::span<const double> atol, double quadrature_at
         h.before = {h.before.steps + c.steps, h.before.rhs + c.rhs, h.before.jacobians + c.jacobians,
                     h.before.guards + c.guards, h.before.error_test_failures + c.error_test_failures};
         Hidden::need(CVodeReInit(h.memory, t, h.y), "CVodeReInit");
-        CVodeSVtolerances(h.memory, h.rtol, h.tolerance);
+        Hidden::need(CVodeSVtolerances(h.memory, h.rtol, h.tolerance), "CVodeSVtolerances");
         if (h.size.quadratures > 0) CVodeQuadReInit(h.memory, h.q);
         if (h.size.sensitivities > 0) CVodeSensReInit(h.memory, CV_STAGGERED, h.s);
     }
@@ -285,8 +291,7 @@ void Cvode::quadrature_at(double t, double* q) const {
     Hidden& h = *h_;
     if (!h.q) return;
     const double* from = N_VGetArrayPointer(h.q);
-    if (!h.s_scratch) h.s_scratch = N_VClone(h.q);
-    if (t != h.t && CVodeGetQuadDky(h.memory, t, 0, h.s_scratch) == CV_SUCCESS) from = N_VGetArrayPointer(h.s_scratch);
+    if (t != h.t && CVodeGetQuadDky(h.memory, t, 0, h.q_scratch) == CV_SUCCESS) from = N_VGetArrayPointer(h.q_scratch);
     std::copy(from, from + h.size.quadratures, q);
 }
 

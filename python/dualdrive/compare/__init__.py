@@ -6,9 +6,11 @@ from dualdrive.compare.checks import RecordWarning, check_records
 from dualdrive.compare.clocks import Clock, clock_of
 from dualdrive.compare.comparing import balance_error, compare, of_evaluation
 from dualdrive.compare.comparison import ChannelError, Comparison, Quantity
+from dualdrive.compare.correlation import Correlation, residual_correlations
 from dualdrive.compare.equation import EquationAtFault, equation_at_fault
 from dualdrive.compare.noise import NoiseFloor, noise_floor
 from dualdrive.compare.orders import Order
+from dualdrive.compare.stretches import Stretch, failing_stretches, situations_of
 from dualdrive.compare.time_skew import Skew, skews
 from dualdrive.compare.where import Condition, where_it_fails
 
@@ -17,19 +19,24 @@ __all__ = [
     "Clock",
     "Comparison",
     "Condition",
+    "Correlation",
     "EquationAtFault",
     "NoiseFloor",
     "Order",
     "Quantity",
     "RecordWarning",
     "Skew",
+    "Stretch",
     "balance_error",
     "check_records",
     "clock_of",
     "compare",
     "equation_at_fault",
+    "failing_stretches",
     "noise_floor",
     "of_evaluation",
+    "residual_correlations",
+    "situations_of",
     "skews",
     "where_it_fails",
 ]

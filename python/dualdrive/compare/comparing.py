@@ -16,6 +16,7 @@ from dualdrive.compare.repeats import period_of
 from dualdrive.compare.time_skew import skews
 from dualdrive.compare.turning import as_conditions, of_balance, of_channels, orders_of
 from dualdrive.compare.where import Situation, standing, where_it_fails
+from dualdrive.echo import once
 from dualdrive.identify import (
     Evaluation,
     Processing,
@@ -23,6 +24,7 @@ from dualdrive.identify import (
     evaluate,
     refuse_filters,
     torque_balance,
+    torque_notes,
     torque_warnings,
     which_mode,
     with_torques,
@@ -147,7 +149,7 @@ def of_evaluation(machine: Any, found: Evaluation) -> Comparison:
         [
             *_notes(quantities, records),
             *_clock_notes(clocks),
-            *(s.message for s in late if s.significant),
+            *once((s.message for s in late if s.significant), traces),
         ],
         orders,
         late,
@@ -175,7 +177,8 @@ def _load(trace: Trace, t: Array) -> Array | None:
 
 
 def _clock_notes(clocks: Sequence[Clock]) -> list[str]:
-    return [clock.message for clock in clocks if clock.kind != "even"]
+    uneven = [clock.message for clock in clocks if clock.kind != "even"]
+    return once(uneven, [clock.record for clock in clocks])
 
 
 def _notes(quantities: Sequence[Quantity], records: Sequence[Record]) -> list[str]:
@@ -205,7 +208,7 @@ def _notes(quantities: Sequence[Quantity], records: Sequence[Record]) -> list[st
         ]
         if constants:
             notes.append(f"{record}: constants granted to sensors: {', '.join(constants)}")
-    return notes
+    return once(notes, [record.name for record in records])
 
 
 def balance_error(
@@ -286,8 +289,9 @@ def _balance(
         *found.sample_lines(),
         "noise floor from single records (the sensors' noise carried through the balance): an "
         "estimate",
+        *torque_notes(core, traces),
         *_clock_notes([clock_of(trace, name) for name, trace in traces.items()]),
-        *(s.message for s in late if s.significant),
+        *once((s.message for s in late if s.significant), traces),
     ]
     where = [*where_it_fails(situations), *as_conditions(orders)]
     return Comparison(core.name, "balance", quantities, where, {}, {}, notes, orders, late)

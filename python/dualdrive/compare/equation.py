@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,19 +47,27 @@ _FAR = 40.0
 _LATE = 0.8
 
 
+#: what `EquationAtFault.shares` are
+Measure = Literal["explained", "probability", "torque"]
+
+
 @dataclass(frozen=True)
 class EquationAtFault:
     """Which equation of motion does not close.
 
-    name:   ``table``, ``motor_1``, ``mesh_2``, ``motors``, ``meshes``, ``sensors``, ...; ``total``
-            where too little motion is recorded to tell one equation from another
-    shares: equation -> share of the unexplained mean square that a free torque in it explains;
-            neighbours explain each other's in part, so that shares do not add up to 1
+    name:    ``table``, ``motor_1``, ``mesh_2``, ``motors``, ``meshes``, ``sensors``, ...; ``total``
+             where too little motion is recorded to tell one equation from another
+    shares:  equation -> number, 0 .. 1
+    measure: what these numbers are. ``explained``: how much of the unexplained mean square a free
+             torque in it removes; neighbours remove each other's in part, so that these do not add
+             up to 1. ``probability``: of the laws that act there, which adds up to 1 at most.
+             ``torque``: of unknown course that the filter asks for there, over the drives' torque.
     """
 
     name: str
     probability: float
     shares: Mapping[str, float]
+    measure: Measure = "explained"
 
 
 def equation_at_fault(

@@ -6,6 +6,7 @@ from dualdrive.compare.equation import EquationAtFault
 from dualdrive.diagnose.diagnosis import diagnose
 from dualdrive.diagnose.improvement import improve
 from dualdrive.diagnose.ladder import Ladder, Step
+from dualdrive.diagnose.one_sentence import headline
 from dualdrive.diagnose.result import (
     VERDICTS,
     Candidate,
@@ -26,5 +27,6 @@ __all__ = [
     "Shape",
     "Step",
     "diagnose",
+    "headline",
     "improve",
 ]

@@ -16,6 +16,7 @@ from dualdrive.traces import Trace
 Array = NDArray[np.float64]
 
 _JITTER = 0.3  # of a sampling interval: beyond it the clock has pauses, not jitter
+_SURE = 3.0  # standard errors of a clock
 _CLEARLY = 0.7  # of the roughness at the stamps
 
 
@@ -31,6 +32,12 @@ def evened(trace: Trace) -> tuple[Trace, float]:
         return trace, 0.0
     k = np.arange(len(t), dtype=np.float64)
     step, first = np.polyfit(k, t, 1)
+    left = float(np.std(t - (first + step * k)))
+    # standard errors of a straight line's slope and of its value at the first of n points
+    error = left * np.sqrt(12.0 / len(t) ** 3)
+    step = _as_set(float(step), float(error))
+    first = float(np.mean(t - step * k))
+    first = 0.0 if abs(first) < _SURE * 2.0 * left / np.sqrt(len(t)) else first
     even = first + step * k
     jitter = t - even
     size = float(np.std(jitter))
@@ -42,6 +49,12 @@ def evened(trace: Trace) -> tuple[Trace, float]:
                 return trace, 0.0
             return replace(trace, t=even), size
     return trace, 0.0
+
+
+def _as_set(step: float, error: float) -> float:
+    """The step of a rate in round hertz, as rates are set, unless the stamps tell it apart."""
+    rate = float(f"{1.0 / step:.4g}")
+    return 1.0 / rate if abs(1.0 / rate - step) < _SURE * error else step
 
 
 def _roughness(t: Array, values: Array) -> float:

@@ -12,29 +12,33 @@ from numpy.typing import NDArray
 from dualdrive.compare import compare
 from dualdrive.compare.equation import EquationAtFault
 from dualdrive.diagnose.axis import candidate_on, numbers_on, shape_on
-from dualdrive.diagnose.decision import Decision, MissingTorque, decide, objection
+from dualdrive.diagnose.decision import (
+    Decision,
+    MissingTorque,
+    decide,
+    objection,
+    takes_too_little,
+)
 from dualdrive.diagnose.experiment import next_experiment
 from dualdrive.diagnose.findings import equation_of
 from dualdrive.diagnose.result import Candidate, Diagnosis, Experiment, Interval
 from dualdrive.diagnose.selection import EFFORTS, Fitted, Selection, select
 from dualdrive.diagnose.sentences import paragraph
 from dualdrive.diagnose.shape import shapes
+from dualdrive.diagnose.simulated_errors import error_of, noise_floor
+from dualdrive.diagnose.uncertainty import cross_validated, intervals
 from dualdrive.identify import FitError
 from dualdrive.identify.unknowns import Unknown, default_free, default_tolerances, unknowns
-from dualdrive.innovations import Counter, GreyBox, Variant, flat, predictable, simulated
+from dualdrive.innovations import Counter, GreyBox, Variant, predictable
 from dualdrive.replay import (
     Record,
     core_of,
-    headline,
 )
 from dualdrive.traces import Trace
 
 Array = NDArray[np.float64]
 
-_BLOCKS = 8  # of cross-validation
-_FAR = 3.0  # standard errors that a number may move where a block is left out
 _TOLD = 8  # candidates in the result
-_SURE = 1.96  # standard deviations of a 95 % interval
 #: relative tolerances of the motors' numbers that a record of currents shows
 _ELECTRIC = {"K_d": 0.05, "R": 0.1}
 
@@ -70,6 +74,7 @@ def diagnose_closed_loop(
         counter=counter,
     )
     found = select(core, grey, EFFORTS[job.effort], job.tell)
+    grey = found.grey
     decision = decide(core, grey, found)
     job.tell("errors of the simulated loop")
     return _told(machine, grey, found, decision, played, traces, warnings, job)
@@ -125,20 +130,21 @@ def _told(
     refitted = machine_at(machine, grey, found.base)
     improved = machine_at(machine, grey, best) if named else None
     error = {
-        "nominal": _simulated_error(grey, Variant(grey.core), grey.start(Variant(grey.core))),
-        "refitted": _simulated_error(grey, found.base.variant, found.base.point.theta),
-        "noise_floor": noise_floor(grey, found.best),
+        "nominal": error_of(grey, Variant(grey.core), grey.start(Variant(grey.core))),
+        "refitted": error_of(grey, found.base.variant, found.base.point.theta),
+        "noise_floor": noise_floor(grey, decision.best),
     }
-    ratio = _cross_validated(grey, found.base)
+    ratio = cross_validated(grey, found.base)
     error["held_out_refitted"] = error["refitted"] * ratio
     errors: dict[str, float] = {}
     for f in leaders[:_TOLD]:
-        errors[f.variant.key] = _simulated_error(grey, f.variant, f.point.theta)
+        errors[f.variant.key] = error_of(grey, f.variant, f.point.theta)
     error["best"] = errors[best.variant.key] if leaders and named else error["refitted"]
     error["held_out_best"] = (
-        error["best"] * _cross_validated(grey, best) if named else error["held_out_refitted"]
+        error["best"] * cross_validated(grey, best) if named else error["held_out_refitted"]
     )
-    if why := objection(decision.verdict, error):
+    why = objection(decision.verdict, error) or takes_too_little(decision.verdict, error)
+    if why:
         decision = replace(decision, verdict="unknown", group=())
         warnings = [*warnings, f"no verdict but unknown can stand: {why}"]
         named, improved = False, None
@@ -231,107 +237,6 @@ def added(core: Any, f: Fitted) -> list[tuple[str, str]]:
     return [tuple(label.split("@", 1)) for label in labels]
 
 
-def simulated_error(core: Any, played: Sequence[Record]) -> float:
-    """Headline error of a machine simulated over records, its numbers held.
-
-    Constants of the sensors and the first angles are fitted. Not a number where the machine does
-    not run there.
-    """
-    grey = GreyBox(core, predictable(core, played), [])
-    return _simulated_error(grey, Variant(core), np.zeros(grey.shared))
-
-
-def _simulated_error(grey: GreyBox, variant: Variant, theta: Array) -> float:
-    found = simulated(grey, variant, theta)
-    if found is None:
-        return float("nan")
-    left, whole = dict[str, float](), dict[str, float]()
-    for r, missed in zip(grey.records, found, strict=True):
-        own = dict(zip(r.channels, missed.T, strict=True))
-        for c in r.record.channels:
-            total = sum(factor * own[name] for name, factor in c.parts if name in own)
-            residual = np.broadcast_to(total, len(r.record.t))
-            residual = residual - np.mean(residual) if c.floating else residual
-            left[c.name] = left.get(c.name, 0.0) + float(residual @ residual)
-            whole[c.name] = whole.get(c.name, 0.0) + c.spread**2 * len(r.record.t)
-    channels = [c for r in grey.records for c in r.record.channels]
-    return headline({n: float(np.sqrt(left[n] / whole[n])) for n in left}, channels)
-
-
-def noise_floor(grey: GreyBox, f: Fitted) -> float:
-    """Headline error that the sensors' noise alone would leave, as the likelihood has it."""
-    left, whole = dict[str, float](), dict[str, float]()
-    channels = [c for r in grey.records for c in r.record.channels]
-    for r in grey.records:
-        known = dict(zip(r.channels, f.noise.sensors(r), strict=True))
-        variance = {
-            name: drive**2 / max(1.0 - memory**2, 1e-6) + white**2
-            for name, (drive, memory, white) in known.items()
-        }
-        for c in r.record.channels:
-            own = sum(factor**2 * variance.get(name, 0.0) for name, factor in c.parts)
-            left[c.name] = left.get(c.name, 0.0) + own * len(r.record.t)
-            whole[c.name] = whole.get(c.name, 0.0) + c.spread**2 * len(r.record.t)
-    return headline({n: float(np.sqrt(left[n] / whole[n])) for n in left}, channels)
-
-
-def _cross_validated(grey: GreyBox, f: Fitted) -> float:
-    """Error on blocks of time that a fit did not see, over that on those it saw.
-
-    One Gauss-Newton step takes each block out of the fit, and a replay with the numbers found so
-    tells the block's error (Ljung, System Identification, 16.4).
-    """
-    point = f.point
-    columns = np.stack(grey.columns(point, range(len(point.theta)), f.gains))
-    r = flat(point.residuals)
-    weight = np.zeros(len(point.theta))
-    weight[: grey.shared] = 1.0 / grey.sigma**2
-    s = 1.0 / f.inflation
-    H = s * (columns @ columns.T) + np.diag(weight + 1e-12)
-    scale = np.sqrt(np.diag(np.linalg.pinv(H, hermitian=True)).clip(0.0) + 1e-300)
-    # a linear step says nothing far away, where only one block tells a number
-    held = np.diag(1.0 / (_FAR * scale) ** 2)
-    blocks = np.concatenate(
-        [
-            np.repeat(np.minimum(np.arange(len(x)) * _BLOCKS // len(x), _BLOCKS - 1), x.shape[1])
-            for x in point.residuals
-        ]
-    )
-    low, high = grey.bounds(f.variant)
-    places = []
-    for b in range(_BLOCKS):
-        J, left = columns[:, blocks == b], r[blocks == b]
-        step = np.linalg.solve(H - s * (J @ J.T) + held, s * (J @ left))
-        places.append(np.clip(point.theta + np.clip(step, -_FAR * scale, _FAR * scale), low, high))
-    total = 0.0
-    for b, found in enumerate(grey.points([f.variant] * _BLOCKS, places, f.gains)):
-        total += float(np.sum(flat(found.residuals)[blocks == b] ** 2))
-    return float(np.sqrt(total / max(float(r @ r), 1e-300)))
-
-
-def intervals(grey: GreyBox, f: Fitted) -> dict[str, Interval]:
-    """Path -> value with its 95 % interval, nominal numbers and the effects' own."""
-    point = f.point
-    columns = np.stack(grey.columns(point, range(len(point.theta)), f.gains))
-    weight = np.zeros(len(point.theta))
-    weight[: grey.shared] = 1.0 / grey.sigma**2
-    H = columns @ columns.T / f.inflation + np.diag(weight)
-    scale = np.sqrt(np.diag(H) + 1e-300)
-    covariance = np.linalg.pinv(H / np.outer(scale, scale)) / np.outer(scale, scale)
-    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    known = [(p, k) for k, p in enumerate(grey.nominal)]
-    known += [(p, grey.shared + k) for k, p in enumerate(f.variant.extra)]
-    found = {}
-    for p, k in known:
-        u, d = float(point.theta[k]), _SURE * float(deviation[k])
-        ends = sorted((p.value(u - d), p.value(u + d)))
-        found[p.path] = Interval(p.value(u), ends[0], ends[1], p.unit)
-    for path, value in f.variant.fixed.items():
-        unit = f.variant.grown.parameter(f.variant.grown.members(path)[0]).unit
-        found[path] = Interval(value, value, value, unit)
-    return found
-
-
 def _candidate(
     grey: GreyBox, found: Selection, decision: Decision, f: Fitted, p: float, fitted: float
 ) -> Candidate:
@@ -346,7 +251,7 @@ def _candidate(
         p,
         {path: x for path, x in known.items() if path not in nominal},
         fitted,
-        fitted * _cross_validated(grey, f),
+        fitted * cross_validated(grey, f),
         gain,
         float(min(max(explained, 0.0), 1.0)),
         True,
@@ -393,7 +298,7 @@ def _equation(decision: Decision, candidates: Sequence[Candidate]) -> EquationAt
                 name = equation_of(*c.effects[0])
                 shares[name] = shares.get(name, 0.0) + c.probability
         best = max(shares, key=lambda n: shares[n])
-        return EquationAtFault(best, min(shares[best], 1.0), shares)
+        return EquationAtFault(best, min(shares[best], 1.0), shares, "probability")
     missing: Mapping[str, MissingTorque] = decision.missing
     if not missing:
         return None
@@ -403,7 +308,8 @@ def _equation(decision: Decision, candidates: Sequence[Candidate]) -> EquationAt
         shares[key] = max(shares[key], m.share)
     best = max(shares, key=lambda n: shares[n])
     whole = sum(shares.values())
-    return EquationAtFault(best, shares[best] / whole if whole > 0.0 else 0.0, shares)
+    probability = shares[best] / whole if whole > 0.0 else 0.0
+    return EquationAtFault(best, probability, shares, "torque")
 
 
 def _plan(
@@ -420,17 +326,14 @@ def _plan(
         if f.variant.label in decision.group and f.variant.label not in {n for n, _ in rivals}:
             rivals.append((f.variant.label, machine_at(machine, grey, f)))
     for r in grey.records:
-        known = dict(zip(r.channels, found.best.noise.sensors(r), strict=True))
+        known = found.best.noise.variance(r)
         for c in r.record.channels:
-            variance = 0.0
-            for name, factor in c.parts:
-                drive, memory, white = known.get(name, (0.0, 0.0, 0.0))
-                variance += factor**2 * (drive**2 / max(1.0 - memory**2, 1e-6) + white**2)
+            variance = sum(factor**2 * known.get(name, 0.0) for name, factor in c.parts)
             if c.headline:
                 noise[c.name] = max(noise.get(c.name, 0.0), float(np.sqrt(variance)))
     try:
         return next_experiment(
-            rivals[:3], noise=noise, channels=list(noise), budget=20.0, progress=job.tell
+            rivals[:3], noise=noise, channels=list(noise), progress=job.tell, stop=job.stop
         )
     except (ValueError, FitError):
         return None

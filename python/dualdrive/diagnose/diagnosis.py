@@ -43,6 +43,7 @@ from dualdrive.diagnose.shape import shapes
 from dualdrive.diagnose.survey import Survey
 from dualdrive.diagnose.words import paragraph
 from dualdrive.diagnose.work import Clock, Work
+from dualdrive.echo import once
 from dualdrive.identify import Processing, Standstill, refuse_filters, which_mode
 from dualdrive.interrupt import interrupt
 from dualdrive.replay import core_of, named, records
@@ -57,8 +58,6 @@ SPOILT = ("scale", "sign", "swapped", "ratio")
 LIMITS = ("current_limit", "voltage_limit", "torque_constant_saturation")
 #: of the simulated loop's error: a machine whose balance leaves less has another loop
 _FOREIGN = 0.5
-_BALANCE = 60.0  # s: what a torque balance may spend
-_SEARCH = 0.75  # of the budget, for the survey; the rest is for the next experiment
 
 
 def diagnose(
@@ -104,8 +103,8 @@ def diagnose(
         tolerance: relative one-sigma tolerance of the nominal numbers, for all or by path; what
             `fit` takes unless given. A guess in the machine file wants a wide one.
         effort: ``quick``, ``normal`` or ``thorough``: how many replays are worth it.
-        budget: seconds after which the search is stopped; the answer is then `unfinished`. A torque
-            balance spends it: there it is 60 s unless given.
+        budget: seconds after which the search is stopped; the answer is then `unfinished`. No
+            search reads a clock unless it is given.
         threads: simulations side by side; as many as there are cores unless given.
         experiment: whether to plan the next experiment where names are left.
         checks: whether to look for swapped, flipped, clipped or foreign channels first; or what
@@ -138,9 +137,7 @@ def diagnose(
         )
     # simulations run side by side: BLAS threads beside them would only wait for one another
     with interrupt() as stop, threadpool_limits(1, "blas"):
-        if mode == "balance" and not math.isfinite(budget):
-            budget = _BALANCE
-        clock = Clock(_SEARCH * budget, stop.is_set)
+        clock, names = Clock(budget, stop.is_set), list(recorded)
         warnings, late, clipped = list[str](), False, False
         if checks is not False:
             tell("checking the records")
@@ -149,22 +146,23 @@ def diagnose(
             bad = unfit(found) - set(trust)
             recorded = {name: trace for name, trace in recorded.items() if name not in bad}
             if not recorded:
-                return _unfit(core, mode, tuple(bad), warnings, clock)
+                return _unfit(core, mode, tuple(bad), once(warnings, names), clock)
             warnings += [f"{name}: left out; --trust {name} overrules" for name in sorted(bad)]
+            warnings = once(warnings, names)
             own = {name: values for name, values in own.items() if name in recorded}
             late = any(w.code == "skew" for w in found if w.trace in recorded)
             clipped = any(w.code == "clipped" for w in found if w.trace in recorded)
         even = {name: evened(trace) for name, trace in recorded.items()}
-        warnings += [
+        uneven = [
             f"{name}: its stamps jitter by {1e6 * jitter:.3g} us about an even clock, which was "
             "used instead."
             for name, (_, jitter) in even.items()
             if jitter > 0.0
         ]
+        warnings += once(uneven, names)
         recorded = {name: trace for name, (trace, _) in even.items()}
         if mode == "closed_loop":
             refuse_filters(processing, standstill)
-            clock.budget = budget
             played = records(
                 machine,
                 recorded,
@@ -187,7 +185,7 @@ def diagnose(
                 settings=own,
                 mode="balance",
                 tolerance=tolerance,
-                budget=min(_BALANCE, max(budget - clock.used, 1.0)),
+                budget=max(budget - clock.used, 1.0),
                 threads=threads,
                 experiment=experiment,
                 checks=False,
@@ -203,16 +201,15 @@ def diagnose(
             core, recorded, own, processing, standstill, apart=not late, tolerance=tolerance
         )
         result = search(c, Work(clock, threads or os.cpu_count() or 1, tell))
-        whole = Clock(budget, stop.is_set)
-        whole.begin, whole.cut = clock.begin, clock.cut
+        finished = not (clock.cut or clock.stop())
 
         def beside(refit: Refit) -> list[Course]:
             what = f"what a torque of any course could still explain, {refit.hypothesis.label}"
-            if not whole.allows(what):
+            if not clock.allows(what):
                 return []
             tell(what)
-            found = courses_left(result.evidence, refit, whole.stop)
-            whole.allows(what)
+            found = courses_left(result.evidence, refit, clock.stop)
+            clock.allows(what)
             return found
 
         verdict = judge(result, beside)
@@ -220,8 +217,10 @@ def diagnose(
             [(effect, _), *_] = verdict.ranked[0][0].hypothesis.effects
             if effect not in LIMITS:
                 verdict = replace(verdict, verdict="unknown", group=(), why="clipped")
+        if not finished:
+            verdict = replace(verdict, verdict="unfinished", group=())
         printed = Printed(recorded, own, processing, standstill)
-        return _told(machine, c, result, verdict, printed, warnings, whole, experiment, tell)
+        return _told(machine, c, result, verdict, printed, warnings, clock, experiment, tell)
 
 
 def foreign_loop(looped: Diagnosis, balanced: Diagnosis) -> str:
@@ -231,7 +230,7 @@ def foreign_loop(looped: Diagnosis, balanced: Diagnosis) -> str:
     nothing explains the loop that makes that motion from the command: controller or command fail.
     """
     closes, left = balanced.error.get("best", math.nan), looped.error.get("refitted", math.nan)
-    if balanced.verdict == "unknown" or not closes < _FOREIGN * left:
+    if balanced.verdict in ("unknown", "unfinished") or not closes < _FOREIGN * left:
         return ""
     return (
         f"the torque balance closes to {100 * closes:.3g} %, but no law makes the simulated loop "

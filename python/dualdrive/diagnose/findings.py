@@ -175,7 +175,7 @@ def equation_at(
         name = equation_of(*candidate.effects[0])
         shares[name] = shares.get(name, 0.0) + candidate.probability
     best = max(shares, key=lambda n: shares[n])
-    return EquationAtFault(best, min(shares[best], 1.0), shares)
+    return EquationAtFault(best, min(shares[best], 1.0), shares, "probability")
 
 
 def equation_of(effect: str, place: str) -> str:
@@ -207,15 +207,14 @@ def plan_next(
     noise: dict[str, float] = {}
     for s, r in zip(c.series, found.best.left, strict=True):
         noise[s.name] = max(noise.get(s.name, 0.0), floor_of(s, r))
-    left = max(clock.budget - clock.used, 1.0)
     try:
         return next_experiment(
             rivals,
             noise=noise,
             channels=list(noise),
-            budget=left,
             progress=tell,
             cut=clock.leave_out,
+            stop=clock.stop,
         )
     except (ValueError, FitError) as failure:
         clock.leave_out(f"no next experiment: {failure}")

@@ -104,7 +104,7 @@ class Hypothesis:
             paths = [f"{label}.{name}" for name in own["parameters"]]
             several = [p for p in paths if p not in self.fixed]
             free += [p for p in several if p in self.begins or _is_free(grown, p)]
-            usual.update({**_loosened(grown, own), **(parts or {}).get(label, {})})
+            usual.update({**_joined(grown, own), **(parts or {}).get(label, {})})
         for path in free:
             if sizes and not is_strength(grown, path) and path not in usual:
                 usual[path] = _scaled(grown, path, sizes)
@@ -148,11 +148,13 @@ def _is_free(grown: Any, path: str) -> bool:
     return not declared.counted
 
 
-def _loosened(grown: Any, effect: Mapping[str, Any]) -> dict[str, float]:
-    """A compliant shaft, soft enough to show."""
+def _joined(grown: Any, effect: Mapping[str, Any]) -> dict[str, float]:
+    """Where the stiffness of a part begins: a shaft soft enough to show, behind play as added."""
     path = f"{effect['label']}.stiffness"
-    alone = effect["structural"] and list(effect["parameters"]) == ["stiffness"]
-    return {path: _SOFTER * grown.get(path)} if alone else {}
+    if not effect["structural"] or "stiffness" not in effect["parameters"]:
+        return {}
+    alone = list(effect["parameters"]) == ["stiffness"]
+    return {path: (_SOFTER if alone else 1.0) * grown.get(path)}
 
 
 def _compliant(grown: Any, p: Unknown) -> Unknown:

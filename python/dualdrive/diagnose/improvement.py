@@ -11,17 +11,16 @@ import numpy as np
 
 from dualdrive.compare import RecordWarning, check_records
 from dualdrive.diagnose.clocks import evened
-from dualdrive.diagnose.closed_loop import simulated_error
 from dualdrive.diagnose.diagnosis import diagnose, unfit
 from dualdrive.diagnose.ladder import Ladder, Step
 from dualdrive.diagnose.printed import Printed
 from dualdrive.diagnose.result import Diagnosis
+from dualdrive.diagnose.simulated_errors import simulated_error
 from dualdrive.identify import which_mode
 from dualdrive.interrupt import interrupt
 from dualdrive.replay import core_of, named, records
 from dualdrive.traces import Trace
 
-_BALANCE = 180.0  # s: what torque balances may spend in all
 MOST = 4  # effects that are added one after the other
 _LAST = 0.1  # of the time: with less left nothing is begun
 _BY_HAND = "stopped by hand"
@@ -51,8 +50,8 @@ def improve(
             and the first half is fitted.
         settings: as for :func:`dualdrive.diagnose.diagnose`, of both kinds of trace.
         mode: as there.
-        budget: seconds in all, after which the climb is stopped; a torque balance spends 180 s
-            unless given.
+        budget: seconds in all, after which the climb is stopped; no search reads a clock unless
+            it is given.
         ambiguous: whether to add the leader of a group that these records can't part.
         most: effects added at most.
         progress: told in words what is being tried.
@@ -88,8 +87,6 @@ def improve(
     else:
         other = {n: evened(t)[0] for n, t in named(held_out).items()}
         held = ", ".join(other)
-    if mode == "balance" and not math.isfinite(budget):
-        budget = _BALANCE
     if isinstance(checked, list):
         bad = unfit(checked) - set(options.get("trust", ()))
         if lost := sorted(bad & set(other) - set(fitting)):

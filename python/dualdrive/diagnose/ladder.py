@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from dualdrive.diagnose.result import Diagnosis, plain
+from dualdrive.diagnose.result import Diagnosis
+from dualdrive.plain import plain
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +67,11 @@ class Ladder:
         widths = [max(len(row[k]) for row in rows) for k in range(4)]
         lines = ["  ".join(f"{c:<{w}}" for c, w in zip(r, widths, strict=True)) for r in rows]
         return "\n".join([*lines, f"held out: {self.held}", f"stopped: {self.stopped}"])
+
+    def _repr_html_(self) -> str:
+        import dualdrive  # its lazy name: how a notebook shows things knows of results
+
+        return dualdrive.notebook.ladder(self)
 
     def figures(self) -> dict[str, Any]:
         """Plain JSON values; ``None`` where a number is not finite."""

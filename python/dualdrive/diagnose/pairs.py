@@ -23,7 +23,7 @@ from dualdrive.diagnose.signatures import CONTAINS
 from dualdrive.diagnose.stage import Score, Stage, scale_of
 from dualdrive.diagnose.starts import beside
 from dualdrive.diagnose.survey import Survey, excess, explained_share, key_of
-from dualdrive.diagnose.work import Work, first_of_each
+from dualdrive.diagnose.work import Work, first_of_each, misfit_left
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,6 @@ _NEAR = 0.5  # of the leader's gain: what has less is no first effect of a pair
 _KNOWN = 2  # partners beside the leader by the scores without it
 _WORTH = 15.0  # expected fall of chi^2 over its inflation for which a second effect is tried
 _SURELY = 45.0  # the same, for which it is tried though no more than noise seems left
-_FOR_A_FAINT_ONE = 0.7  # of the time
 _LIKELY = -2.0  # log10 of the chance of a course from which something may hide
 
 
@@ -71,6 +70,8 @@ def with_pairs(found: Survey, work: Work) -> Survey:
             pair = _refitted(fitter, first, score)
             if pair is not None and not _is_idle(found, first, pair):
                 refits.append(pair)
+                remark = misfit_left(pair.chi, found.base.chi)
+                work.leader.meets(pair.hypothesis.label, pair.chi, remark)
         if any(excess(found, pair.left).max() < ENOUGH for pair in refits):
             break  # nothing is left to explain
     if not refits:
@@ -102,7 +103,7 @@ def _anew(
         spectrum shows an order, and that something else hides must be likely first
     """
     if faint and not any(_is_sure(found, s) for s in partners[:1]):
-        if work.clock.late(_FOR_A_FAINT_ONE):
+        if work.clock.stop():
             work.clock.leave_out(f"not tried: what hides beside {first.hypothesis.label}")
             return []
         if not courses_left(found.evidence, first, work.stop, _LIKELY):

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.compare.equation import EquationAtFault
+from dualdrive.plain import plain
 
 if TYPE_CHECKING:
     from dualdrive.compare import Comparison, Condition
@@ -165,6 +166,11 @@ class Diagnosis:
         named = self.verdict in ("effect", "ambiguous") and self.candidates
         return self.candidates[0] if named else None
 
+    def _repr_html_(self) -> str:
+        import dualdrive  # its lazy name: how a notebook shows things knows of results
+
+        return dualdrive.notebook.diagnosis(self)
+
     def figures(self) -> dict[str, Any]:
         """Plain JSON values; ``None`` where a number is not finite."""
         best = self.next_experiment
@@ -211,15 +217,6 @@ class Diagnosis:
                 }
             )
         )
-
-
-def plain(value: Any) -> Any:
-    """The same with None for every number that is not finite, and plain containers."""
-    if isinstance(value, Mapping):
-        return {key: plain(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(inner) for inner in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _candidate(c: Candidate) -> dict[str, Any]:

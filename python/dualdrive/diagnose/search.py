@@ -41,8 +41,6 @@ _RIVAL = 0.3  # of the best gain: less is no rival, where no more than noise is 
 _CONTAINED = 4.0  # gain of a simple law of friction from which the whole ones are tried there
 _TAKEN_APART = 6  # best groups of which the single parts are tried
 _FURTHER = 10.0  # of the profile likelihood: another valley of the numbers, no polish
-_FOR_TRIALS = 0.85  # of the time: what is simulated beyond it could not be refitted
-_FOR_PROBES = 0.45  # of the time; what is probed beyond it could not be refitted
 
 
 def search(
@@ -138,7 +136,7 @@ def _refined(
     rest = [short.again(t) for t in trials if key_of(t) not in known]
     cut: list[str] = []
     if clear and not any(_explains(plain, r) for r in begun):
-        more, cut = short.others(worth, trials, lambda: clock.late(_FOR_TRIALS))
+        more, cut = short.others(worth, trials, clock.stop)
         rest = sorted([*rest, *(t for t in more if key_of(t) not in known)], key=lambda t: t.chi)
     if cut:
         clock.leave_out(f"not simulated: {', '.join(cut)}")
@@ -200,7 +198,7 @@ def _scored(
     groups = {s.label: s.signature.hypothesis for s in best if s.gain.gain > WORTH_A_REFIT}
     several = list(groups.values())[:_TAKEN_APART]
     parts = [m for h in several for m in members(c.core, Hypothesis(h.effects))]
-    if parts and clock.late(_FOR_PROBES):
+    if parts and clock.stop():
         clock.leave_out(f"not tried: {', '.join(sorted(h.label for h in parts))}")
     elif parts:
         scores += tried(parts)

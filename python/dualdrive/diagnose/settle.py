@@ -19,7 +19,7 @@ from dualdrive.diagnose.profiled import profile
 from dualdrive.diagnose.refit import Fitter, Refit
 from dualdrive.diagnose.score import Scorer
 from dualdrive.diagnose.survey import Survey, excess, key_of
-from dualdrive.diagnose.work import Work
+from dualdrive.diagnose.work import Work, misfit_left
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,9 @@ def settle(found: Survey, work: Work) -> Survey:
     criterion, inflation = _criterion(seen, every, [profile(seen, r) for r in every])
     for number in range(_ROUNDS):
         ordered = sorted(every, key=lambda r: criterion[key_of(r)])
-        work.tell(f"noise under {ordered[0].hypothesis.label}")
+        label = ordered[0].hypothesis.label
+        work.leader.judged(label, misfit_left(ordered[0].chi, every[0].chi))
+        work.tell(f"noise under {label}")
         left = ordered[0].left
         series = seen.confrontation.series
         # colour is read off noise; what a wrong model leaves is weighed by its size alone

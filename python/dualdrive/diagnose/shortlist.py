@@ -24,7 +24,7 @@ from dualdrive.diagnose.signatures import CONTAINS
 from dualdrive.diagnose.stage import Score
 from dualdrive.diagnose.starts import from_nominal, grown_from, near
 from dualdrive.diagnose.survey import key_of
-from dualdrive.diagnose.work import Work, first_of_each
+from dualdrive.diagnose.work import Work, first_of_each, misfit_left
 
 Array = NDArray[np.float64]
 
@@ -151,7 +151,11 @@ class Shortlist:
         if self.fitter.stop():
             return None
         self.work.tell(f"refitting with {trial.hypothesis.label}")
-        return sharpened(self.fitter, self.fitter(trial, self.base.slopes))
+        found = sharpened(self.fitter, self.fitter(trial, self.base.slopes))
+        if found is not None:
+            remark = misfit_left(found.chi, self.base.chi)
+            self.work.leader.meets(found.hypothesis.label, found.chi, remark)
+        return found
 
     def _best_end(
         self, score: Score, several: Iterable[Iterable[Start]], slopes: Sequence[Array] = ()

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dualdrive.compare.equation import EquationAtFault
 from dualdrive.diagnose.free_torque import Course
 from dualdrive.diagnose.judge import Judgement, Reason
-from dualdrive.diagnose.result import Candidate, Experiment, Interval, Shape, Verdict
-from dualdrive.units import human
+from dualdrive.diagnose.phrases import HELPS, closing, depends, interval, percent, unfinished
+from dualdrive.diagnose.result import Candidate, Experiment, Shape, Verdict
 
 #: why the best of what was tried gets no name
 _WHY: dict[Reason, str] = {
@@ -32,10 +32,7 @@ _FOLLOWED = {
     "drive torque": "its own drive's torque",
 }
 _WHERE = {"table": "the table"}
-_COORDINATE = {"speed": "the speed", "angle": "the angle", "time": "the time"}
 _TELLS = 0.3  # share of the missing torque from which a coordinate says something of a name
-_FEW = 3  # warnings that a paragraph can hold
-_OF_NONE = 0.05  # share of the missing torque below which a coordinate tells nothing of it
 
 
 def paragraph(
@@ -61,19 +58,8 @@ def paragraph(
         said += _unexplained(judged.why, candidates, equation, shapes)
     if course is not None:
         said.append(_beside_it(course))
-    if groups and verdict == "ambiguous":
-        said.append(f"These records can't tell apart: {'; '.join(', '.join(g) for g in groups)}.")
-    if experiment is not None:
-        said.append(
-            f"To tell {' from '.join(experiment.separates)}, measure next: {experiment.name} "
-            f"(expected distance {experiment.expected_distance:.0f}; 11 is enough)."
-        )
-    if verdict == "effect" and command:
-        said.append(f"To add it: {command}")
-    if len(warnings) > _FEW:
-        said.append(f"Mind the {len(warnings)} warnings about the records.")
-    elif warnings:
-        said.append(f"Mind: {'; '.join(w.rstrip('.') for w in warnings)}.")
+    alike = groups if verdict == "ambiguous" else ()
+    said += closing(alike, experiment, command if verdict == "effect" else "", warnings)
     return " ".join(said)
 
 
@@ -83,8 +69,8 @@ def _opening(
     error: Mapping[str, float],
     moved: Sequence[str],
 ) -> str:
-    refitted, floor = _per(error.get("refitted")), _per(error.get("noise_floor"))
-    nominal = _per(error.get("nominal"))
+    refitted, floor = percent(error.get("refitted")), percent(error.get("noise_floor"))
+    nominal = percent(error.get("nominal"))
     if verdict == "adequate":
         return (
             f"The machine as described meets the records: error {nominal}, sensors alone {floor}. "
@@ -96,6 +82,8 @@ def _opening(
             f"No effect is missing, but numbers of the data sheet are off{which}: refitted, the "
             f"error falls from {nominal} to {refitted}; sensors alone {floor}."
         )
+    if verdict == "unfinished":
+        return unfinished(refitted, floor)
     if verdict == "unknown":
         return (
             "Something is missing that no effect of the library explains. Refitting the data "
@@ -104,38 +92,31 @@ def _opening(
     best = candidates[0]
     opening = (
         f"Refitting the data sheet's numbers leaves {refitted}; with {best.label} it is "
-        f"{_per(best.fitted)}, cross-validated {_per(best.held_out)} (sensors alone {floor})."
+        f"{percent(best.fitted)}, cross-validated {percent(best.held_out)} (sensors alone {floor})."
     )
     if verdict == "ambiguous":
         return f"An effect is missing, and more than one law fits. {opening}"
     return f"{best.label} is missing (probability {best.probability:.2f}). {opening}"
 
 
-def _number(p: Interval) -> str:
-    """Value and interval; what was counted or held has none."""
-    if p.low < p.high:
-        return f"{human(p.value, p.unit)} [{human(p.low, p.unit)} .. {human(p.high, p.unit)}]"
-    return human(p.value, p.unit)
-
-
 def _evidence(candidates: Sequence[Candidate], shapes: Sequence[Shape]) -> list[str]:
     best, *others = candidates
     numbers = [
-        f"{path.rpartition('.')[2]} {_number(p)}"
+        f"{path.rpartition('.')[2]} {interval(p)}"
         for path, p in best.parameters.items()
         if p.value != 0.0 or p.low < p.high  # what is held at nothing says nothing
     ]
     said = [f"Its numbers: {', '.join(numbers)}."] if numbers else []
     said.append(f"It removes {100 * best.explained:.0f} % of the unexplained error.")
     if shapes and shapes[0].explained > _TELLS:
-        said.append(_depends(shapes[0]))
+        said.append(depends(shapes))
     others = [c for c in others if c.resolved]
     rivals = [c for c in others if c.probability > 0.01]
     if rivals:
         named = ", ".join(f"{c.label} ({c.probability:.2f})" for c in rivals[:3])
         said.append(f"Not excluded: {named}.")
     elif others:
-        said.append(f"The next best, {others[0].label}, leaves {_per(others[0].fitted)}.")
+        said.append(f"The next best, {others[0].label}, leaves {percent(others[0].fitted)}.")
     if best.note:
         said.append(f"{best.note[0].upper()}{best.note[1:]}.")
     return said
@@ -149,7 +130,7 @@ def _unexplained(
 ) -> list[str]:
     said = []
     tried = [c for c in candidates if math.isfinite(c.explained)]
-    if why != "course" and tried and max(c.explained for c in tried) < _OF_NONE:
+    if why != "course" and tried and max(c.explained for c in tried) < HELPS:
         said.append("No candidate helps. Check sign and scale of the torques.")
     elif why != "course" and tried:
         best = tried[0]
@@ -162,19 +143,7 @@ def _unexplained(
         )
     if equation is not None:
         said.append(f"The equation that does not close is that of the {equation.name}.")
-    if shapes and shapes[0].explained < _OF_NONE:
-        said.append("The missing torque depends on none of the coordinates that were tried.")
-    elif shapes:
-        said.append(_depends(shapes[0]))
-    return said
-
-
-def _depends(s: Shape) -> str:
-    """What the missing torque depends on, and what that looks like."""
-    share = f"{100 * s.explained:.0f} % of the missing torque of the {s.equation}"
-    if s.coordinate == "direction":
-        return f"{share} depends only on the sign of the speed, as dry friction does."
-    return f"{share} depends only on {_COORDINATE.get(s.coordinate, s.coordinate)}."
+    return [*said, *filter(None, [depends(shapes)])]
 
 
 def _beside_it(course: Course) -> str:
@@ -189,7 +158,3 @@ def _beside_it(course: Course) -> str:
         f"What is left is no noise: {what} takes some of it ({course.numbers} numbers gain "
         f"{course.gain:.0f}; noise would in one of 10^{-course.chance:.0f} such records)."
     )
-
-
-def _per(share: float | None) -> str:
-    return "?" if share is None else f"{100 * share:.3g} %"

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeVar
 
 T = TypeVar("T")
@@ -36,10 +37,6 @@ class Clock:
         """Whether no further simulation should begin."""
         return self.asked() or self.used > self.budget
 
-    def late(self, share: float) -> bool:
-        """Whether so much of the time is gone."""
-        return self.used > share * self.budget
-
     def allows(self, what: str) -> bool:
         """Whether there is time for it; what there is none for is noted."""
         if self.stop():
@@ -56,13 +53,45 @@ def _nobody(_: str) -> None:
     """Nobody is told."""
 
 
+class Leader:
+    """The best explanation so far, in words that go with whatever is tried after it."""
+
+    def __init__(self) -> None:
+        self._cost, self._said = math.inf, ""
+
+    def __str__(self) -> str:
+        return self._said
+
+    def meets(self, label: str, cost: float, remark: str) -> None:
+        """Take what was refitted, where nothing before it was judged or cost less.
+
+        label: of the explanation; cost: of any scale, less is better; remark: how good it is
+        """
+        if cost < self._cost:
+            self._cost, self._said = cost, f"; best so far {label}, {remark}"
+
+    def judged(self, label: str, remark: str) -> None:
+        """Take what is best once its numbers are counted too; costs of refits say no more then."""
+        self._cost, self._said = -math.inf, f"; best so far {label}, {remark}"
+
+
+def misfit_left(chi: float, alone: float) -> str:
+    """How good an explanation is that leaves so much of the chi^2 of the machine without it."""
+    return f"{100.0 * math.sqrt(chi / alone) if alone > 0.0 else 100.0:.3g} % of the misfit left"
+
+
 @dataclass(frozen=True, eq=False)
 class Work:
     """A clock, how many threads simulate side by side, and who is told what is tried."""
 
     clock: Clock
     threads: int = 1
-    tell: Callable[[str], None] = _nobody
+    told: Callable[[str], None] = _nobody
+    leader: Leader = field(default_factory=Leader)
+
+    def tell(self, what: str) -> None:
+        """Say what is tried, and what is best so far."""
+        self.told(f"{what}{self.leader}")
 
     @property
     def stop(self) -> Callable[[], bool]:

@@ -7,7 +7,7 @@ from dualdrive.identify.filtering import Processing
 from dualdrive.identify.fit_result import Direction, Fit, Fitted
 from dualdrive.identify.fitting import fit, refuse_filters, which_mode, with_torques
 from dualdrive.identify.model import Balance, BalanceModel, Declared
-from dualdrive.identify.passivity import torque_warnings
+from dualdrive.identify.passivity import torque_notes, torque_warnings
 from dualdrive.identify.play import estimate_play
 from dualdrive.identify.play_result import PlayEstimate
 from dualdrive.identify.result import BalanceFit, Estimate
@@ -36,6 +36,7 @@ __all__ = [
     "fit",
     "refuse_filters",
     "torque_balance",
+    "torque_notes",
     "torque_warnings",
     "which_mode",
     "with_torques",

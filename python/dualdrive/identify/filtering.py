@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.traces.names import DRIVES
+
 Array = NDArray[np.float64]
 
 #: pass-band ripple of the decimation filter in dB
@@ -29,7 +31,8 @@ _SPECTRUM = 256  # samples; fewer show no spectrum
 
 #: recorded angle -> the names of its two derivatives
 ANGLES = {
-    f"theta_{place}": (f"omega_{place}", f"alpha_{place}") for place in ("m", "1", "2", "c1", "c2")
+    f"theta_{place}": (f"omega_{place}", f"alpha_{place}")
+    for place in ("m", *map(str, DRIVES), *(f"c{n}" for n in DRIVES))
 }
 
 

@@ -104,6 +104,11 @@ class Fit:
         """Whether the fit converged."""
         return self.status == "success"
 
+    def _repr_html_(self) -> str:
+        import dualdrive  # its lazy name: how a notebook shows things knows of results
+
+        return dualdrive.notebook.fit(self)
+
     def table(self) -> str:
         """Everything above as lines of text."""
         head = (

@@ -15,7 +15,7 @@ from dualdrive.identify.evaluation import state_unknowns
 from dualdrive.identify.filtering import Processing
 from dualdrive.identify.fit_summary import summary
 from dualdrive.identify.parts import sizes_of_part
-from dualdrive.identify.passivity import torque_warnings
+from dualdrive.identify.passivity import torque_notes, torque_warnings
 from dualdrive.identify.search import Progress, Search
 from dualdrive.identify.standstill import Standstill
 from dualdrive.identify.unknowns import (
@@ -128,7 +128,8 @@ def fit(
             confidence=confidence,
             settings=settings,
         )
-        return replace(found, warnings=tuple(torque_warnings(core, driven)))
+        warnings, notes = torque_warnings(core, driven), torque_notes(core, driven)
+        return replace(found, warnings=tuple(warnings), notes=tuple(notes))
     refuse_filters(processing, standstill)
     played = records(
         machine,

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.identify.readings import before_sensors
+from dualdrive.traces.names import DRIVES
 
 Array = NDArray[np.float64]
 
 
 #: channels of measured motor torque
-TORQUES = ("T_1", "T_2")
+TORQUES = tuple(f"T_{n}" for n in DRIVES)
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.echo import once
 from dualdrive.identify.coloured import correlation_time
 from dualdrive.identify.filtering import ANGLES, Piece, Processing, pieces
 from dualdrive.replay import ratio_to_table
@@ -72,28 +73,72 @@ def torque_doubts(core: Any, trace: Any) -> list[TorqueDoubt]:
         motor's torque.
 
     """
-    names = {motor: f"T_{motor.rpartition('_')[2]}" for motor in core.motors}
-    if not names or not set(names.values()) <= set(trace.channels):
+    known = _torques_of(core, trace)
+    if known is None:
         return []
-    try:
-        parts = list(pieces(trace, str(getattr(trace, "name", "")), FILTER))
-    except ValueError:
-        return []
-    seen = _Seen(core, parts, FILTER)
-    if not seen.moves:
-        return []
-    own = {name: seen.torque(name, ratio_to_table(core, m)) for m, name in names.items()}
+    seen, own = known
     found = list(_turned(seen, own))
     return found if found or len(own) != 2 else list(_exchanged(seen, own))
 
 
+def whose_is_open(core: Any, trace: Any) -> str:
+    """Why a record can't tell which of two torques is whose, in words; empty where it can.
+
+    Their sum at the table is the same either way where the ratios are alike. What tells them apart
+    is the drives' twist, which tension makes; without it, or without the drives' angles, nothing
+    does. Arguments as of `torque_doubts`.
+    """
+    known = _torques_of(core, trace)
+    if known is None or len(known[1]) != 2 or list(_turned(*known)):
+        return ""
+    seen, own = known
+    first, second = own
+    apart = seen.apart()
+    if apart is None:
+        why = "the drives' angles are not recorded"
+    else:
+        recorded, other = _twisted(seen, own, apart)
+        if max(recorded.part, other.part) >= _CLEAR:
+            return ""
+        why = (
+            f"what holds the drives apart explains {recorded.part:.0%} of {first} - {second}, and "
+            f"{other.part:.0%} were they exchanged; a record under more tension may tell"
+        )
+    return (
+        f"which of {first} and {second} is whose this record can't tell: {why}. Their sum is the "
+        "same either way; what is said of one drive alone hangs on the mapping"
+    )
+
+
+def _torques_of(core: Any, trace: Any) -> tuple[_Seen, dict[str, Array]] | None:
+    """A moving record's filtered signals, and each motor's torque at the table; or None."""
+    names = {motor: f"T_{motor.rpartition('_')[2]}" for motor in core.motors}
+    if not names or not set(names.values()) <= set(trace.channels):
+        return None
+    try:
+        parts = list(pieces(trace, str(getattr(trace, "name", "")), FILTER))
+    except ValueError:
+        return None
+    seen = _Seen(core, parts, FILTER)
+    if not seen.moves:
+        return None
+    return seen, {n: seen.torque(n, ratio_to_table(core, m)) for m, n in names.items()}
+
+
+def torque_notes(core: Any, traces: Mapping[str, Any]) -> list[str]:
+    """What several records, name -> trace, can't tell of their torques, in words, by name."""
+    told = {name: whose_is_open(core, trace) for name, trace in traces.items()}
+    return once((f"{name}: {words}" for name, words in told.items() if words), traces)
+
+
 def torque_warnings(core: Any, traces: Mapping[str, Any]) -> list[str]:
-    """The same of several records, name -> trace, in words, each with its record's name."""
-    return [
+    """`torque_doubts` of several records, name -> trace, in words, each with its record's name."""
+    told = [
         f"{name}: {doubt.message}"
         for name, trace in traces.items()
         for doubt in torque_doubts(core, trace)
     ]
+    return once(told, traces)
 
 
 class _Seen:
@@ -218,10 +263,8 @@ def _exchanged(seen: _Seen, own: dict[str, Array]) -> list[TorqueDoubt]:
     apart = seen.apart()
     if apart is None:
         return []
-    # friction and inertia of either drive, and a late encoder, part them too: no evidence
-    beside = np.concatenate([seen.open(), seen.passive()], axis=1)
     (first, one), (second, two) = own.items()
-    recorded, other = (_explained(d, apart, beside) for d in (one - two, two - one))
+    recorded, other = _twisted(seen, own, apart)
     if other.part < _CLEAR or not _better(other, recorded):
         return []
     work = float(np.mean((one + two) * seen.speed())) * seen.lasts
@@ -232,6 +275,14 @@ def _exchanged(seen: _Seen, own: dict[str, Array]) -> list[TorqueDoubt]:
         f"{second} in the mapping, or the drives' angles"
     )
     return [TorqueDoubt("swapped", (first, second), recorded.part, other.part, work, message)]
+
+
+def _twisted(seen: _Seen, own: dict[str, Array], apart: Array) -> tuple[_Share, _Share]:
+    """What the drives' twist explains of the difference of their torques, and exchanged."""
+    # friction and inertia of either drive, and a late encoder, part them too: no evidence
+    beside = np.concatenate([seen.open(), seen.passive()], axis=1)
+    one, two = own.values()
+    return _explained(one - two, apart, beside), _explained(two - one, apart, beside)
 
 
 @dataclass(frozen=True)

@@ -88,7 +88,7 @@ class BalanceFit:
     and ``nominal_errors`` by equation; ``residuals`` by (record, equation); ``effective`` number of
     samples after coloured residuals are accounted for; ``condition`` of the information matrix'
     root with columns scaled alike; ``model`` holds the fitted values; ``warnings`` say what is
-    wrong with the records themselves.
+    wrong with the records themselves, ``notes`` what they can't tell.
     """
 
     parameters: dict[str, Estimate]
@@ -104,6 +104,7 @@ class BalanceFit:
     confidence: float
     model: BalanceModel
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def error(self) -> float:
@@ -129,6 +130,11 @@ class BalanceFit:
             for name, count in self.samples.items()
         ]
 
+    def _repr_html_(self) -> str:
+        import dualdrive  # its lazy name: how a notebook shows things knows of results
+
+        return dualdrive.notebook.fit(self)
+
     def table(self) -> str:
         """Everything above as lines of text."""
         lines = [f"warning: {warning}" for warning in self.warnings]
@@ -150,6 +156,7 @@ class BalanceFit:
         of = "force" if slides else "torque"
         lines += [estimate.line(width, of) for estimate in estimates]
         lines.append(f"condition number {self.condition:.3g}")
+        lines += self.notes
         return "\n".join(lines)
 
     def figures(self) -> dict[str, Any]:
@@ -173,6 +180,7 @@ class BalanceFit:
             "processing": self.processing,
             "confidence": self.confidence,
             "warnings": list(self.warnings),
+            "notes": list(self.notes),
         }
 
     def to_json(self) -> str:

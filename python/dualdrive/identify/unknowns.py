@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+#: a number believed more firmly is held, and its square ends in rounding
+_NARROWEST = 1e-6
 #: relative one-sigma tolerance of a nominal value by the parameter's name, unless told: inertias
 #: come from drawings, stiffness and play from catalogues, viscous friction from experience
 TOLERANCES = {"J": 0.1, "stiffness": 0.2, "gap": 0.2, "b": 0.5, "damping": 0.5}
@@ -246,8 +248,9 @@ def _width(
     if effect and (given is None or not isinstance(tolerance, Mapping)):
         # a limit, or a stiffness that is nearly rigid, is where one begins, not what one believes
         width = _EFFECT if nominal != 0.0 and not lent else math.inf
-    if not width > 0:
-        raise ValueError(f"tolerance of {path}: {width:g} must be positive; or leave the path out")
+    if not width >= _NARROWEST:
+        rule = f"must be positive, {_NARROWEST:g} at least"
+        raise ValueError(f"tolerance of {path}: {width:g} {rule}; or leave the path out")
     return width
 
 

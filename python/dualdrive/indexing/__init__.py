@@ -8,41 +8,49 @@ result.A, result.R, result.B, result.rows
 
 from dualdrive.indexing.cycle import STILL, Cycle, cycle_for, measure
 from dualdrive.indexing.dwells import evaluate_trace
+from dualdrive.indexing.experiment import PAIR, Cell, Crossed, crossed
 from dualdrive.indexing.iso230 import FIGURES, Iso230, TargetRow, evaluate
 from dualdrive.indexing.lost_motion_test import LostMotion, Pull, lost_motion, read_lost_motion
+from dualdrive.indexing.outcome import Spread, Verdict, verdicts
 from dualdrive.indexing.position_file import is_position_table, read_positions
+from dualdrive.indexing.printed import DEMANDED, LOADS, PRINTED, TOLERANCE, TRAINS, loaded
 from dualdrive.indexing.report_file import Departure, Report, is_report, read_report
 from dualdrive.indexing.rules import REPEATS, IndexingError, least_targets
-from dualdrive.indexing.tables import FLOOR, LOADS, PRINTED, TRAINS, Floor, TableRow, table
 
 __all__ = [
+    "DEMANDED",
     "FIGURES",
-    "FLOOR",
     "LOADS",
+    "PAIR",
     "PRINTED",
     "REPEATS",
     "STILL",
+    "TOLERANCE",
     "TRAINS",
+    "Cell",
+    "Crossed",
     "Cycle",
     "Departure",
-    "Floor",
     "IndexingError",
     "Iso230",
     "LostMotion",
     "Pull",
     "Report",
-    "TableRow",
+    "Spread",
     "TargetRow",
+    "Verdict",
+    "crossed",
     "cycle_for",
     "evaluate",
     "evaluate_trace",
     "is_position_table",
     "is_report",
     "least_targets",
+    "loaded",
     "lost_motion",
     "measure",
     "read_lost_motion",
     "read_positions",
     "read_report",
-    "table",
+    "verdicts",
 ]

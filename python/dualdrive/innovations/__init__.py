@@ -7,11 +7,14 @@ Sources: Kristensen, Madsen, Jørgensen, Automatica 40 (2004) 225-237; Ljung, Sy
 
 from __future__ import annotations
 
-from dualdrive.innovations.greybox import Counter, GreyBox, Point, Variant, flat
+from dualdrive.innovations.first_states import begun
+from dualdrive.innovations.greybox import Counter, GreyBox
 from dualdrive.innovations.levenberg_marquardt import fit, inflation
 from dualdrive.innovations.likelihood import maximum_likelihood
 from dualdrive.innovations.noise import Noise, drive_torque, first_noise
 from dualdrive.innovations.records import Predictable, predictable
+from dualdrive.innovations.stretches import some
+from dualdrive.innovations.variant import Point, Variant, flat
 from dualdrive.innovations.whole_record import simulated
 
 __all__ = [
@@ -21,6 +24,7 @@ __all__ = [
     "Point",
     "Predictable",
     "Variant",
+    "begun",
     "drive_torque",
     "first_noise",
     "fit",
@@ -29,4 +33,5 @@ __all__ = [
     "maximum_likelihood",
     "predictable",
     "simulated",
+    "some",
 ]

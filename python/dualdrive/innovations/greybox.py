@@ -11,16 +11,17 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.identify.unknowns import Unknown
-from dualdrive.innovations.noise import Noise
+from dualdrive.innovations.noise import Noise, first_noise
+from dualdrive.innovations.prediction import Replayed, predicted, replayed
 from dualdrive.innovations.records import Predictable
+from dualdrive.innovations.variant import Point, Variant, flat
 from dualdrive.replay.record import with_settings
 
 Array = NDArray[np.float64]
@@ -28,63 +29,7 @@ Array = NDArray[np.float64]
 #: one-sigma of a sensor's constant: of a motor's encoder at the pinion, rad; of a current, relative
 _ZERO_ANGLE, _ZERO_CURRENT = 1e-3, 0.02
 _DIFFERENCE = 1e-3  # of a unit of an unknown, for finite differences
-_LOST = 300.0  # whitened: what a replay that broke down is counted with
-
-
-@dataclass(frozen=True, eq=False)
-class Variant:
-    """A machine with effects under trial, and their unknowns.
-
-    grown:   the core's machine with the effects in it
-    effects: (effect, place); a group where every member has numbers of its own
-    fixed:   parameter path -> value of what is counted
-    looks:   among how many values those were found
-    """
-
-    grown: Any
-    extra: tuple[Unknown, ...] = ()
-    effects: tuple[tuple[str, str], ...] = ()
-    fixed: Mapping[str, float] = field(default_factory=dict)
-    looks: float = 1.0
-
-    @property
-    def label(self) -> str:
-        """``coulomb@table``, two joined by `` + ``, or ``nothing``."""
-        return " + ".join(f"{e}@{p}" for e, p in self.effects) or "nothing"
-
-    @property
-    def key(self) -> str:
-        """Label with its counted numbers."""
-        counts = ", ".join(dict.fromkeys(f"{v:g}" for v in self.fixed.values()))
-        return f"{self.label} ({counts})" if counts else self.label
-
-
-@dataclass(frozen=True, eq=False)
-class Point:
-    """A variant at a point, shape (unknowns,), and its innovations there.
-
-    residuals: whitened, records end to end, shape (rows, channels) each
-    log_det:   sum of log det of the innovations' covariance
-    lost:      a replay broke down
-    """
-
-    variant: Variant
-    theta: Array
-    residuals: tuple[Array, ...]
-    log_det: float
-    prior: float
-    lost: bool = False
-    history: tuple[float, ...] = field(default=())
-
-    @property
-    def chi2(self) -> float:
-        """Sum of squares of the whitened innovations."""
-        return float(sum(np.einsum("ij,ij->", r, r) for r in self.residuals))
-
-    @property
-    def minus_two_log(self) -> float:
-        """-2 log L, priors included, constants left out."""
-        return self.chi2 + self.log_det + self.prior
+_FIRST = 0.1  # of the drives' torque: what may have acted before the first sample
 
 
 class Counter:
@@ -113,6 +58,7 @@ class GreyBox:
         self.threads = threads or os.cpu_count() or 1
         self.pool = ThreadPoolExecutor(self.threads)
         self.counter = counter or Counter()
+        self.first_torque = first_noise(core, self.records, _FIRST).torques()
         self.speed = max(
             float(np.sqrt(np.mean(np.gradient(r.record.reference, r.record.t) ** 2)))
             for r in records
@@ -132,6 +78,12 @@ class GreyBox:
                     found[c] = max(found.get(c, 0.0), _ZERO_CURRENT * float(np.std(y)))
         return found
 
+    def on(self, records: Sequence[Predictable]) -> GreyBox:
+        """The same unknowns on other stretches of the same records."""
+        own = copy(self)
+        own.records = list(records)
+        return own
+
     def held(self) -> GreyBox:
         """The same with the nominal numbers as the data sheet has them."""
         own = copy(self)
@@ -147,7 +99,7 @@ class GreyBox:
     @property
     def samples(self) -> int:
         """Samples of all records."""
-        return sum(len(r.record.t) for r in self.records)
+        return sum(len(r.measured) for r in self.records)
 
     def start(self, variant: Variant) -> Array:
         """Where a fit from the data sheet begins."""
@@ -197,23 +149,53 @@ class GreyBox:
             return core, self.steady(core, place[1])
 
         own = list(self.pool.map(job, places))
-        jobs = [
-            (core, self.constants(theta), r, g, True)
+        steady = [
+            (core, self.constants(theta), gains)
             for (core, gains), (theta, _) in zip(own, places, strict=True)
-            for r, g in zip(self.records, gains or [], strict=bool(gains))
+            if gains is not None
         ]
-        self.counter.replays += len(jobs)
-        found = iter(list(self.pool.map(_replay, jobs)))
+        found = iter(self._learned(steady))
         result: list[tuple[Point, list[Any]] | None] = []
         for (_, gains), (theta, _) in zip(own, places, strict=True):
             if gains is None:
                 result.append(None)
                 continue
-            point = self._point(variant, theta, [next(found) for _ in self.records])
+            point = self._point(variant, theta, next(found))
             result.append(None if point.lost else (point, gains))
         return result
 
-    def _point(self, variant: Variant, theta: Array, found: Sequence[_Replayed]) -> Point:
+    def _learned(
+        self, jobs: Sequence[tuple[Any, Mapping[str, float], list[Any]]]
+    ) -> list[list[Replayed]]:
+        """Replays of machines under gains that learn how a record begins.
+
+        The first record of a kind learns, others begin as it does.
+        """
+        kinds = [self._kind(r) for r in self.records]
+        first = [kinds.index(kind) for kind in kinds]
+        found: dict[tuple[int, int], Replayed] = {}
+        for leading in (True, False):
+            batch, owners = [], []
+            for k, (core, offsets, gains) in enumerate(jobs):
+                for r, record in enumerate(self.records):
+                    if (first[r] == r) != leading:
+                        continue
+                    if not leading:
+                        gains[r].begin_as(gains[first[r]])
+                    batch.append((core, offsets, record, gains[r], True))
+                    owners.append((k, r))
+            self.counter.replays += len(batch)
+            found.update(zip(owners, self.pool.map(replayed, batch), strict=True))
+        return [[found[k, r] for r in range(len(self.records))] for k in range(len(jobs))]
+
+    @staticmethod
+    def _kind(record: Predictable) -> tuple[Any, ...]:
+        """What the gains of a record depend on."""
+        settings = tuple(sorted(record.record.settings.items()))
+        unsure = tuple(sorted(record.unsure.items()))
+        return settings, record.sampled.step, record.channels, record.steps, unsure
+
+    def _point(self, variant: Variant, theta: Array, found: Sequence[Replayed]) -> Point:
         det, lost = sum(f.log_det for f in found), any(f.lost for f in found)
         residuals = tuple(f.residuals for f in found)
         return Point(variant, theta, residuals, det, self.prior(theta), lost)
@@ -229,9 +211,7 @@ class GreyBox:
         own = self.steady(core, noise)
         if own is None:
             raise ValueError(f"{variant.label}: no Kalman filter is steady under this noise")
-        jobs = [(core, offsets, r, g, True) for r, g in zip(self.records, own, strict=True)]
-        list(self.pool.map(_replay, jobs))
-        self.counter.replays += len(jobs)
+        self._learned([(core, offsets, own)])
         return own
 
     def steady(self, core: Any, noise: Noise) -> list[Any] | None:
@@ -239,13 +219,15 @@ class GreyBox:
         steady: dict[Any, Any] = {}
         own = []
         for r in self.records:
-            key = (tuple(sorted(r.record.settings.items())), r.sampled.step, r.channels, r.steps)
+            key = self._kind(r)
             if key not in steady:
                 there = with_settings(core, r.record.settings)
                 try:
                     steady[key] = _core.kalman_gains(
-                        there, r.sampled, noise.sensors(r), noise.torques(), self.speed
-                    )
+                        there, r.sampled, noise.sensors(r), noise.torques(), self.speed,
+                        drifts=noise.drifts(r), first_torque=self.first_torque,
+                        first_deviation=r.unsure, every=False,
+                    )  # fmt: skip
                 except ValueError:
                     return None
             own.append(steady[key].copy())
@@ -264,7 +246,7 @@ class GreyBox:
             for r, g in zip(self.records, gains, strict=True):
                 jobs.append((core, offsets, r, g, False))
                 owners.append(k)
-        found = list(self.pool.map(_replay, jobs))
+        found = list(self.pool.map(replayed, jobs))
         self.counter.replays += len(jobs)
         points = []
         for k, (variant, theta) in enumerate(zip(variants, thetas, strict=True)):
@@ -310,61 +292,3 @@ class GreyBox:
 
 _HELD = 1e-9  # of a unit: a number that is not refitted
 _BOX = 4.0  # sigma: nominal numbers stay within what a data sheet can mean
-
-
-def flat(residuals: Sequence[Array]) -> Array:
-    """All rows end to end."""
-    return np.concatenate([r.ravel() for r in residuals])
-
-
-def predicted(
-    core: Any,
-    offsets: Mapping[str, float],
-    record: Predictable,
-    gains: Any,
-    *,
-    moved: Mapping[str, float] | None = None,
-    **options: bool,
-) -> Any:
-    """What `_core.predict` finds of one record.
-
-    Args:
-        core: the machine, the record's own settings not yet in it.
-        offsets: channel -> what its sensor adds.
-        record: what was measured.
-        gains: of `GreyBox.gains`.
-        moved: state -> what is added to it where the record begins.
-        options: of `_core.predict`.
-
-    """
-    there = with_settings(core, record.record.settings)
-    initial = record.initial(there, offsets)
-    for state, x in (moved or {}).items():
-        initial[state] = initial.get(state, 0.0) + x
-    return _core.predict(
-        there,
-        record.sampled,
-        gains,
-        initial=initial,
-        offsets=[offsets.get(c, 0.0) for c in record.channels],
-        **options,
-    )
-
-
-class _Replayed(NamedTuple):
-    residuals: Array
-    log_det: float
-    lost: bool
-
-
-def _replay(job: tuple[Any, Mapping[str, float], Predictable, Any, bool]) -> _Replayed:
-    core, offsets, record, gains, learn = job
-    nothing = _Replayed(np.full(record.measured.shape, _LOST), 0.0, True)
-    if core is None:
-        return nothing
-    try:
-        found = predicted(core, offsets, record, gains, learn_first=learn)
-    except (ValueError, RuntimeError):
-        return nothing
-    residuals = np.clip(found["residuals"], -_LOST, _LOST)
-    return _Replayed(residuals, float(found["log_det"]), not found["finite"])

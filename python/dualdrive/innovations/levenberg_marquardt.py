@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.innovations.greybox import GreyBox, Point, Variant, flat
+from dualdrive.innovations.greybox import GreyBox
+from dualdrive.innovations.variant import Point, Variant, flat
 
 Array = NDArray[np.float64]
 

@@ -13,16 +13,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.innovations.greybox import GreyBox, Point, Variant, flat
-from dualdrive.innovations.levenberg_marquardt import step_within
+from dualdrive.innovations.greybox import GreyBox
+from dualdrive.innovations.levenberg_marquardt import inflation, step_within
 from dualdrive.innovations.noise import Logarithms, Noise
+from dualdrive.innovations.variant import Point, Variant, flat
 
 Array = NDArray[np.float64]
 
 _STEP = 1e-3  # of a logarithm, for finite differences
 _LONGEST = 1.5  # step of a logarithm
 _DAMPINGS = (1e-4, 0.03, 1.0, 30.0)
-_ENOUGH = 2.0  # of -2 log L: a step that brings less ends the search
+_ENOUGH = 2.0  # of -2 log L over the inflation: a step that brings less ends the search
+#: how far numbers (of what is believed of them) and logarithms of the noise may be from where
+#: derivatives by the numbers were taken: a chord serves till then
+_NEAR = (0.3, 2.0)
 
 
 def maximum_likelihood(
@@ -63,10 +67,16 @@ def maximum_likelihood(
     [now] = at([x])
     if now is None:
         return None
+    near = np.r_[_NEAR[0] * np.minimum(grey.sigma, 1.0), np.full(n - grey.shared, _NEAR[0])]
+    near = np.r_[near, np.full(m, _NEAR[1])]
+    columns, taken = list[Array](), x
     for _ in range(steps):
         if grey.counter.stop():
             break
         point, gains = now
+        fresh = not columns or bool(np.any(np.abs(x - taken) > near))
+        if fresh:
+            columns, taken = grey.columns(point, range(n), gains), x
         inward = np.where(x[n:] + _STEP > high[n:], -_STEP, _STEP)
         moved = at([x + np.r_[np.zeros(n), e] for e in np.diag(inward)])
         r = flat(point.residuals)
@@ -78,7 +88,7 @@ def maximum_likelihood(
             (f[0].log_det - point.log_det) / s if f else 0.0
             for f, s in zip(moved, inward, strict=True)
         ]
-        J = np.stack([*grey.columns(point, range(n), gains), *noisy])
+        J = np.stack([*columns, *noisy])
         H = J @ J.T + np.diag(weight)
         H[n:, n:] += _scale_information(gains, moved, inward, point)
         g = J @ r + weight * (x - centre)
@@ -97,11 +107,13 @@ def maximum_likelihood(
             if lowest and lowest[1][0].minus_two_log < point.minus_two_log:
                 best = lowest
                 break
-        if best is None:
-            break
-        x, now = best
-        if point.minus_two_log - now[0].minus_two_log < _ENOUGH:
-            break
+        if best is not None:
+            x, now = best
+        gained = point.minus_two_log - now[0].minus_two_log
+        if gained < _ENOUGH * inflation(now[0]):
+            if fresh:
+                break
+            columns = []  # the chord, not the likelihood, may have come to its end
     return now[0], own.at(x[n:]), now[1]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 _LEAST_MEMORY = -0.5
 _COURSE = 0.1  # s: over which a torque of unknown course changes
+_WANDER = 0.2  # s: over which a sensor's zero drifts
+_DRIFT = 0.3  # of what drives a sensor's noise: its zero's drift at first
 _FARTHEST = 14.0  # of a logarithm, from where the search began
 
 
@@ -30,12 +32,16 @@ class Noise:
     torque: body -> what drives the torque of unknown course there, constant over a sample, N*m in
         the body's own frame; empty: the replay is a simulation
     course: pole over a sample of these torques, an autoregression of order one, too
+    drift:  kind of channel -> what drives its zero, another one, SI of the channel; empty: none
+    wander: pole over a sample of these zeros
     """
 
     drive: Mapping[str, float]
     memory: Mapping[str, float]
     torque: Mapping[str, float]
     course: float = 0.0
+    drift: Mapping[str, float] = field(default_factory=dict)
+    wander: float = 0.0
 
     def torques(self) -> dict[str, tuple[float, float]]:
         """Body -> (drive, memory)."""
@@ -47,6 +53,19 @@ class Noise:
             (self.drive[kind], self.memory[kind], step / np.sqrt(12.0))
             for kind, step in zip(record.kinds, record.steps, strict=True)
         ]
+
+    def variance(self, record: Predictable) -> dict[str, float]:
+        """Channel -> variance of its sensor's noise, drift and rounding with it."""
+        drifts = self.drifts(record) or [(0.0, 0.0)] * len(record.channels)
+        parts = zip(record.channels, self.sensors(record), drifts, strict=True)
+        return {
+            channel: _variance(drive, memory) + white**2 + _variance(*drift)
+            for channel, (drive, memory, white), drift in parts
+        }
+
+    def drifts(self, record: Predictable) -> list[tuple[float, float]]:
+        """(drive, memory) per channel of a record; empty where no zero drifts."""
+        return [(self.drift[kind], self.wander) for kind in record.kinds] if self.drift else []
 
     def with_torque(self, factor: float) -> Noise:
         """The same with torques of unknown course `factor` times as large."""
@@ -72,7 +91,9 @@ def first_noise(core: Any, records: Sequence[Predictable], share: float) -> Nois
     course = float(np.exp(-np.median([r.sampled.step for r in records]) / _COURSE))
     scale = share * float(np.sqrt(1.0 - course**2))
     torque = {body: scale * s for body, s in drive_torque(core, records).items()}
-    return Noise(drive, dict.fromkeys(drive, 0.5), torque, course)
+    wander = float(np.exp(-np.median([r.sampled.step for r in records]) / _WANDER))
+    drift = {kind: _DRIFT * s * float(np.sqrt(1.0 - wander**2)) for kind, s in drive.items()}
+    return Noise(drive, dict.fromkeys(drive, 0.5), torque, course, drift, wander)
 
 
 def drive_torque(core: Any, records: Sequence[Predictable]) -> dict[str, float]:
@@ -113,7 +134,7 @@ class Logarithms:
         self.ties = tuple(sorted({_tie(body) for body in noise.torque}))
 
     def __len__(self) -> int:
-        return 2 * len(self.kinds) + len(self.ties)
+        return 2 * len(self.kinds) + len(self.noise.drift) + len(self.ties)
 
     def at(self, x: Array) -> Noise:
         """The noise at a vector; zero is the one it was begun with."""
@@ -123,11 +144,15 @@ class Logarithms:
             k: _memory(_logit(own.memory[k]) + v)
             for k, v in zip(self.kinds, x[n : 2 * n], strict=True)
         }
-        factor = dict(zip(self.ties, np.exp(x[2 * n :]), strict=True))
+        drifting = 2 * n + len(own.drift)
+        drift = {
+            k: float(own.drift[k] * np.exp(v))
+            for k, v in zip(sorted(own.drift), x[2 * n : drifting], strict=True)
+        }
+        factor = dict(zip(self.ties, np.exp(x[drifting:]), strict=True))
         torque = {body: float(s * factor.get(_tie(body), 1.0)) for body, s in own.torque.items()}
-        found = replace(
-            own, drive={**own.drive, **grown}, memory={**own.memory, **kept}, torque=torque
-        )
+        drive, memory = {**own.drive, **grown}, {**own.memory, **kept}
+        found = replace(own, drive=drive, memory=memory, torque=torque, drift=drift)
         return found.at_least(self.floor)
 
     def bounds(self) -> tuple[Array, Array]:
@@ -139,6 +164,11 @@ class Logarithms:
             # what changes more slowly than a torque of unknown course is no sensor's noise
             low[k], high[k] = _logit(_LEAST_MEMORY) - pole, _logit(self.noise.course) - pole
         return np.minimum(low, 0.0), np.maximum(high, 0.0)
+
+
+def _variance(drive: float, memory: float) -> float:
+    """Of an autoregression of order one."""
+    return drive**2 / max(1.0 - memory**2, 1e-6)
 
 
 def _tie(body: str) -> str:

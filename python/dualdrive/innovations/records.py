@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,8 +12,11 @@ from numpy.typing import NDArray
 from dualdrive import _core
 from dualdrive.replay import Record, ReplayError
 from dualdrive.replay.channels import INPUTS
+from dualdrive.replay.record import with_settings
 
 Array = NDArray[np.float64]
+
+_LOOKS = 8  # at a machine while it settles, at times that double
 
 #: kinds of channel by the first letters of the name, and what their noise is tied to
 _KINDS = {"theta": "angle", "omega": "speed", "I": "current", "T": "torque", "U": "voltage"}
@@ -21,10 +24,14 @@ _KINDS = {"theta": "angle", "omega": "speed", "I": "current", "T": "torque", "U"
 
 @dataclass(frozen=True, eq=False)
 class Predictable:
-    """One record as the predictor takes it; arrays of shape (n,) or (n, channels), SI.
+    """One record, or stretches of one, as the predictor takes it; arrays (n, channels), SI.
 
+    record: the whole one
     kinds: of every channel, what its noise is tied to: encoders of the motors are alike
     steps: finest distance of two readings of every channel, 0 where none is seen
+    begins: per stretch, state -> value at its first sample as a filter had it; empty: none known
+    settled: state -> value at the first sample of a loop that had settled by then; empty: at rest
+    unsure: state -> standard deviation of what is not known of it there, of a machine that was on
     """
 
     record: Record
@@ -33,18 +40,34 @@ class Predictable:
     kinds: tuple[str, ...]
     steps: tuple[float, ...]
     measured: Array
+    begins: tuple[Mapping[str, float], ...] = ({},)
+    settled: Mapping[str, float] = field(default_factory=dict)
+    unsure: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
         """Of the record."""
         return self.record.name
 
-    def initial(self, core: Any, offsets: Mapping[str, float]) -> dict[str, float]:
-        """State at the first sample as the encoders have it, less what they add."""
+    def initial(self, core: Any, offsets: Mapping[str, float]) -> list[dict[str, float]]:
+        """State at the first sample of every stretch.
+
+        As a filter had it before, else as a settled loop has it, else as the encoders have it, less
+        what they add.
+        """
         known = {state for state, _ in core.states()}
+        found = []
+        for sample, before in zip(self.sampled.starts, self.begins, strict=True):
+            own = self._seen(core, offsets, sample, known)
+            found.append({**own, **{s: x for s, x in before.items() if s in known}})
+        return found
+
+    def _seen(
+        self, core: Any, offsets: Mapping[str, float], sample: int, known: set[str]
+    ) -> dict[str, float]:
         first = {
             c: float(y) - offsets.get(c, 0.0)
-            for c, y in zip(self.channels, self.measured[0], strict=True)
+            for c, y in zip(self.channels, self.measured[sample], strict=True)
         }
         found = {s: x for s, x in self.record.initial.items() if s in known}
         table = first.get("theta_m", found.get("theta_m", 0.0))
@@ -61,7 +84,19 @@ class Predictable:
                 angle = first[f"theta_{n}"] / (core.get(f"{gearbox}.ratio") if geared else 1.0)
             if angle is not None:
                 found[f"{mesh}.twist"] = angle - core.get(f"{mesh}.ratio") * table
-        return found
+        return {**found, **{s: x for s, x in self.settled.items() if s in known}}
+
+    def stretches(
+        self, which: Sequence[tuple[int, int]], begins: Sequence[Mapping[str, float]]
+    ) -> Predictable:
+        """Stretches of it, (first sample, how many), each with the state at its first sample."""
+        rows = np.concatenate([np.arange(first, first + count) for first, count in which])
+        return replace(
+            self,
+            sampled=self.sampled.stretches(list(which)),
+            measured=np.ascontiguousarray(self.measured[rows]),
+            begins=tuple(begins),
+        )
 
 
 def predictable(core: Any, records: Sequence[Record]) -> list[Predictable]:
@@ -84,6 +119,7 @@ def _predictable(core: Any, record: Record) -> Predictable:
         raise ReplayError(f"{record.name}: no channel that the machine simulates varies")
     measured = np.ascontiguousarray(np.column_stack([trace[c] for c in channels]))
     places = [(c, _places(core, c)) for c in channels]
+    settled, unsure = _settled(core, record, "theta_m" in channels)
     return Predictable(
         record,
         _core.SampledRecord(dict(record.inputs), np.ascontiguousarray(record.t), places, measured),
@@ -91,7 +127,40 @@ def _predictable(core: Any, record: Record) -> Predictable:
         tuple(map(_noise_kind, channels)),
         tuple(_step(trace[c]) for c in channels),
         measured,
+        settled=settled,
+        unsure=unsure,
     )
+
+
+def _settled(core: Any, record: Record, seen: bool) -> tuple[dict[str, float], dict[str, float]]:
+    """What a machine that was on before has at the first sample, and how far that is from sure.
+
+    Tension and wound-up shafts: as they stand once all has settled. When it was switched on nobody
+    recorded, and the tension may take longer: the controller's states may be off by as much as they
+    were on the way there. Angles that were are left to the encoders, and so is the table's where it
+    is seen.
+    """
+    if record.start != "settled":
+        return {}, {}
+    own = with_settings(core, record.settings)
+    first, state = float(record.t[0]), dict(record.initial)
+    begin, ways = record.begin, list[dict[str, float]]()
+    for k in range(_LOOKS, -1, -1):
+        end = first - (first - record.begin) * (1.0 - 0.5**k)
+        run = _core.simulate(
+            own, dict(record.inputs), start=begin, end=end, times=[end], signals=[], initial=state,
+            energy=False,
+        )  # fmt: skip
+        if run.status != "success":
+            return {}, {}
+        begin, state = end, dict(zip(run.state_names, map(float, run.final_state), strict=True))
+        ways.append(state)
+    left = ("controller.encoder_", *(("theta_m",) if seen else ()))
+    found = {s: x for s, x in state.items() if not s.startswith(left)}
+    off = {s: max(abs(way[s] - x) for way in ways) for s, x in found.items()}
+    # to two digits: records of one kind have the same gains
+    rounded = {s: float(f"{x:.1e}") for s, x in off.items() if s.startswith("controller.")}
+    return found, {s: x for s, x in rounded.items() if x > 0.0}
 
 
 def _kind(channel: str) -> str:
@@ -113,6 +182,6 @@ def _places(core: Any, channel: str) -> list[str]:
 def _step(values: Array) -> float:
     """Step to which a channel is rounded, of which all readings are multiples; 0: none is seen."""
     distances = np.diff(np.unique(values))
-    finest = float(np.min(distances[distances > 1e-12 * np.ptp(values)]))
+    finest = float(f"{np.min(distances[distances > 1e-12 * np.ptp(values)]):.6g}")
     whole = (values - values[0]) / finest
     return finest if np.mean(np.abs(whole - np.round(whole)) < 0.05) > 0.95 else 0.0

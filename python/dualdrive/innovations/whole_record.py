@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.innovations.greybox import GreyBox, Variant, predicted
+from dualdrive.innovations.greybox import GreyBox
 from dualdrive.innovations.noise import Noise
+from dualdrive.innovations.prediction import predicted
 from dualdrive.innovations.records import Predictable
+from dualdrive.innovations.variant import Variant
 
 Array = NDArray[np.float64]
 
@@ -24,8 +26,8 @@ def simulated(grey: GreyBox, variant: Variant, theta: Array) -> list[Array] | No
     """Measured less simulated of every record, SI, shape (rows, channels) each.
 
     The machine's numbers are held; what belongs to the records is fitted by Gauss-Newton: the
-    sensors' constants, and at which angles of table and meshes each record begins. None where the
-    machine does not run.
+    sensors' constants, and at which angles of table and meshes, and with which tension, each record
+    begins. None where the machine does not run.
 
     Args:
         grey: records and their sensors.
@@ -34,10 +36,13 @@ def simulated(grey: GreyBox, variant: Variant, theta: Array) -> list[Array] | No
 
     """
     loop = _Loop(grey, variant, theta)
-    now = loop.residuals(np.zeros(loop.size))
-    if now is None:
-        return None
     x = np.zeros(loop.size)
+    first = loop.residuals(x)
+    if first is None:
+        return None
+    # every channel counts by what is left of it at first: beside the spread of a signal what a
+    # sensor's constant takes away would weigh less than what is believed of the constant
+    now = loop.weighted(first)
     for _ in range(_STEPS):
         J = loop.slopes(x, now)
         r = np.concatenate([part.ravel() for part in now])
@@ -72,13 +77,30 @@ class _Loop:
         self.gains = grey.steady(self.core, noise)
         self.scale = [np.array([spread[kind] for kind in r.kinds]) for r in grey.records]
         known = {state for state, _ in self.core.states()}
-        self.begins = [s for s in ("theta_m", *_twists(self.core)) if s in known]
+        angles = [s for s in ("theta_m", *_twists(self.core)) if s in known]
+        unsure = dict.fromkeys(angles, _BEGIN)
+        for r in grey.records:
+            for state, sigma in r.unsure.items():
+                if state in known:
+                    unsure[state] = max(unsure.get(state, 0.0), sigma)
+        self.begins = unsure
         self.size = len(grey.offsets) + len(grey.records) * len(self.begins)
 
     def residuals(self, x: Array) -> list[Array] | None:
         """Per record; None where one is lost."""
         found = self._runs([(k, x) for k in range(len(self.grey.records))])
         return None if any(f is None for f in found) else [f for f in found if f is not None]
+
+    def weighted(self, found: Sequence[Array]) -> list[Array]:
+        """The same residuals, from now on each kind of channel over its RMS in them."""
+        squares: dict[str, list[float]] = {}
+        for part, r in zip(found, self.grey.records, strict=True):
+            for kind, mean in zip(r.kinds, np.mean(part**2, axis=0), strict=True):
+                squares.setdefault(kind, []).append(float(mean))
+        left = {kind: float(np.sqrt(np.mean(s))) or 1.0 for kind, s in squares.items()}
+        factors = [np.array([left[kind] for kind in r.kinds]) for r in self.grey.records]
+        self.scale = [scale * f for scale, f in zip(self.scale, factors, strict=True)]
+        return [part / f for part, f in zip(found, factors, strict=True)]
 
     def slopes(self, x: Array, now: Sequence[Array]) -> Array:
         """Derivatives, shape (unknowns, residuals); a record's own angles move no other one."""
@@ -111,7 +133,9 @@ class _Loop:
         for (channel, sigma), value in zip(self.grey.offsets.items(), x[:shared], strict=True):
             constants[channel] += sigma * float(value)
         first = x[shared + k * own : shared + (k + 1) * own]
-        moved = {s: _BEGIN * float(v) for s, v in zip(self.begins, first, strict=True)}
+        moved = {
+            s: sigma * float(v) for (s, sigma), v in zip(self.begins.items(), first, strict=True)
+        }
         return _missed(self.core, constants, record, self.gains[k], moved, self.scale[k])
 
 

@@ -44,6 +44,11 @@ class DriveComparison:
     counts: NDArray[np.bool_]
 
     @property
+    def pair(self) -> tuple[FrequencyResponse, FrequencyResponse]:
+        """Both responses, the master's first."""
+        return self.master, self.slave
+
+    @property
     def excess(self) -> Array:
         """Difference over tolerance, the larger of magnitude and phase; above 1 they differ."""
         parts = (

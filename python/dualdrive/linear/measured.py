@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 #: quantity -> how its column begins, in lower case
 _NAMES: Final = {
     "frequency": r"f$|f[\W_]|freq|omega|w$|w[\W_]",
-    "magnitude": r"mag|gain|ampl|abs|\|",
+    "magnitude": r"mag|gain|amp|abs|\|",
     "phase": r"phase|phi|arg",
     "coherence": r"coh|gamma",
 }
@@ -64,6 +64,7 @@ def read_response(
     except TraceError as error:
         raise LinearError(str(error)) from None
     notes: list[str] = []
+    _end_with_the_data(table, notes)
     reader = _Reader(path, table, dict(columns or {}), dict(units or {}), notes)
     f = reader.frequency()
     size, angle = reader.magnitude(), reader.phase()
@@ -109,6 +110,25 @@ def write_response(
         temporary.write_text("\n".join(lines) + "\n", "utf-8")
 
 
+def _end_with_the_data(table: Table, notes: list[str]) -> None:
+    """Leave out what a control writes below its table: the settings that it was measured with."""
+    first = next(iter(table.columns.values()), np.zeros(0))
+    known = np.flatnonzero([np.isfinite(_number(value)) for value in first.tolist()])
+    end = int(known[-1]) + 1 if known.size else len(first)
+    if end < len(first):
+        notes.append(f"{len(first) - end} lines below the table left out")
+        table.columns = {name: values[:end] for name, values in table.columns.items()}
+        table.rows = table.rows[:end]
+
+
+def _number(cell: object) -> float:
+    """A cell as a number; NaN where it is none."""
+    try:
+        return float(cell)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        return float("nan")
+
+
 class _Reader:
     """Columns of a table by what they hold."""
 
@@ -137,11 +157,24 @@ class _Reader:
                 )
             return self.given[quantity]
         found = [name for name in names if re.match(_NAMES[quantity], name.lower())]
+        if len(found) != 1 and quantity in _UNITS:  # TR1: Gain (dB) beside TR1: Gain (Real)
+            found = self._by_unit(quantity) or found
         if len(found) > 1:
             raise LinearError(
                 f"{self.path}: {' and '.join(found)} may each be the {quantity}; say which"
             )
         return found[0] if found else None
+
+    def _by_unit(self, quantity: str) -> list[str]:
+        """Columns whose header states a unit that only this quantity has."""
+        own = {unit for unit in _UNITS[quantity] if unit not in ("1", "rad")}
+        said = {name: self._stated(name).lower() for name in self.table.columns}
+        return [name for name, unit in said.items() if unit in own]
+
+    def _stated(self, name: str) -> str:
+        """The unit that a header states, in brackets; empty where it states none."""
+        bracket = re.search(r"[(\[]([^)\]]+)[)\]]\s*$", name)
+        return self.table.units.get(name, "") or (bracket[1] if bracket else "")
 
     def values(self, quantity: str) -> Array:
         """Its numbers. Raises LinearError where there are none, or not everywhere."""
@@ -151,8 +184,8 @@ class _Reader:
                 f"{self.path}: no column of {quantity}; there are {', '.join(self.table.columns)}; "
                 "name it in the header, or say which it is"
             )
-        values = self.table.columns[name]
-        good = np.array([isinstance(v, float) and np.isfinite(v) for v in values.tolist()])
+        values = np.array([_number(v) for v in self.table.columns[name].tolist()])
+        good = np.isfinite(values)
         if not good.all():
             row = int(self.table.rows[~good][0])
             raise LinearError(f"{self.path}: line {row}: {name} is no number; repair or delete it")
@@ -162,7 +195,7 @@ class _Reader:
         """The unit that was given, or that the header says; empty where neither does."""
         known = _UNITS[quantity]
         name = self.column(quantity) or ""
-        said = self.units.get(quantity) or self.table.units.get(name, "")
+        said = self.units.get(quantity) or self._stated(name)
         if not said:
             end = re.search(r"[ _/]([A-Za-z°]+)$", name)
             said = end[1] if end and end[1].lower() in known else ""

@@ -55,11 +55,12 @@ def loops_of(core: _core.Machine) -> dict[str, str]:
     """Block of the control -> the signal that it puts out, outermost first.
 
     position -> Omega_1, equaliser -> equaliser, speed_1 -> T_1*, current_1 -> U_1; those of them
-    that the machine has.
+    that the machine has. With more than two drives every slave has an equaliser, and none is named.
     """
     elements = _core.possible_modes(continuous_twin(core))
     numbers = motor_numbers(core)
-    all_blocks = {"position": "Omega_1", "equaliser": "equaliser"}
+    all_blocks = {"position": "Omega_1"}
+    all_blocks |= {"equaliser": "equaliser"} if len(core.motors) == 2 else {}
     all_blocks |= {f"speed_{n}": f"T_{n}*" for n in numbers}
     all_blocks |= {f"current_{n}": f"U_{n}" for n in numbers}
     return {b: output for b, output in all_blocks.items() if _element(b) in elements}

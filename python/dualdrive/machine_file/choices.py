@@ -17,6 +17,7 @@ __all__ = ["choice_keys", "is_choice", "sections", "spoken_choice", "structure_o
 AXES: Final = ("rotary", "linear")
 TOP: Final = ("schema", "name", "title", "base", "axis", "drive_train", "drives")
 LISTS: Final = ("effects", "history")
+_COUNTED: Final = 10**6
 
 
 def structure_of(layers: Sequence[Layer]) -> Structure:
@@ -99,7 +100,10 @@ def _read_section(s: Structure, name: str, section: Mapping[str, Any], where: st
         if key == "locked":
             _set_for(s.locked, name, expect(value, bool, where, path, "true or false"))
         elif key == "speed_samples":
-            s.controller[key] = expect(value, int, where, path, "a whole number")
+            count = expect(value, int, where, path, "a whole number")
+            if abs(count) > _COUNTED:  # the core has its own, narrower rule, in numbers it can hold
+                raise MachineError(f"{where}: {path} = {count}: too large; write 0 to 100")
+            s.controller[key] = count
         elif name == "controller":
             s.controller[key] = _choice(value, _core.Machine.choices()[path], where, path)
         else:

@@ -9,6 +9,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
+from dualdrive.echo import InputError
 from dualdrive.files import FileError, read_text
 from dualdrive.toml_text import TomlError, parse_toml
 
@@ -27,7 +28,7 @@ SCHEMA: Final = 1
 DEFAULT: Final = "heavy-table-100t"
 
 
-class MachineError(ValueError):
+class MachineError(InputError):
     """A machine, file or value that can't be. The message is one line."""
 
 

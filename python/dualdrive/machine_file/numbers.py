@@ -134,9 +134,9 @@ def check_complete(core: _core.Machine, layers: Sequence[Layer]) -> None:
 
 
 def _counts(core: _core.Machine, p: _core.Parameter) -> bool:
-    """Whether a number has a say in this machine, and is not the controller's or an effect's."""
+    """Whether a number has a say in this machine, and is no setting of a drive or of an effect."""
     part, _, key = p.path.rpartition(".")
-    if "@" in part or part == "controller":
+    if "@" in part or part == "controller" or key.startswith("filter_"):
         return False
     if part in core.connections:
         return core.kind(part) != "rigid" or key == "ratio"

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dualdrive import _core
+from dualdrive.echo import InputError
 from dualdrive.memory import excess
 
 __all__ = [
@@ -34,7 +35,7 @@ _LINE: Final = 100
 _MOVE: Final = 1000
 
 
-class MotionError(ValueError):
+class MotionError(InputError):
     """A motion that can't be. The message is one line."""
 
 

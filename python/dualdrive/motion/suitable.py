@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from .builders import Motion, move
+from .builders import Motion, MotionError, move
 
 if TYPE_CHECKING:
     from dualdrive.machine import Machine
@@ -18,6 +18,8 @@ def default_motion(machine: Machine) -> Motion:
 
     The time scale is that of the position loop, 1/K_v: ten of it to build up tension, fifteen to
     reach the speed limit. The heavy table moves 0.02 rad, as in the study of its hunting.
+
+    Raises MotionError for a machine that can't move.
     """
     speed, acceleration = _limits(machine)
     core = machine.core
@@ -26,9 +28,17 @@ def default_motion(machine: Machine) -> Motion:
     v = _round(0.6 * speed if math.isfinite(speed) else 0.05 / scale * 0.2)
     a = _round(min(v / (15 * scale), 0.5 * acceleration))
     distance = _round(3.2 * v * scale)
-    return move(
-        distance, v, a, _round(a / scale), start=_round(10 * scale), settle=_round(25 * scale)
-    )
+    try:
+        return move(
+            distance, v, a, _round(a / scale), start=_round(10 * scale), settle=_round(25 * scale)
+        )
+    except MotionError:  # too long to be held, say
+        raise
+    except ValueError:
+        raise MotionError(
+            f"{core.name}: no motion suits it: at a speed of {v:g} and an acceleration of {a:g} "
+            "(SI) nothing moves; look at omega_max, T_max, K_v and the inertias, or give a motion"
+        ) from None
 
 
 def _limits(machine: Machine) -> tuple[float, float]:

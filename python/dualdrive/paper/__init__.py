@@ -18,6 +18,7 @@ __all__ = ["EXHIBITS", "Claim", "Exhibit", "Number", "Table", "page", "reproduce
 
 #: exhibit -> (module of this package, function)
 _WHERE: Final = {
+    "fig1": ("figure1", "figure1"),
     "fig2": ("figure2", "figure2"),
     "fig3": ("figure3", "figure3"),
     "fig4": ("figure4", "figure4"),
@@ -31,7 +32,7 @@ EXHIBITS: Final = tuple(_WHERE)
 
 
 def reproduce(name: str, *, jobs: int = 1) -> Exhibit:
-    """One figure or table of the paper: fig2 ... fig6, table1, table2.
+    """One figure or table of the paper: fig1 ... fig6, table1, table2.
 
     jobs: threads for the tables, whose tests take a minute each on one.
 

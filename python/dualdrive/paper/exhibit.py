@@ -54,10 +54,11 @@ class Table:
 class Exhibit:
     """One figure or table of the paper, reproduced.
 
-    name:    fig2 ... fig6, table1, table2
+    name:    fig1 ... fig6, table1, table2
     title:   one line
     about:   what the paper shows, and what is computed here
     chosen:  what the paper leaves open and was chosen
+    fitted:  how many numbers of the model were fitted to the printed ones
     notes:   what a reader must know besides
     data:    what the picture is drawn from, a type of each figure's own
     seconds: how long it took
@@ -68,6 +69,7 @@ class Exhibit:
     about: str
     chosen: tuple[str, ...]
     numbers: tuple[Number, ...] = ()
+    fitted: int = 0
     claims: tuple[Claim, ...] = ()
     tables: tuple[Table, ...] = ()
     notes: tuple[str, ...] = ()
@@ -103,6 +105,7 @@ class Exhibit:
             "title": self.title,
             "about": self.about,
             "chosen": list(self.chosen),
+            "fitted": self.fitted,
             "numbers": numbers,
             "claims": [vars(claim) for claim in self.claims],
             "tables": [

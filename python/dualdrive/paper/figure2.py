@@ -91,7 +91,8 @@ def figure2() -> Exhibit:
         name="fig2",
         title="Figure 2: torques of both motors through stages 0 to 8",
         about=(
-            "The paper draws both torques against its stages, without numbers. Here they are a law "
+            "From the paper's text, which tells both torques M1 and M2 stage by stage. Here they "
+            "are a law "
             "of the torque sum, a run that holds the table against a slowly rising load, and "
             "a run through a move."
         ),

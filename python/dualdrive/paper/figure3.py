@@ -45,7 +45,9 @@ def figure3(machine: Machine | None = None) -> Exhibit:
         name="fig3",
         title="Figure 3: control structure with gear clearance",
         about=(
-            "The paper draws its block diagram; here the diagram is read from the model that is "
+            "From the paper's text: backlash between both pinions and the ring in a block "
+            "diagram of two "
+            "motors. Here the diagram is read from the model that is "
             "simulated, and is another one when the model is another one."
         ),
         chosen=("the machine of figure 4, with a tension of 60 N·m",),

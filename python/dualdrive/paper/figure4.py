@@ -87,7 +87,8 @@ def figure4() -> Exhibit:
         name="fig4",
         title="Figure 4: step and sine before tuning, without and with backlash",
         about=(
-            "The paper draws four responses without numbers and says in words what backlash and "
+            "From the paper's text, which says in words what four responses show: what backlash "
+            "and "
             "gain do to them. Here the same four, and each of its sentences over a range of gains, "
             "gaps and frequencies."
         ),

@@ -14,8 +14,10 @@ _INTRODUCTION = """\
 Written by `{command}`; nothing here is typed by hand.
 
 The paper: *Elimination of Gear Clearance for the Rotary Table of Ultra Heavy Duty Vertical Milling
-Lathe Based on Dual Servo Motor Driving System*. It prints no parameter of its machine: each section
-says what was chosen. Equations and errata: [theory/paper.md](theory/paper.md).
+Lathe Based on Dual Servo Motor Driving System*. All is from the paper's text: its pictures are not
+at hand, and what they show beyond captions and sentences is not known here. It prints no parameter
+of its machine: each section says what was chosen.
+Equations and errata: [theory/paper.md](theory/paper.md).
 """
 
 
@@ -56,7 +58,10 @@ def _overview(exhibits: Sequence[Exhibit]) -> str:
             for kind in ("yes", "in part", "no")
             if kind in verdicts
         )
-        largest = f"{100 * max(deviations):.1f} % of {len(deviations)}" if deviations else None
+        fitted = f", {exhibit.fitted} gains fitted to them" if exhibit.fitted else ""
+        largest = (
+            f"{100 * max(deviations):.1f} % of {len(deviations)}{fitted}" if deviations else None
+        )
         rows.append((exhibit.title, largest, count or None))
     columns = ("", "largest deviation from printed numbers", "claims in words that hold")
     return markdown(Table("", columns, tuple(rows))) + "\n"

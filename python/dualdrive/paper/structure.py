@@ -175,8 +175,32 @@ def _speed_loop(s: _Sketch, n: int) -> None:
         cascade = s.options["current"] == "cascade"
         own = f"ω_ci {s.number('omega_ci'):.3g}/s" if cascade else ""
         name = "current PI" if cascade else "no current loop"
-        s.block(f"current {n}", _lines(f"{name} {n}", own, _sampled(s, "current")), "box", 10.5, y)
-        s.arrow(f"speed {n}", f"current {n}", f"T_{n}*")
+        limit = f"± U_max {s.words(f'motor_{n}.U_max')}"
+        text = _lines(f"{name} {n}", own, limit, _sampled(s, "current"))
+        s.block(f"current {n}", text, "box", 10.6, y)
+        s.arrow(_filter(s, n, y), f"current {n}", f"T_{n}*")
+        if cascade:
+            s.arrow(
+                f"motor {n}", f"current {n}", f"EMF C_e ω_{n}", at=y + 0.78 * _aside(y), sign="+"
+            )
+
+
+def _filter(s: _Sketch, n: int, y: float) -> str:
+    """The last block before the current loop or the motor: a set-point filter, if there is one."""
+    motor = f"motor_{n}"
+    pole, zero = (s.machine.get(f"{motor}.filter_{part}") for part in ("pole", "zero"))
+    if not pole:
+        return f"speed {n}"
+    kind = "low-pass" if not zero else "notch" if zero == pole else "filter"
+    s.block(f"filter {n}", _lines(f"set-point {kind}", s.words(f"{motor}.filter_pole")), "box",
+            9.85, y)  # fmt: skip
+    s.arrow(f"speed {n}", f"filter {n}")
+    return f"filter {n}"
+
+
+def _aside(y: float) -> float:
+    """How far beside a drive's row what comes back to it runs: outwards."""
+    return 0.85 if y > 0 else -0.85
 
 
 def _motor(s: _Sketch, n: int, *, controlled: bool) -> None:
@@ -185,7 +209,7 @@ def _motor(s: _Sketch, n: int, *, controlled: bool) -> None:
     s.block(f"motor {n}", _lines(f"motor {n}", "torque source" if direct else "R, L, C_e, K_d"),
             "body", 11.8, y)  # fmt: skip
     if controlled:
-        last = f"speed {n}" if direct else f"current {n}"
+        last = _filter(s, n, y) if direct else f"current {n}"
         s.arrow(last, f"motor {n}", f"T_{n}*" if direct else f"U_{n}")
     else:
         s.block(f"input {n}", f"T_{n}" if direct else f"U_{n}", "body", 10.5, y)
@@ -227,8 +251,12 @@ def _gearbox(s: _Sketch, n: int, y: float) -> None:
 
 def _mesh(s: _Sketch, n: int, driver: str, y: float) -> None:
     _joint(s, n, "mesh", 15.4, y)
-    s.arrow(driver, f"mesh {n}")
-    s.arrow(f"mesh {n}", "table")
+    s.arrow(driver, f"mesh {n}", f"θ_c{n}" if driver.startswith("pinion") else "θ")
+    rigid = s.machine.core.kind(f"mesh_{n}") == "rigid"
+    ratio = f"i_m {s.machine.get(f'mesh_{n}.ratio'):.4g}"
+    s.arrow(f"mesh {n}", "table", f"{ratio}, torque i_m T_c{n}")
+    if not rigid:  # what the ring does to the pinion
+        s.arrow(f"mesh {n}", driver, f"− T_c{n}", at=y + _aside(y))
 
 
 def _joint(s: _Sketch, n: int, what: str, x: float, y: float, ratio: str = "") -> None:
@@ -236,23 +264,35 @@ def _joint(s: _Sketch, n: int, what: str, x: float, y: float, ratio: str = "") -
     name = f"{what}_{n}"
     kind = s.machine.core.kind(name)
     if kind != "gap":
-        s.block(f"{what} {n}", _lines(f"{kind} {what}", ratio), "box", x, y)
+        give = "" if kind == "rigid" else _stiffness(s, name)
+        s.block(f"{what} {n}", _lines(f"{kind} {what}", ratio, give), "box", x, y)
         return
     rotary = s.machine.axis == "rotary"
     play = f"{1e3 * s.machine.get(f'{name}.gap'):.3g} mrad" if rotary else s.words(f"{name}.gap")
-    s.block(f"{what} {n}", _lines(ratio, "backlash", f"± {play}"), "gap", x, y)
+    text = _lines(ratio, "backlash", f"± {play}", _stiffness(s, name))
+    s.block(f"{what} {n}", text, "gap", x, y)
+
+
+def _stiffness(s: _Sketch, name: str) -> str:
+    return f"K_t {short(s.machine.get(f'{name}.stiffness'))}"
 
 
 def _feedback(s: _Sketch) -> None:
     """What is measured and where it goes."""
     lowest = min(block.y for block in s.blocks)
-    s.arrow("table", "e", "θ_m, table encoder", at=lowest - 1.3, sign="−")
+    sensor = s.options["position_sensor"]
+    if sensor != "motor":
+        how = "θ_m, table encoder"
+        if sensor == "both":
+            how += f", over {s.words('tau_s')}"
+        s.arrow("table", "e", how, at=lowest - 1.3, sign="−")
+    if sensor != "table":
+        s.arrow("motor 1", "e", "θ_1/(i i_m), motor encoder", at=lowest - 1.6, sign="−")
     count = s.options["speed_samples"]
     how = f" from {count} encoder samples" if count else ""
     for n in s.drives:
         y = s.row(n)
-        side = 0.8 if y > 0 else -0.8
-        s.arrow(f"motor {n}", f"speed sum {n}", f"ω_c{n}{how}", at=y + side, sign="−")
+        s.arrow(f"motor {n}", f"speed sum {n}", f"ω_c{n}{how}", at=y + 1.05 * _aside(y), sign="−")
 
 
 def _equaliser(s: _Sketch) -> None:

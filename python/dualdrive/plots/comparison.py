@@ -151,7 +151,7 @@ def conditions(comparison: HasWhere, *, axes: Axes | None = None) -> Figure:
     colours = [MODEL if _stands_out(c) else NOISE for c in found]
     axes.barh(rows, [c.excess for c in found], color=colours, height=0.7)
     for row, c in zip(rows, found, strict=True):
-        text = f"×{c.excess:.2g} in {c.time:.0%} of the time"
+        text = f"×{c.excess:.2g} in {100 * c.time:.0f} % of the time"
         axes.text(
             1.0, float(row), text, va="center", ha="right", fontsize=8,
             transform=axes.get_yaxis_transform(),

@@ -43,6 +43,12 @@ Array = NDArray[np.float64]
 
 _MOST: Final = 10  # bars
 _FEW: Final = 3  # points of a shape that are no line
+#: what speaks against an equation
+_AGAINST: Final = {
+    "explained": "unexplained mean square that a free torque there removes (neighbours overlap)",
+    "probability": "probability of the laws that act there",
+    "torque": "torque of unknown course there, over the drives' torque",
+}
 _TELLS_APART: Final = 11.0  # squared distance at which two explanations are told apart in 95 %
 
 
@@ -72,7 +78,8 @@ def missing_torque(shape: Shape, *, axes: Axes | None = None) -> Figure:
     axes.set_xlabel(across.label(shape.coordinate))
     axes.set_ylabel(up.label("missing"))
     axes.set_title(
-        f"{shape.equation}, along {shape.coordinate}: explains {shape.explained:.0%}", fontsize=9.5
+        f"{shape.equation}, along {shape.coordinate}: explains {100 * shape.explained:.0f} %",
+        fontsize=9.5,
     )
     axes.legend(loc="best")
     return figure_of(axes)
@@ -96,7 +103,11 @@ def candidates(diagnosis: Diagnosis, *, most: int = _MOST, axes: Axes | None = N
         colour = FIRST if c.label in alike else NOISE
         full = colour if c.resolved else "none"
         axes.barh(row, c.probability, color=full, edgecolor=colour, height=0.7)
-        text = f"held out {c.held_out:.2%}" if c.resolved and np.isfinite(c.held_out) else c.note
+        text = (
+            f"held out {100 * c.held_out:.3g} %"
+            if c.resolved and np.isfinite(c.held_out)
+            else c.note
+        )
         _at_right(axes, row, text or "unresolved")
     _rows(axes, [c.label for c in shown])
     axes.set_xlim(0, 1.3)
@@ -107,17 +118,17 @@ def candidates(diagnosis: Diagnosis, *, most: int = _MOST, axes: Axes | None = N
 
 @picture
 def equations(found: EquationAtFault, *, axes: Axes | None = None) -> Figure:
-    """Share of what is unexplained that each equation of motion holds, the worst first."""
+    """Every equation of motion with what speaks against it, the worst first."""
     shares = sorted(found.shares.items(), key=lambda item: -item[1])
     if not shares:
-        raise PlotError("equations: no shares given")
+        raise PlotError("equations: none given")
     axes = single(axes, 7.0, 0.9 + 0.3 * len(shares))
     for row, (name, share) in enumerate(shares):
         axes.barh(row, share, color=MODEL if name == found.name else NOISE, height=0.7)
-        _at_right(axes, row, f"{share:.0%}")
+        _at_right(axes, row, f"{100 * share:.0f} %")
     _rows(axes, [name for name, _ in shares])
     axes.set_xlim(0, 1.15 * max(1e-9, *(share for _, share in shares)))
-    axes.set_xlabel("share of the unexplained mean square")
+    axes.set_xlabel(_AGAINST[found.measure])
     return figure_of(axes)
 
 

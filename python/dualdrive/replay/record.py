@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 #: how the machine stands when a record begins
 STARTS = ("auto", "rest", "settled")
 INTERPOLATIONS = ("auto", "cubic", "linear", "hold")
+_DIED_AWAY = 18.5  # time constants after which 1e-8 is left, as accurate as a replay is
+_LONGEST = 120.0  # s: a loop that takes longer to settle drifts, and so does the machine
+_FREE = 1e-7  # of the fastest pole: as good as zero
 _SHORTEST = 16  # samples; a shorter stretch between two breaks says nothing
 
 
@@ -216,13 +219,31 @@ def _beginning(record: Record) -> int:
 
 
 def _settling_time(core: Any) -> float:
-    """Twenty times the slowest of the loop's own times, at least 2 s, in whole sample times."""
+    """Until the slowest motion of the closed loop has died away, at least 2 s, in whole samples.
+
+    Poles of the whole loop, position loop and equaliser among them; of a loop that does not settle
+    by itself, and of one whose poles are not known, the longest of the controller's own times.
+    """
     slow = max(core.get(f"controller.{n}") for n in ("T_N", "T_E", "tau_t"))
+    rate = _slowest_decay(core)
+    settled = _DIED_AWAY / rate if rate > 0.0 else 20.0 * slow
     samples: list[float] = [
         core.get(f"controller.{n}_sample") for n in ("position", "tension", "speed", "current")
     ]
     whole = max([s for s in samples if s > 0], default=1e-3)
-    return float(whole * math.ceil(max(2.0, 20.0 * slow) / whole))
+    return float(whole * math.ceil(min(max(2.0, settled), _LONGEST) / whole))
+
+
+def _slowest_decay(core: Any) -> float:
+    """How fast the slowest motion of the closed loop dies away, 1/s; 0 where it does not."""
+    from dualdrive.linear import LinearError, poles
+
+    try:
+        found = poles(core)
+    except (LinearError, ValueError):
+        return 0.0
+    held = found[np.abs(found) > _FREE * np.abs(found).max(initial=0.0)]  # an angle nothing holds
+    return max(float(np.min(-held.real, initial=math.inf)), 0.0) if held.size else 0.0
 
 
 def _state_at_start(core: Any, record: Record) -> dict[str, float]:

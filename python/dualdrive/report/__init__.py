@@ -1,4 +1,4 @@
-"""One self-contained HTML page that shows a diagnosis: no network, no script, pictures inline.
+"""One self-contained HTML page that shows a diagnosis: no network, pictures and data inline.
 
 from dualdrive.report import Provenance, page
 

@@ -1,14 +1,16 @@
-"""The page: a head, a verdict that a hurried reader sees first, and the sections below it."""
+"""The page: a sentence that a hurried reader sees first, what it rests on, and the sections."""
 
 from __future__ import annotations
 
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from dualdrive.diagnose.result import VERDICTS, Diagnosis
+from dualdrive.diagnose.one_sentence import headline
+from dualdrive.diagnose.result import Diagnosis
 from dualdrive.report import evidence, origin, remedies
-from dualdrive.report.markup import Html, join, tag
+from dualdrive.report.markup import Html, held, join, tag
 from dualdrive.report.pictures import Gallery
+from dualdrive.web import modules
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
     from dualdrive.report.provenance import Provenance
 
 __all__ = ["page"]
+
+_NAME = 32  # characters of a name in the title
 
 
 def page(
@@ -31,12 +35,14 @@ def page(
 
     """
     hung = Gallery()
-    title = f"{diagnosis.machine} against {', '.join(diagnosis.records)}"
+    title, records = _title(diagnosis), f"Records: {', '.join(diagnosis.records)}."
+    listed = tag("p", records, class_="fine") if len(diagnosis.records) > 1 else None
     sections = [
         _section(name, heading, content)
         for name, heading, make in _plan(diagnosis, ladder, provenance, hung)
         if (content := make())
     ]
+    scripts = hung.live.scripts
     contents = [tag("li", tag("a", h, href=f"#{n}")) for n, h, _ in sections]
     head = tag(
         "head",
@@ -44,17 +50,28 @@ def page(
         tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
         tag("meta", name="color-scheme", content="light dark"),
         tag("title", f"{title} – dualdrive"),
-        tag("style", Html(files("dualdrive.report").joinpath("style.css").read_text("utf-8"))),
+        tag("meta", http_equiv="Content-Security-Policy", content=hung.live.policy),
+        tag("style", Html(_styles(moving=bool(scripts)))),
     )
     body = tag(
         "body",
         tag(
-            "header", tag("p", "Diagnosis", class_="kicker"), tag("h1", title), _verdict(diagnosis)
+            "header",
+            tag("p", title, class_="kicker"),
+            tag("h1", held(headline(diagnosis))),
+            listed,
+            _verdict(diagnosis),
         ),
         tag("nav", tag("ul", *contents), aria_label="Sections"),
         tag("main", *(section for _, _, section in sections)),
+        *(tag("script", Html(text), type=kind) for kind, text in scripts),
     )
     return f"<!DOCTYPE html>\n{tag('html', head, body, lang='en')}\n"
+
+
+def _styles(*, moving: bool) -> str:
+    own = files("dualdrive.report").joinpath("style.css").read_text("utf-8")
+    return f"{modules.read('vendor/uPlot.min.css').decode()}\n{own}" if moving else own
 
 
 def _plan(
@@ -74,6 +91,18 @@ def _plan(
     ]
 
 
+def _title(d: Diagnosis) -> str:
+    """One line, however many records there are and however long their names."""
+    first = _short(d.records[0]) if d.records else "no record"
+    others = len(d.records) - 1
+    more = f" and {others} more record{'s' if others > 1 else ''}" if others > 0 else ""
+    return f"{_short(d.machine)} against {first}{more}"
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= _NAME else f"{name[: _NAME - 1]}…"
+
+
 def _section(name: str, heading: str, content: Html) -> tuple[str, str, Html]:
     own = tag("section", tag("h2", heading, id=name), content, aria_labelledby=name)
     return name, heading, own
@@ -83,8 +112,8 @@ def _verdict(d: Diagnosis) -> Html:
     cut = [f"Left undone: {line}" for line in d.cut]
     return tag(
         "div",
-        tag("p", tag("strong", f"{d.verdict}{_named(d)}"), f" – {VERDICTS[d.verdict]}."),
-        tag("p", d.paragraph) if d.paragraph else None,
+        tag("p", tag("strong", f"{d.verdict}{_named(d)}"), class_="named"),
+        tag("p", held(d.paragraph)) if d.paragraph else None,
         join(tag("p", _sentence(line), class_="warning", role="note") for line in d.warnings),
         join(tag("p", _sentence(line), class_="fine") for line in cut),
         class_=f"verdict {d.verdict}",

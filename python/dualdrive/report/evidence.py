@@ -9,7 +9,7 @@ from dualdrive.diagnose.result import Diagnosis
 from dualdrive.report.markup import Html, join, percent, table, tag
 
 if TYPE_CHECKING:
-    from dualdrive.compare import Comparison
+    from dualdrive.compare import Comparison, EquationAtFault
     from dualdrive.report.pictures import Gallery
 
 __all__ = ["errors", "overlays", "shapes", "where"]
@@ -73,7 +73,7 @@ def _overlay(comparison: Comparison, text: str, hung: Gallery) -> list[Html]:
         words = "; ".join(f"{q.name}: error {percent(q.shares[0])}" for q in shown)
         alt = f"Measured and simulated channels of {record} over time, {text}. {words}."
         caption = f"{record}, {text}: measured (solid) and model (dashed)."
-        parts.append(hung.hang(measured_vs_model(comparison, record=record), caption, alt))
+        parts.append(hung.hang(measured_vs_model(comparison, record=record), caption, alt, shown))
     return parts
 
 
@@ -99,29 +99,46 @@ def where(d: Diagnosis, hung: Gallery) -> Html | None:
                 c.condition,
                 c.kind,
                 f"{c.excess:.2f}",
-                f"{c.time:.0%}",
-                f"{c.square:.0%}",
+                percent(c.time, ".0f"),
+                percent(c.square, ".0f"),
                 _chance(c.p),
             )
             for c in (sure or worst)[: _MOST if sure else _MOST // 2]
         ]
         head = ("condition", "kind", "× average", "of the time", "of the squares", "by chance")
-        text = "Where the error is larger than on average, the worst first"
+        text = (
+            "Where the error is larger than on average, the worst first. Conditions overlap: their "
+            "times and squares do not add up"
+        )
         parts.append(table(head, rows, text, numbers=(2, 3, 4, 5)))
     if d.equation is not None and d.equation.shares:
-        words = (
-            f"The equation of motion that fails is that of {d.equation.name} "
-            f"(probability {d.equation.probability:.0%})."
-        )
-        alt = f"Bars of every equation's share of what is unexplained; {d.equation.name} is marked."
-        caption = "Share of the unexplained mean square by equation of motion."
+        alt = f"A bar for every equation of motion; {d.equation.name} is marked."
+        words, caption = _at_fault(d.equation)
         parts += [tag("p", words), hung.hang(equations(d.equation), caption, alt)]
     return join(parts) if parts else None
 
 
+def _at_fault(found: EquationAtFault) -> tuple[str, str]:
+    """Which equation fails, in a sentence; what the bars beside it are."""
+    fails = f"The equation of motion that fails is that of the {found.name.replace('_', ' ')}"
+    if found.measure == "torque":
+        most = (
+            f"the filter asks for a torque of {found.shares[found.name]:.2g} of the drives' there"
+        )
+        return f"{fails}: {most}.", "Torque of unknown course over the drives' torque, by equation."
+    sentence = f"{fails} (probability {percent(found.probability, '.0f')})."
+    if found.measure == "probability":
+        return sentence, "Probability of all laws that act in an equation, together."
+    caption = (
+        "What a free torque in one equation removes of the unexplained mean square. Neighbours "
+        "remove each other's in part: the numbers do not add up."
+    )
+    return sentence, caption
+
+
 def _chance(p: float) -> str:
     """Probability of so large an excess anywhere by chance alone."""
-    return "–" if math.isnan(p) else "< 0.1%" if p < 1e-3 else percent(p)
+    return "–" if math.isnan(p) else "< 0.1\N{NO-BREAK SPACE}%" if p < 1e-3 else percent(p)
 
 
 def shapes(d: Diagnosis, hung: Gallery) -> Html | None:
@@ -129,11 +146,13 @@ def shapes(d: Diagnosis, hung: Gallery) -> Html | None:
     from dualdrive.plots import missing_torque
 
     shown = sorted((s for s in d.shapes if len(s.at) > 1), key=lambda s: -s.explained)
+    before = hung.count
     parts = [
         hung.hang(
             missing_torque(s),
-            f"What {s.equation} lacks along {s.coordinate}, with its 95 % band; a function of it "
-            f"explains {s.explained:.0%} of the missing mean square.",
+            f"What the {s.equation.replace('_', ' ')} lacks along {s.coordinate}, with its 95 % "
+            f"band; a function of it alone explains {percent(s.explained, '.0f')} of the "
+            "missing mean square.",
             f"Missing torque of {s.equation} from {min(s.value):.3g} to {max(s.value):.3g} "
             f"{s.unit} along {s.coordinate} from {min(s.at):.3g} to {max(s.at):.3g} "
             f"{s.coordinate_unit}.",
@@ -144,5 +163,6 @@ def shapes(d: Diagnosis, hung: Gallery) -> Html | None:
     first, rest = join(parts[:telling]), parts[telling:]
     if not rest:
         return first if parts else None
-    words = tag("summary", "Coordinates that explain next to nothing")
+    numbers = hung.numbers(before + telling + 1)
+    words = tag("summary", f"{numbers}: coordinates that explain next to nothing")
     return join([first, tag("details", words, *rest)])

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
 
 from dualdrive.units import human
 
-__all__ = ["Html", "join", "number", "percent", "table", "tag"]
+__all__ = ["Html", "held", "join", "number", "percent", "table", "tag"]
 
 _EMPTY = ("meta", "br")
+#: the space between a number and its unit
+_UNIT = re.compile(r"(?<=\d) (?=%|\S+·\S|arcsec\b|[kMmµ]?(?:rad|m|s|N|A|V)\b)")
 
 
 class Html(str):
@@ -80,6 +83,11 @@ def number(value: float, unit: str = "") -> str:
     return human(value, unit) if math.isfinite(value) else "–"
 
 
-def percent(share: float) -> str:
-    """Per cent with three digits, a dash where the number is not known."""
-    return f"{100 * share:.3g}%" if math.isfinite(share) else "–"
+def percent(share: float, form: str = ".3g") -> str:
+    """Per cent, with three digits unless told, a dash where the number is not known."""
+    return f"{100 * share:{form}}\N{NO-BREAK SPACE}%" if math.isfinite(share) else "–"
+
+
+def held(text: str) -> str:
+    """The same text, in which no line begins with the unit of a number."""
+    return _UNIT.sub("\N{NO-BREAK SPACE}", text)

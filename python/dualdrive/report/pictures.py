@@ -8,9 +8,14 @@ from typing import TYPE_CHECKING, Final
 
 from dualdrive.plots import style
 from dualdrive.report.markup import Html, tag
+from dualdrive.web.live import Live
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from matplotlib.figure import Figure
+
+    from dualdrive.web.live import Series
 
 __all__ = ["Gallery"]
 
@@ -44,14 +49,22 @@ class Gallery:
     """The pictures of one page, numbered as they are hung."""
 
     def __init__(self) -> None:
-        self.count = 0
+        self.count, self.live = 0, Live()
 
-    def hang(self, figure: Figure, caption: str, alt: str) -> Html:
-        """A figure with its caption, and the words for those who don't see it."""
+    def numbers(self, first: int) -> str:
+        """What the pictures from `first` to the last that was hung are called."""
+        one = f"Figure {first}"
+        return one if first >= self.count else f"Figures {first} to {self.count}"
+
+    def hang(self, figure: Figure, caption: str, alt: str, moving: Sequence[Series] = ()) -> Html:
+        """A figure with its caption, and the words for those who don't see it.
+
+        moving: quantities that a browser draws in its place, to be zoomed into
+        """
         self.count += 1
         drawn = _svg(figure, f"p{self.count}", alt)
         words = tag("figcaption", tag("b", f"Figure {self.count}. "), caption)
-        return tag("figure", drawn, words)
+        return tag("figure", drawn, words, data_live=self.live.add(moving))
 
 
 def _svg(figure: Figure, prefix: str, alt: str) -> Html:

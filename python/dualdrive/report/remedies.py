@@ -8,6 +8,8 @@ from dualdrive.diagnose.result import Candidate, Diagnosis, Interval
 from dualdrive.report.markup import Html, join, number, percent, table, tag
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from dualdrive.diagnose.ladder import Ladder
     from dualdrive.report.pictures import Gallery
 
@@ -23,6 +25,30 @@ def candidates(d: Diagnosis, hung: Gallery) -> Html | None:
 
     if not d.candidates:
         return None
+    shown = list(d.candidates)[:_MOST]
+    refitted = [c for c in shown if c.resolved]
+    screened = [c for c in shown if not c.resolved]
+    best = d.candidates[0]
+    alt = f"Bars of each explanation's probability; {best.label}: {best.probability:.2f}."
+    caption = "Probability of every explanation; filled blue: not told from the best."
+    return join(
+        [
+            _groups(d),
+            hung.hang(draw(d), caption, alt),
+            _refitted(refitted) if refitted else None,
+            _screened(screened) if screened else None,
+        ]
+    )
+
+
+def _refitted(shown: Sequence[Candidate]) -> Html:
+    """Explanations that were added to the machine, everything else refitted beside them."""
+    words = (
+        "Each of these was added to the machine and everything refitted. Held out: headline error "
+        "on samples the refit did not see. Explains: what it removes of the error that an "
+        "arbitrary torque could remove; explanations overlap, and these do not add up. Gain: twice "
+        "the log likelihood it wins over the refitted machine."
+    )
     head = ("explanation", "probability", "held out", "explains", "gain", "what it takes")
     rows = [
         (
@@ -30,28 +56,28 @@ def candidates(d: Diagnosis, hung: Gallery) -> Html | None:
             f"{c.probability:.3f}" if c.probability >= 1e-3 else "< 0.001",
             percent(c.held_out),
             percent(c.explained),
-            f"{c.gain:,.0f}".replace(",", " "),
+            _gain(c),
             _sizes(c),
         )
-        for c in list(d.candidates)[:_MOST]
+        for c in shown
     ]
+    caption = "Explanations refitted, the best first"
+    return join([tag("p", words), table(head, rows, caption, numbers=(1, 2, 3, 4), marked=0)])
+
+
+def _screened(shown: Sequence[Candidate]) -> Html:
+    """Explanations that their score, or a refit that was cut, left behind."""
     words = (
-        "Each was added to the machine and everything refitted, but those marked as screened only. "
-        "Held out: headline error on samples the refit did not see. Explains: share of the error "
-        "that an arbitrary torque could remove. Gain: twice the log likelihood it wins over the "
-        "refitted machine."
+        "These were not refitted to the end: their score, the slope of the likelihood where the "
+        "effect is still zero, or their first steps promised less."
     )
-    best = d.candidates[0]
-    alt = f"Bars of each explanation's probability; {best.label}: {best.probability:.2f}."
-    caption = "Probability of every explanation; filled blue: not told from the best."
-    return join(
-        [
-            tag("p", words),
-            _groups(d),
-            hung.hang(draw(d), caption, alt),
-            table(head, rows, "Explanations, the best first", numbers=(1, 2, 3, 4), marked=0),
-        ]
-    )
+    rows = [(c.label, _gain(c), _sizes(c) or "screened only") for c in shown]
+    head = ("explanation", "gain expected", "remark")
+    return join([tag("p", words), table(head, rows, "Explanations screened only", numbers=(1,))])
+
+
+def _gain(c: Candidate) -> str:
+    return f"{c.gain:,.0f}".replace(",", " ")
 
 
 def _groups(d: Diagnosis) -> Html | None:
@@ -67,8 +93,7 @@ def _sizes(c: Candidate) -> str:
     sizes = "; ".join(
         f"{path.rpartition('.')[2]} {_interval(v)}" for path, v in c.parameters.items()
     )
-    doubt = "" if c.resolved or c.note else "screened only"
-    return "; ".join(filter(None, (sizes, c.note, doubt)))
+    return "; ".join(filter(None, (sizes, c.note)))
 
 
 def _interval(v: Interval) -> str:

@@ -8,6 +8,7 @@ trace["theta_m"], trace.log
 from __future__ import annotations
 
 from .guess import guess_mapping, propose
+from .labelled import from_pandas, from_xarray
 from .log import KINDS, Issue, Log, TraceError
 from .mapping import ColumnRule, FileLayout, RowRule, SplitRule, TimeRule, TraceMap
 from .mapping_file import find_mapping, read_mapping, write_mapping
@@ -33,6 +34,8 @@ __all__ = [
     "TraceError",
     "TraceMap",
     "find_mapping",
+    "from_pandas",
+    "from_xarray",
     "guess_mapping",
     "propose",
     "read",

@@ -146,7 +146,7 @@ def _to_si(
         raise UnitError(f"current = {rule.current!r} is of a phase current, in A")
     kind = rule.current or kind
     factor = 1.0
-    if kind and name in ("I_1", "I_2"):
+    if kind and name.startswith("I_"):
         factor = _CURRENT[kind]
         message = f"{column}: {kind} phase current times {factor:.4f} is the model's {name}"
         recorder.add("converted", message)

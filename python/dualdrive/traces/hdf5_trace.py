@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["is_trace_file", "opened", "read_trace", "write_trace"]
 
 SCHEMA: Final = "dualdrive trace 1"
+_SIGNATURE: Final = b"\x89HDF\r\n\x1a\n"  # of HDF5, where no user block comes before it
 _OWN: Final = ("trace_rows", "trace_breaks")
 _SLASH: Final = "\N{DIVISION SLASH}"  # HDF5 would take a plain one for a group
 
@@ -77,15 +78,21 @@ def opened(path: Path) -> Iterator[Any]:
 
 def is_trace_file(path: Path) -> bool:
     """Tell whether `path` was written by `Trace.to_hdf5`."""
-    import h5py
-
     try:
-        if not path.is_file() or not h5py.is_hdf5(path):
+        if not path.is_file() or not _begins_as_hdf5(path):
             return False
+        import h5py
+
         with h5py.File(path, "r") as file:
             return bool(file.attrs.get("schema") == SCHEMA)
     except Exception:  # a damaged file: the reader for all HDF5 files says so
         return False
+
+
+def _begins_as_hdf5(path: Path) -> bool:
+    """Whether it may be one of ours: no other file is worth loading the library for."""
+    with path.open("rb") as file:
+        return file.read(len(_SIGNATURE)) == _SIGNATURE
 
 
 @contextmanager

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from dualdrive.echo import shorten
+
 __all__ = ["KINDS", "Issue", "Log", "Recorder", "TraceError", "row_ranges"]
 
 # Kind of issue -> what it is. `note` kinds change nothing and never stop a strict reading.
@@ -49,7 +51,7 @@ class TraceError(ValueError):
     """
 
     def __init__(self, message: str, *, kind: str, rows: Sequence[int] = ()) -> None:
-        super().__init__(" ".join(message.split()))
+        super().__init__(shorten(message))
         self.kind = kind
         self.rows = tuple(int(row) for row in rows)
 
@@ -149,14 +151,16 @@ class Recorder:
         issue = Issue(kind, message, tuple(int(row) for row in rows))
         if self.strict and not issue.is_note:
             way_out = "repair the file, or read it without strict"
-            raise TraceError(f"{self.path.name}: {issue}; {way_out}", kind=kind, rows=issue.rows)
+            raise TraceError(
+                f"{self.path.name or self.path}: {issue}; {way_out}", kind=kind, rows=issue.rows
+            )
         self._issues.append(issue)
 
     def error(self, kind: str, rule: str, way_out: str, rows: Iterable[int] = ()) -> TraceError:
         """The error for what cannot be repaired, to be raised by the caller."""
         listed = tuple(int(row) for row in rows)
         where = f" ({row_ranges(listed)})" if listed else ""
-        message = f"{self.path.name}: {rule}{where}; {way_out}"
+        message = f"{self.path.name or self.path}: {rule}{where}; {way_out}"
         return TraceError(message, kind=kind, rows=listed)
 
     def log(self) -> Log:

@@ -64,6 +64,8 @@ def find_mapping(path: str | Path) -> Path | None:
     A ``traces.map.toml`` in the same folder serves all recordings that have none of their own.
     """
     path = Path(path)
+    if not path.name:  # "." and "/": folders, whoever reads them says so
+        return None
     candidates = (path.with_suffix(SUFFIX), path.with_name("traces" + SUFFIX))
     return next((candidate for candidate in candidates if candidate.is_file()), None)
 

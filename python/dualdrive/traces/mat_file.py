@@ -15,6 +15,7 @@ from .arrays import refuse_excess, table_of
 from .hdf5_trace import opened
 from .log import Recorder
 from .mapping import FileLayout
+from .mat_elements import check_elements
 from .table import Table
 
 __all__ = ["read_mat"]
@@ -49,6 +50,7 @@ def _version_5(path: Path, recorder: Recorder) -> dict[str, Any]:
 
     refuse_excess(_unpacked(path) // np.dtype(np.float64).itemsize, recorder)
     try:
+        check_elements(path)
         variables = loadmat(path, simplify_cells=True)
     except Exception as error:  # a damaged file makes the library raise nearly anything
         raise recorder.error("file", f"not a readable MAT file: {error}", "export again") from None

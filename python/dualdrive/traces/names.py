@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-__all__ = ["CHANNELS", "MEASURED_ANGLES", "TIME", "ChannelName", "is_canonical"]
+__all__ = ["CHANNELS", "DRIVES", "MEASURED_ANGLES", "TIME", "ChannelName", "is_canonical"]
 
 TIME: Final = "t"
+#: numbers of the drives whose columns have names; the largest antennas turn on eight
+DRIVES: Final = range(1, 9)
 
 
 class ChannelName(NamedTuple):
@@ -19,8 +21,8 @@ class ChannelName(NamedTuple):
     long_name: str
 
 
-def _pair(stem: str, unit: str, what: str) -> dict[str, ChannelName]:
-    return {f"{stem}_{n}": ChannelName(unit, what.format(n=n)) for n in (1, 2)}
+def _each(stem: str, unit: str, what: str) -> dict[str, ChannelName]:
+    return {f"{stem}{n}": ChannelName(unit, what.format(n=n)) for n in DRIVES}
 
 
 CHANNELS: Final[dict[str, ChannelName]] = {
@@ -28,15 +30,13 @@ CHANNELS: Final[dict[str, ChannelName]] = {
     "omega_ref": ChannelName("rad/s", "commanded table speed"),
     "theta_m": ChannelName("rad", "table angle"),
     "omega_m": ChannelName("rad/s", "table speed"),
-    **_pair("theta", "rad", "angle of motor {n}"),
-    **_pair("omega", "rad/s", "speed of motor {n}"),
-    "theta_c1": ChannelName("rad", "angle of pinion 1"),
-    "theta_c2": ChannelName("rad", "angle of pinion 2"),
-    "omega_c1": ChannelName("rad/s", "speed of pinion 1"),
-    "omega_c2": ChannelName("rad/s", "speed of pinion 2"),
-    **_pair("I", "A", "current of motor {n}"),
-    **_pair("U", "V", "voltage of motor {n}"),
-    **_pair("T", "N*m", "torque of motor {n}"),
+    **_each("theta_", "rad", "angle of motor {n}"),
+    **_each("omega_", "rad/s", "speed of motor {n}"),
+    **_each("theta_c", "rad", "angle of pinion {n}"),
+    **_each("omega_c", "rad/s", "speed of pinion {n}"),
+    **_each("I_", "A", "current of motor {n}"),
+    **_each("U_", "V", "voltage of motor {n}"),
+    **_each("T_", "N*m", "torque of motor {n}"),
     "T_load": ChannelName("N*m", "load torque, positive against positive motion"),
 }
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from .log import TraceError
 from .mapping import ColumnRule, TraceMap
+from .names import DRIVES
 from .rates import PAIRS, rate_ratio
 from .reading import read
 from .table import Table
@@ -116,7 +117,7 @@ def tried(path: Path, mapping: TraceMap) -> Iterable[str]:
 def _geared(trace: Trace) -> list[str]:
     """How far a motor turns per turn of the table: a ratio of 1 is one that was taken out."""
     told = []
-    for n in (1, 2):
+    for n in DRIVES:
         if f"theta_{n}" in trace and "theta_m" in trace:
             motor, table = (trace[name] - trace[name].mean() for name in (f"theta_{n}", "theta_m"))
             both = float(np.sqrt(np.dot(motor, motor) * np.dot(table, table)))

@@ -48,8 +48,7 @@ def read(
     """
     path = Path(path)
     recorder = Recorder(path, strict=strict)
-    if not path.name:
-        raise recorder.error("file", f"{path} is a folder", "name a file")
+    _refuse_folder(path, recorder)
     if mapping is None and not group and find_mapping(path) is None and is_trace_file(path):
         return read_trace(path, recorder)
     mapping = _mapping(path, mapping)
@@ -88,6 +87,7 @@ def read_parts(
 
 def read_table(path: Path, mapping: TraceMap, recorder: Recorder, group: str = "") -> Table:
     """The columns of a file as they stand in it."""
+    _refuse_folder(path, recorder)
     if not path.is_file():
         raise recorder.error("file", f"no such file ({path})", "check its name")
     if path.stat().st_size == 0:
@@ -103,6 +103,11 @@ def read_table(path: Path, mapping: TraceMap, recorder: Recorder, group: str = "
     except OSError as error:
         reason = error.strerror or str(error)
         raise recorder.error("file", f"cannot be read: {reason}", "check its rights") from None
+
+
+def _refuse_folder(path: Path, recorder: Recorder) -> None:
+    if path.is_dir():
+        raise recorder.error("file", "a folder, no file", "name a recording")
 
 
 def _by_content(path: Path) -> str:

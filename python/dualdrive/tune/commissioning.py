@@ -9,7 +9,7 @@ from dualdrive.linear import DriveComparison
 from dualdrive.linear.operating_point import operating_point
 from dualdrive.machine import Machine
 from dualdrive.motion import Motion
-from dualdrive.tune.assess import assess, quiet, usual_motion
+from dualdrive.tune.assess import assess, usual_motion
 from dualdrive.tune.coupling import couple
 from dualdrive.tune.drives import compare_parameters, compare_responses
 from dualdrive.tune.errors import TuneError
@@ -19,6 +19,7 @@ from dualdrive.tune.loops import inner_loops, position_gain, set_back
 from dualdrive.tune.moves import adjust_motion, alike
 from dualdrive.tune.parameters import DriveTable, set_drive_parameters
 from dualdrive.tune.result import Assessment, Step, Tuning
+from dualdrive.tune.standstill import restless, trials
 
 __all__ = ["PROCEDURE", "Ask", "tune"]
 
@@ -143,8 +144,8 @@ def _ended(
         status = "in part"
     elif not reason and not now.stable:
         status, reason = "not done", f"the loop is unstable as it stands: {now.growing}"
-    elif not reason and not quiet(job.machine, now):
-        status, reason = "not done", f"the table hunts, {now.spoken('hunting')} peak to peak"
+    elif not reason and (left := restless(job.machine, trials(job.machine, job.motion))):
+        status, reason = "not done", left.text
     return Tuning(
         job.machine, tuple(steps), first, now, job.motion, job.limits,
         status, reason,  # type: ignore[arg-type]

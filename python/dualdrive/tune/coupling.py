@@ -12,6 +12,7 @@ from dualdrive.optimise import LeastTension, OptimiseError, corners, least_tensi
 from dualdrive.optimise.objective import TENSION
 from dualdrive.tune.assess import assess, begin_of, play, quiet
 from dualdrive.tune.edge import GAIN, damping, find_edge
+from dualdrive.tune.hold import hold
 from dualdrive.tune.job import Draft, Job
 from dualdrive.tune.result import Curve, Panel
 from dualdrive.units import human
@@ -34,6 +35,8 @@ def couple(job: Job) -> Draft:
     it, with 6 dB in hand. Integral time: the shortest that leaves 90 % of the least damping.
     Tension: a tenth above the least that keeps every flank closed over the test move; where none
     within the rated torque does, the one of the smoothest torque at which the table stands still.
+    Then raised, or the position gain lowered, until the table stands still after steps and
+    reversals at its load and near it; where nothing does that, the step says what forbids it.
     """
     machine = job.machine.copy()
     core = machine.core
@@ -52,13 +55,15 @@ def couple(job: Job) -> Draft:
     core.set(TENSION, tension)
     done += [why, _reached(machine, job)]
     done += _calm(machine, job)
-    left = assess(machine, job.motion)
-    reason = ""
-    if not quiet(machine, left):
-        reason = f"the table hunts on, {left.spoken('hunting')} peak to peak, at any gain tried"
+    held = hold(machine, job.motion)
+    machine, done = held.machine, [*done, *held.done]
     panels = (_margins(found), *_torques(job, machine))
-    details = {"least_tension": found.tension, "quiet_tension": _quiet_from(machine, found)}
-    return Draft(machine, done, panels, reason, details)
+    details = {
+        "least_tension": found.tension,
+        "quiet_tension": _quiet_from(machine, found),
+        "restless": held.failure.figures() if held.failure else None,
+    }
+    return Draft(machine, done, panels, held.reason, details)
 
 
 def _gain(job: Job, machine: Machine) -> str:

@@ -23,7 +23,7 @@ _NAMED = 4
 
 
 def compare_parameters(job: Job) -> Draft:
-    """Step 1: numbers of master and slave side by side; limits set to the lesser of both."""
+    """Step 1: numbers side by side; limits set to the lesser of both, filters to the master's."""
     machine = job.machine.copy()
     pairs = _pairs(machine)
     done, shares = [f"{len(pairs)} numbers of each drive compared"], {}
@@ -46,7 +46,10 @@ def compare_parameters(job: Job) -> Draft:
         if one.endswith(".ratio"):
             way = "give both drives the same gears"
             return Draft(machine, done, reason=f"{said}: drives of unequal ratio fight; {way}")
-        if one.rpartition(".")[2] in _SETTINGS:
+        if one.rpartition(".")[2].startswith("filter_"):
+            machine.set(two, a)
+            done.append(f"{said}: set-point filters must be alike; set to the master's")
+        elif one.rpartition(".")[2] in _SETTINGS:
             for path in (one, two):
                 machine.set(path, min(a, b))
             done.append(f"{said}: both set to the lesser")

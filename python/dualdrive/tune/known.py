@@ -117,6 +117,20 @@ _ALL: Final = (
                    path="controller.k_p", si="N*m*s/rad", size=lambda base: base.gear**2),
     DriveParameter("p1462", "speed controller integral time", "ms", "0 off", DRIVES,
                    path="controller.T_N", si="s", size=lambda base: 1e-3),
+    DriveParameter("p1656", "current set-point filter activation", "bits",
+                   "0 none, 1 the first filter", DRIVES),
+    DriveParameter("p1657", "current set-point filter 1 type", "1 low-pass, 2 general",
+                   "of second order either way", DRIVES),
+    DriveParameter("p1658", "current set-point filter 1 denominator natural frequency", "Hz",
+                   "of a low-pass or notch", DRIVES, path="motors.filter_pole", si="Hz"),
+    DriveParameter("p1659", "current set-point filter 1 denominator damping", "1",
+                   "of a low-pass or notch", DRIVES,
+                   path="motors.filter_pole_damping"),
+    DriveParameter("p1660", "current set-point filter 1 numerator natural frequency", "Hz",
+                   "of a notch", DRIVES, path="motors.filter_zero", si="Hz"),
+    DriveParameter("p1661", "current set-point filter 1 numerator damping", "1",
+                   "of a notch", DRIVES,
+                   path="motors.filter_zero_damping"),
 )  # fmt: skip
 
 #: number -> what it is, in the order of numbers

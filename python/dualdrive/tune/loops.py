@@ -7,10 +7,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.linear import frequency_response
 from dualdrive.linear.contacts import closed
 from dualdrive.linear.stability import least_damped
 from dualdrive.machine import Machine
 from dualdrive.tune.edge import CLOSED, GAIN, Edge, damping, find_edge, gain_range, measured_edge
+from dualdrive.tune.filters import from_response, propose
 from dualdrive.tune.job import Draft, Job, decoupled
 from dualdrive.tune.result import Curve, Panel
 from dualdrive.units import human
@@ -23,6 +25,7 @@ _BANDWIDTH, _SPEED, _INTEGRAL = "controller.omega_ci", "controller.k_p", "contro
 _USUAL_SAMPLE = 125e-6  # s, of a drive's speed loop, where the model states none
 _KEPT = 0.9  # of the damping without it, which an integral action must leave
 _DAMPED = 0.3  # least damping ratio of a vibration with the position loop closed
+_PAPER_GAIN = 10.0  # K_s of the paper's step (5)
 _MARGIN = 2.0  # gain margin, 6 dB: half the edge (Ziegler & Nichols 1942)
 
 
@@ -37,6 +40,8 @@ def inner_loops(job: Job) -> Draft:
     Speed loop: the highest P gain that leaves 90 % of the best damping, all flanks closed, integral
     action and position loop off, and not above the modulus optimum of the drive by itself, J/(2 T),
     T the sum of small lags; then the shortest integral time that leaves 90 % of what is left.
+    Set-point filter: where a vibration above the speed loop's rate stops the gain short of that
+    ceiling, or a measured response has a peak, and a filter lets it rise.
     """
     machine = decoupled(job.machine)
     done = [_current(machine)]
@@ -45,17 +50,19 @@ def inner_loops(job: Job) -> Draft:
     ceiling = _modulus_optimum(machine)
     gains = np.geomspace(ceiling / 100.0, ceiling, 60)
     machine.core.set(_INTEGRAL, 0.0)
-    damped = np.array([_damped(job, machine, _SPEED, gain) for gain in gains])
+    damped = _damped_at(job, machine, gains)
     if damped.max() <= 0.0:
         reason = "a vibration grows at any speed gain, position loop open: look at the speed loop"
         return Draft(job.machine.copy(), done, reason=reason)
-    gain = float(gains[np.flatnonzero(damped >= _KEPT * damped.max())[-1]])
+    tuned = job.machine.copy()
+    filtered = _filter(job, machine, tuned, gains, damped)
+    damped = _damped_at(job, machine, gains)
+    gain = _highest(gains, damped)
     best = _damped(job, machine, _SPEED, gain)
     where = "its ceiling, J/(2 T)" if gain > 0.999 * ceiling else "the highest that damps well"
     times = np.geomspace(1e-1, 1e3, 100) / _slow(job, machine)
     left = np.array([_damped(job, machine, _INTEGRAL, time) for time in times])
     time = float(times[np.argmax(left >= _KEPT * best)]) if (left >= _KEPT * best).any() else 0.0
-    tuned = job.machine.copy()
     for path, value in ((_SPEED, gain), (_INTEGRAL, time)):
         tuned.core.set(path, value)
     if _BANDWIDTH in {p.path for p in machine.parameters()}:
@@ -65,7 +72,7 @@ def inner_loops(job: Job) -> Draft:
         f"integral time {human(time, 's')}, the shortest that leaves {_KEPT:.0%} of that damping"
         if time
         else "integral action off: any takes too much of the damping",
-        "second-order filters: the model's speed loop has none; none is proposed",
+        *filtered,
         *_unsampled(machine, job.machine.get(_SPEED), gain),
     ]
     panels = (
@@ -74,6 +81,67 @@ def inner_loops(job: Job) -> Draft:
         _damping_by("integral time", "integral time [s]", times, left, time),
     )  # fmt: skip
     return Draft(tuned, done, panels, details={"ceiling": ceiling, "damping": best})
+
+
+def _damped_at(job: Job, machine: Machine, gains: Array) -> Array:
+    return np.array([_damped(job, machine, _SPEED, gain) for gain in gains])
+
+
+def _highest(gains: Array, damped: Array, best: float | None = None) -> float:
+    """The highest gain that leaves 90 % of the best damping; 0 where none does."""
+    enough = np.flatnonzero(damped >= _KEPT * (damped.max() if best is None else best))
+    return float(gains[enough[-1]]) if enough.size else 0.0
+
+
+def _filter(job: Job, machine: Machine, tuned: Machine, gains: Array, damped: Array) -> list[str]:
+    """Put a set-point filter into both machines where one is asked for; what is said of it."""
+    if job.measured is not None:
+        found = [(n, from_response(r)) for n, r in zip("12", job.measured.pair, strict=True)]
+        asked = [(n, one) for n, one in found if one is not None]
+        if asked:
+            number, (peak, notch, left) = max(asked, key=lambda pair: pair[1][0].db)
+            for each in (machine, tuned):
+                notch.on(each)
+            after = (
+                "no peak" if left is None else f"{left.db:+.1f} dB at {left.frequency_hz:.4g} Hz"
+            )
+            return [
+                f"set-point filter: the measured response of drive {number} peaks by "
+                f"{peak.db:+.1f} dB at {peak.frequency_hz:.4g} Hz: {notch.text} in both drives "
+                f"leaves {after}"
+            ]
+        return ["set-point filter: no peak of the measured responses asks for one"]
+    gain = _highest(gains, damped)
+    hertz, rate = _limiting(job, machine, float(gains[-1])), gain / _inertia(machine) / math.tau
+    if gain > 0.999 * gains[-1] or hertz <= rate:
+        return [
+            f"set-point filter: none; no vibration above the speed loop's own {rate:.3g} Hz stops "
+            "its gain"
+        ]
+    best = float(damped.max())
+    found_here = propose(
+        machine, hertz, gain, lambda trial: _highest(gains, _damped_at(job, trial, gains), best)
+    )
+    if found_here is None:
+        return [
+            f"set-point filter: none; {hertz:.4g} Hz stops the gain, but no notch or low-pass lets "
+            "it rise by a quarter"
+        ]
+    one, higher = found_here
+    for each in (machine, tuned):
+        one.on(each)
+    return [
+        f"set-point filter: {hertz:.4g} Hz stops the gain at {human(gain, 'N*m*s/rad')}; with "
+        f"{one.text} in both drives it reaches {human(higher, 'N*m*s/rad')}, as well damped"
+    ]
+
+
+def _limiting(job: Job, machine: Machine, gain: float) -> float:
+    """Frequency of the least damped vibration at a speed gain, Hz; 0 where nothing vibrates."""
+    trial = machine.copy()
+    trial.core.set(_SPEED, gain)
+    pole = least_damped(trial, closed(trial), job.state)
+    return 0.0 if pole is None else abs(pole) / math.tau
 
 
 def _unsampled(machine: Machine, before: float, gain: float) -> list[str]:
@@ -244,7 +312,34 @@ def set_back(job: Job) -> Draft:
         f"{wanted:.2f} or more"
     )
     panel = _damping_by("position gain", "position gain [1/s]", gains, ratios, gain)
-    return Draft(tuned, done, (panel,), details={"damping": wanted})
+    said, product = _servo_gain(job, tuned)
+    return Draft(tuned, [*done, said], (panel,), details={"damping": wanted, "servo_gain": product})
+
+
+def _servo_gain(job: Job, machine: Machine) -> tuple[str, dict[str, float]]:
+    """K_s = K_1 K_2 K_3 K_p of the paper's step (5), and its 10.
+
+    The paper does not say what K_1 to K_3 are. Read along the loop: K_1 from the table's speed to
+    the motor's, K_2 what the closed speed loop makes of a set-point in the long run, K_3 back from
+    the motor to the table; K_p is the position controller. A speed loop that holds its set-point
+    has K_2 = 1, and K_s is K_v.
+    """
+    trial = decoupled(machine)
+    core = trial.core
+    up = core.get("gearbox_1.ratio") * core.get("mesh_1.ratio")
+    slow = [1e-4 * core.get(GAIN) / math.tau]
+    answer = frequency_response(
+        trial, "Omega_1", "omega_m", slow, modes=closed(trial), cut=["position"], state=job.state
+    )
+    kept = float(abs(answer.response[0])) * core.get("mesh_1.ratio")
+    product = up * kept / up * core.get(GAIN)
+    factors = f"{up:.4g} · {kept:.3f} · 1/{up:.4g} · {human(core.get(GAIN), '1/s')}"
+    said = (
+        f"K_s = K_1 K_2 K_3 K_p = {factors} = {human(product, '1/s')}; the paper sets 10, without "
+        "a "
+        f"unit: read as 1/s, this is {product / _PAPER_GAIN:.2g} times it"
+    )
+    return said, {"K_1": up, "K_2": kept, "K_3": 1.0 / up, "K_s": product}
 
 
 def _mechanics(machine: Machine) -> list[str]:

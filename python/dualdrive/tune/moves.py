@@ -11,7 +11,8 @@ from dualdrive.linear.stability import least_damped
 from dualdrive.machine import Machine
 from dualdrive.motion import Motion, move
 from dualdrive.tune.assess import assess
-from dualdrive.tune.job import Draft, Job
+from dualdrive.tune.edge import GAIN, find_edge, gain_range
+from dualdrive.tune.job import Draft, Job, decoupled
 from dualdrive.tune.limits import MotionLimits
 from dualdrive.tune.result import Assessment, Curve, Panel
 from dualdrive.units import human
@@ -25,7 +26,7 @@ _SLOWER, _TIMES = 0.85, 20
 
 
 def alike(job: Job) -> Draft:
-    """Step 6: feed-forward, its time, DSC, acceleration, jerk alike in both axes.
+    """Step 6: feed-forward, its time, DSC, SOFT, acceleration, jerk alike in both axes.
 
     In the machine the slave takes the master's set-point, so that they are one number each; what
     can part the drives is the slave's lag.
@@ -34,6 +35,8 @@ def alike(job: Job) -> Draft:
     lag = machine.get("controller.delta_t")
     done = [
         "feed-forward, acceleration and jerk: one number for both axes; type both in alike",
+        _stiffness_control(job),
+        _soft(job),
         "no lag of the slave"
         if lag == 0.0
         else f"the slave lags by {human(lag, 's')} (controller.delta_t): with feed-forward that is "
@@ -48,6 +51,39 @@ def alike(job: Job) -> Draft:
         )
         panels = (Panel("Speeds of both motors", "time [s]", "motor speed [rad/s]", speeds),)
     return Draft(machine, done, panels)
+
+
+def _stiffness_control(job: Job) -> str:
+    """DSC: the position loop in the drive, in the clock of the speed loop."""
+    words = "DSC, dynamic stiffness control (MD32640): alike in both axes"
+    slow, fast = (job.machine.get(f"controller.{loop}_sample") for loop in ("position", "speed"))
+    if slow <= fast:
+        return (
+            f"{words}; the position loop is no slower than the speed loop here: it is as with DSC"
+        )
+    in_drive = decoupled(job.machine)
+    in_drive.core.set("controller.position_sample", fast)
+    in_drive.core.set("controller.position_latency", 0.0)
+    edges = [
+        find_edge(one, GAIN, *gain_range(one), job.state).lowest
+        for one in (decoupled(job.machine), in_drive)
+    ]
+    now, then = ("none" if edge is None else human(edge, "1/s") for edge in edges)
+    return (
+        f"{words}; with the position loop every {human(slow, 's')} the edge of vibration is at "
+        f"{now}, in the drive's {human(fast, 's')} it would be at {then}"
+    )
+
+
+def _soft(job: Job) -> str:
+    """SOFT: acceleration that rises over time, the paper's axial impact limit."""
+    words = "SOFT, acceleration with a limited jerk (the paper's axial impact limit)"
+    if job.limits is None:
+        return f"{words}: alike in both axes; the test motion has no jerk to compare"
+    if not math.isfinite(job.limits.jerk):
+        return f"{words}: the test move has none, as with BRISK; switch SOFT on in both axes"
+    rise = human(job.limits.acceleration / job.limits.jerk, "s")
+    return f"{words}: alike in both axes; on in the test move, {rise} to full acceleration"
 
 
 def adjust_motion(job: Job) -> Draft:

@@ -15,6 +15,7 @@ __all__ = ["Applied", "DriveTable", "Entry", "drive_parameters", "set_drive_para
 _MODES = {"both": 0.0, "slave": 1.0, "master": 2.0}
 _LIMITS = {"32300": "acceleration", "32431": "jerk"}
 _GAIN = "37256"
+_FILTER = tuple(number for number in KNOWN if number.startswith("p16"))
 
 
 @dataclass(frozen=True)
@@ -143,10 +144,23 @@ def _read(
         return _MODES[machine.core.controller_options["equaliser"]]
     if number == _GAIN:
         return _gain(machine, base)
+    if number in _FILTER:
+        return _filter(machine, number)
     if not parameter.path:
         return parameter.fixed
     value = machine.get(parameter.path)
     return value / parameter.size(base) if math.isfinite(value) else None
+
+
+def _filter(machine: Machine, number: str) -> float | None:
+    """A set-point filter's numbers; None for those that it does not have."""
+    core = machine.core
+    pole, zero = (core.get(f"motors.filter_{part}") for part in ("pole", "zero"))
+    if number == "p1656":
+        return float(pole > 0.0)
+    if not pole or (number in ("p1660", "p1661") and not zero):
+        return None
+    return (2.0 if zero else 1.0) if number == "p1657" else core.get(KNOWN[number].path)
 
 
 def _gain(machine: Machine, base: Base) -> float:
@@ -176,12 +190,26 @@ def _write(machine: Machine, base: Base, number: str, value: float) -> bool:
         if words[value] != machine.core.controller_options["equaliser"]:
             machine.set("controller.equaliser", words[value])
         return True
+    if number in ("p1656", "p1657"):
+        return _switch_filter(machine, number, value)
     if number == "37262":
         _refuse_unless(number, value, (1.0,), "the model's coupling is always active")
         return True
     if not parameter.path or machine.core.unread(parameter.path):
         return False
     _set(machine, number, parameter.path, value * parameter.size(base), value)
+    return True
+
+
+def _switch_filter(machine: Machine, number: str, value: float) -> bool:
+    """Filter off, or a low-pass: a zero frequency; its own number comes after."""
+    allowed, part = {
+        "p1656": ((0.0, 1.0), "filter_pole"),
+        "p1657": ((1.0, 2.0), "filter_zero"),
+    }[number]
+    _refuse_unless(number, value, allowed, "the model has one second-order filter per drive")
+    if value == allowed[0]:
+        machine.set(f"motors.{part}", 0.0)
     return True
 
 

@@ -34,7 +34,6 @@ from dualdrive.traces import Trace
 NEW = "next"
 DECIDED = 2 * math.log(20.0)
 SECONDS = 40.0  # longest experiment, as `diagnose` asks for it
-_PLANNING = 20.0  # s, where the diagnosis itself planned nothing
 _SAMPLE, _KNOT = 8e-3, 2e-3  # s: of the new record, of the sampled reference that the drive follows
 _STEPS = 6  # of a refit
 
@@ -76,7 +75,7 @@ def parted(case: Alike, budget: float, seed: int) -> Parted:
         return told
     noise = known_noise(order)
     name, suggested, chance = "none", math.nan, math.nan
-    if (best := suggestion(order, found, (right, wrong), budget)) is not None:
+    if (best := suggestion(order, found, (right, wrong))) is not None:
         name, motion, settings = best
         suggested = margin(order, motion, settings, (right, wrong), noise)
     if (other := at_random((right, wrong), noise, random.Random(seed))) is not None:
@@ -108,7 +107,7 @@ def explanation(order: Order, found: Diagnosis, label: str) -> Rival | None:
 
 
 def suggestion(
-    order: Order, found: Diagnosis, rivals: Sequence[Rival], budget: float
+    order: Order, found: Diagnosis, rivals: Sequence[Rival]
 ) -> tuple[str, Motion, Settings] | None:
     """The diagnosis' own where it has one for these two, else what it would plan for them."""
     best, pair = found.next_experiment, [rival.label for rival in rivals]
@@ -121,7 +120,6 @@ def suggestion(
             spacing=noise.spacing,
             seconds=SECONDS,
             known={rival.label: rival.known for rival in rivals},
-            budget=min(budget, _PLANNING),
         )
     if best is None:
         return None

@@ -28,6 +28,7 @@ struct GearboxBacklash {
         .confused_with = "wear,shaft_compliance",
         .places = "gearboxes",
         .affine = true,
+        .brings = "mesh_damping",
     };
     static constexpr Part part = Part::joint;
     static constexpr ConnectionKind joint = ConnectionKind::gap;

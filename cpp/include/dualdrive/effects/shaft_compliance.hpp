@@ -28,6 +28,7 @@ struct ShaftCompliance {
         .confused_with = "gearbox_backlash,sensor_delay",
         .places = "gearboxes",
         .affine = true,
+        .brings = "mesh_damping",
     };
     static constexpr Part part = Part::joint;
     static constexpr ConnectionKind joint = ConnectionKind::compliant;

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dualdrive.diagnose.decision.sanity import objection
-from dualdrive.diagnose.decision.thresholds import THRESHOLDS
-from dualdrive.diagnose.decision.verdict import Decision, MissingTorque, decide
+from dualdrive.diagnose.decision.sanity import objection, takes_too_little
+from dualdrive.diagnose.decision.verdict import Decision, decide
+from dualdrive.diagnose.selection import MissingTorque
+from dualdrive.diagnose.thresholds import THRESHOLDS
 
-__all__ = ["THRESHOLDS", "Decision", "MissingTorque", "decide", "objection"]
+__all__ = ["THRESHOLDS", "Decision", "MissingTorque", "decide", "objection", "takes_too_little"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from dualdrive.diagnose.decision.thresholds import threshold
 from dualdrive.diagnose.result import Verdict
+from dualdrive.diagnose.thresholds import threshold
 
 
 def objection(verdict: Verdict, error: Mapping[str, float]) -> str:
@@ -18,7 +18,7 @@ def objection(verdict: Verdict, error: Mapping[str, float]) -> str:
     def of(name: str) -> float:
         return error.get(name, math.nan)
 
-    if of("noise_floor") >= 1.0:
+    if verdict != "unfinished" and of("noise_floor") >= 1.0:
         return f"the sensors' noise ({of('noise_floor'):.0%}) is larger than the signal"
     if verdict in ("effect", "ambiguous"):
         if of("best") >= of("refitted"):
@@ -37,3 +37,20 @@ def objection(verdict: Verdict, error: Mapping[str, float]) -> str:
         if of("held_out_refitted") > max(of("nominal"), threshold("simulated error")):
             return f"cross-validated, the refitted machine leaves {of('held_out_refitted'):.0%}"
     return ""
+
+
+def takes_too_little(verdict: Verdict, error: Mapping[str, float]) -> str:
+    """Why a law that is likelier is not what is missing from a simulated loop; empty where it is.
+
+    error: as in :func:`objection`
+    """
+    floor = error["noise_floor"]
+    beyond, taken = error["refitted"] - floor, error["refitted"] - error["best"]
+    if verdict not in ("effect", "ambiguous") or beyond <= threshold("beyond noise") * floor:
+        return ""
+    if taken >= threshold("closed") * beyond:
+        return ""
+    return (
+        f"the best candidate takes away {taken / beyond:.0%} of what the refitted machine leaves "
+        "beyond the sensors' noise"
+    )

@@ -8,22 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from dualdrive.diagnose.decision.thresholds import threshold
 from dualdrive.diagnose.result import Verdict
-from dualdrive.diagnose.selection import Fitted, Selection
-from dualdrive.innovations import GreyBox, drive_torque, fit
-
-
-@dataclass(frozen=True)
-class MissingTorque:
-    """What an equation of motion lacks, RMS over the samples, N*m in the frame of its body.
-
-    rms:         of the torque of unknown course that the filter asks for
-    share:       of the drives' torque there
-    """
-
-    rms: float
-    share: float
+from dualdrive.diagnose.selection import (
+    Fitted,
+    MissingTorque,
+    Selection,
+    little,
+    missing_torque,
+    white,
+)
+from dualdrive.diagnose.thresholds import threshold
+from dualdrive.innovations import GreyBox, fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,15 +51,15 @@ def decide(core: Any, grey: GreyBox, found: Selection) -> Decision:
     left = missing_torque(core, grey, best)
     if not found.finished:
         return Decision("unfinished", ranked, (), missing, left)
-    explained = max((m.share for m in left.values()), default=0.0) <= threshold(
-        "unexplained torque"
-    ) and best.inflation <= threshold("inflation")
-    if not explained:
+    if white(found.base) and little(missing):
+        others = [(f, 0.0) for f, _ in ranked if f is not found.base]
+        return Decision(
+            _of_numbers(grey, found.base), [(found.base, 1.0), *others], (), missing, missing
+        )
+    if not little(left) or best.inflation > threshold("inflation"):
         return Decision("unknown", ranked, (), missing, left)
     if not best.variant.effects:
-        return Decision(
-            "parameters" if _moved(grey, best) else "adequate", ranked, (), missing, left
-        )
+        return Decision(_of_numbers(grey, best), ranked, (), missing, left)
     possible = [f for f, p in ranked if p >= threshold("possible") and f.variant.effects]
     group = tuple(dict.fromkeys(f.variant.label for f in possible))
     certain = ranked[0][1] >= threshold("certain")
@@ -80,6 +75,10 @@ def _probabilities(found: Selection) -> list[tuple[Fitted, float]]:
     return [(f, float(w)) for f, w in zip(found.finals, weights, strict=True)]
 
 
+def _of_numbers(grey: GreyBox, f: Fitted) -> Verdict:
+    return "parameters" if _moved(grey, f) else "adequate"
+
+
 def _moved(grey: GreyBox, f: Fitted) -> bool:
     """Whether the data sheet's numbers had to move beyond doubt, by the fall of -2 log L.
 
@@ -90,16 +89,3 @@ def _moved(grey: GreyBox, f: Fitted) -> bool:
     nominal = fit(grey.held(), f.variant, begin, f.gains, steps=3)
     fall = (nominal.chi2 - f.point.chi2) / f.inflation
     return bool(fall > threshold("gain") + n * np.log(grey.samples))
-
-
-def missing_torque(core: Any, grey: GreyBox, f: Fitted) -> dict[str, MissingTorque]:
-    """Equation -> torque of unknown course that a fitted machine still asks for."""
-    drives = drive_torque(core, grey.records)
-    records = grey.torques(f.point, f.gains)
-    found = {}
-    for body in f.noise.torque:
-        course = np.concatenate([r[body] for r in records])
-        rms = float(np.sqrt(np.mean(course**2)))
-        scale = drives.get(body, 0.0)
-        found[body] = MissingTorque(rms, rms / scale if scale > 0.0 else 0.0)
-    return found

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations
 from typing import Any
@@ -18,8 +17,10 @@ from dualdrive.replay import core_of
 _HOPELESS = 1.0
 #: of the leading rivals; pairs of them are tried in turn until a pair can be told apart
 _LEADING = 3
-#: share of what time is left that a pair of rivals may take, unless it is the last
+#: share of what simulations are left that a pair of rivals may take, unless it is the last
 _FIRST = 0.7
+#: of machines that the exact engine takes: about half a minute on one core
+_SIMULATIONS = 3000.0
 
 
 def next_experiment(
@@ -31,10 +32,11 @@ def next_experiment(
     spacing: float = 5e-3,
     known: Mapping[str, Mapping[str, float]] | None = None,
     limits: Limits | None = None,
-    budget: float = 30.0,
+    simulations: float = _SIMULATIONS,
     files: tuple[str, str, str] = ("machine.toml", "old.csv", "next.csv"),
     progress: Callable[[str], None] | None = None,
     cut: Callable[[str], None] | None = None,
+    stop: Callable[[], bool] = lambda: False,
 ) -> Experiment | None:
     """Plan what to measure next, so that the leading rivals part.
 
@@ -54,10 +56,12 @@ def next_experiment(
         known: label -> parameter path -> standard deviation that the fit left, SI; without it an
             effect's strength is taken as known to 20 %.
         limits: what the axis may be asked for; 80 % of torque and speed, one turn unless given.
-        budget: s of computing; what is not done then is left out.
+        simulations: about how many are worth it, those of a machine that the exact engine does not
+            take counted as several; what is not done then is left out.
         files: names for the commands: machine, record so far, record to come.
         progress: told in words what is being tried.
-        cut: told in words what there was no time for.
+        cut: told in words what was left out.
+        stop: asked between simulations; what is known by then is told.
 
     Returns:
         The experiment, or None with fewer than two rivals, or where no motion separates any two.
@@ -80,13 +84,14 @@ def next_experiment(
     linear = any(getattr(machine, "axis", "") == "linear" for _, machine in rivals)
     own = limits or Limits()
     planned = menu(axis_of(leading[0].core, own, linear=linear), seconds)
-    pairs, end = list(combinations(leading, 2)), time.monotonic() + budget
+    pairs, left = list(combinations(leading, 2)), simulations
     for pair in pairs:
-        share = (_FIRST if pair is not pairs[-1] else 1.0) * (end - time.monotonic())
-        plan = Plan(Noise(rms, spacing), own, linear, share, progress or (lambda _: None))
+        share = (_FIRST if pair is not pairs[-1] else 1.0) * left
+        plan = Plan(Noise(rms, spacing), own, linear, share, progress or (lambda _: None), stop)
         trials = plan.trials(pair, planned)
-        if plan.slow and cut is not None:
-            cut(f"too slow to simulate in time: {', '.join(plan.slow)}")
+        left -= plan.done
+        if plan.left_out and cut is not None:
+            cut(f"next experiment: not tried: {', '.join(plan.left_out)}")
         if trials and trials[0].distance >= _HOPELESS:
             return _told(pair, trials, files)
     return None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -34,10 +33,12 @@ TELLS_APART = 11.0
 CERTAIN = 100.0
 #: gentler sizes at which a motion beyond the limits is tried
 _SIZES = (1.0, 0.7, 0.5, 0.3, 0.15, 0.07)
-#: share of the time for trying; the rest is for refitting what leads
+#: share of the simulations for trying; the rest is for refitting what leads
 _SEARCH = 0.7
 #: simulations that the slopes of one take
-_SLOPES = 12.0
+_SLOPES = 12
+#: simulations of a machine that the exact engine takes, for which one of another machine stands
+_NOT_AFFINE = 8
 #: weight of what the right explanation leaves
 _WILD = 10.0
 #: Gauss-Newton steps of a full refit
@@ -83,24 +84,29 @@ class Foreseen:
 
 
 class Plan:
-    """One search: its noise, limits and deadline."""
+    """One search: its noise and limits, and how many simulations it may take."""
 
     def __init__(
         self,
         noise: Noise,
         limits: Limits,
         linear: bool,
-        budget: float,
+        simulations: float,
         progress: Callable[[str], None],
+        stop: Callable[[], bool] = lambda: False,
     ) -> None:
-        self.noise, self.limits, self.progress = noise, limits, progress
+        self.noise, self.limits, self.progress, self.stop = noise, limits, progress, stop
         self.axis = "linear" if linear else "rotary"
-        self.begin, self.budget = time.monotonic(), budget
-        self.slow: list[str] = []
+        self.simulations, self.done = simulations, 0
+        self.left_out: list[str] = []
 
-    def late(self, share: float = 1.0) -> bool:
-        """Whether this share of the time is over."""
-        return time.monotonic() > self.begin + share * self.budget
+    def over(self, share: float = 1.0) -> bool:
+        """Whether this share of the simulations is used up, or the user asked for an end."""
+        return self.done >= share * self.simulations or self.stop()
+
+    def count(self, core: Any, simulations: int) -> None:
+        """Count what is about to be simulated."""
+        self.done += simulations * _cost(core)
 
     def trials(self, pair: Sequence[Rival], planned: Sequence[Item]) -> list[Trial]:
         """What was tried, the best first; motions as the drives are set before other settings."""
@@ -108,10 +114,10 @@ class Plan:
         found: list[Trial] = []
         for changed in (False, True):
             for item in planned:
-                if bool(item.settings) != changed or (found and self.late(_SEARCH)):
+                if bool(item.settings) != changed or (found and self.over(_SEARCH)):
                     continue
-                if self.late():
-                    self.slow.append(item.name)
+                if self.over():
+                    self.left_out.append(item.name)
                     continue
                 self.progress(f"telling {labels} apart by {item.name}")
                 trial = self.sized(pair, item)
@@ -125,18 +131,18 @@ class Plan:
 
     def _settle(self, pair: Sequence[Rival], found: list[Trial]) -> None:
         """Refit in full what leads by the first step of a refit, until one that was leads."""
-        while found and not found[0].final and not self.late():
+        while found and not found[0].final and not self.over():
             first = found[0]
             own = [rival.set(first.item) for rival in pair]
             distance = self._distance(own, first.motion)
             found[0] = Trial(first.item, first.motion, distance, final=True)
             found.sort(key=_rank)
         sure = [trial for trial in found if trial.final and trial.distance >= TELLS_APART]
-        if sure and not found[0].final:  # out of time: what is known goes before what is foretold
+        if sure and not found[0].final:  # cut short: what is known goes before what is foretold
             found.insert(0, found.pop(found.index(sure[0])))
 
     def sized(self, pair: Sequence[Rival], item: Item) -> Trial | None:
-        """The item as large as torque allows; None where the machines or time do not allow it."""
+        """The item as large as torque allows; None where the machines do not allow it."""
         try:
             own = [rival.set(item) for rival in pair]
         except ValueError:
@@ -146,12 +152,7 @@ class Plan:
                 motion = parse_motion(item.motion(size), axis=self.axis)
             except (MotionError, ZeroDivisionError):
                 return None
-            begin = time.monotonic()
             seen = [self._foreseen(rival.core, motion) for rival in own]
-            slopes = _SLOPES * (time.monotonic() - begin) / len(own)
-            if self.begin + self.budget < time.monotonic() + slopes:
-                self.slow.append(item.name)  # nothing could be foretold of it in time
-                return None
             if max(one.load for one in seen) <= self.limits.torque:
                 truth, rival = _ways(own)[0]
                 return Trial(item, motion, self._foretold(seen[truth], own[rival], motion))
@@ -162,12 +163,15 @@ class Plan:
         if uncontrolled(core):
             law = laws.asked(core, motion)
             return Foreseen(math.inf if law is None else laws.share_of_limits(core, law[0]), law)
+        self.count(core, 1)
         trace = expected(core, motion, list(self.noise.rms))
         return Foreseen(math.inf if trace is None else peaks(core, dict(trace.channels)), trace)
 
     def _distance(self, pair: Sequence[Rival], motion: Motion) -> float:
         """The smaller one of the ways round that count, each with other numbers of the truth."""
         tasks = list(zip(2 * _ways(pair), (1, -1), strict=False))
+        for rival in pair:
+            self.count(rival.core, _STEPS * (1 + _SLOPES))
 
         def refitted(task: tuple[tuple[int, int], int]) -> float:
             (truth, rival), sign = task
@@ -182,6 +186,7 @@ class Plan:
             return 0.0
         if isinstance(seen.record, tuple):
             return laws.apart(rival.core, seen.record, motion, self.noise, rival.known)
+        self.count(rival.core, 1 + _SLOPES)
         found = misfit(rival.core, seen.record, motion, self.noise, steps=0, known=rival.known)[1]
         return found if math.isfinite(found) else 0.0
 
@@ -222,6 +227,10 @@ def _ways(pair: Sequence[Rival]) -> list[tuple[int, int]]:
     count = [effect_numbers(rival.core) for rival in pair]
     ways = [(a, b) for a, b in ((0, 1), (1, 0)) if count[b] <= count[a]]
     return sorted(ways, key=lambda way: not _affine(pair[way[1]].core))
+
+
+def _cost(core: Any) -> int:
+    return 1 if _affine(core) else _NOT_AFFINE
 
 
 def _affine(core: Any) -> bool:

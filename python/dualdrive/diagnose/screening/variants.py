@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,10 +14,12 @@ from dualdrive.diagnose.candidates import candidates, parts_of
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.screening.orders import strongest_orders
 from dualdrive.identify.parts import sizes_of_part
+from dualdrive.identify.unknowns import Unknown, unknowns
 from dualdrive.innovations import GreyBox, Point, Variant
 from dualdrive.replay import ratio_to_table
 
 _ORDERS = 2  # that an effect with an order is tried at, beside its usual one
+_DAMPING_RATIO = 0.05  # with which a part that is put in begins to ring
 _DELAY = 5e-5  # s: a delay below that shows in no record
 
 
@@ -76,7 +80,8 @@ class Library:
                     [row] = [x for x in trial.effects if x["label"] == label]
                     parts[label] = sizes_of_part(trial, row, [r.record for r in self.grey.records])
             grown, free = own.put_in(base.grown, self.sizes, parts)
-            extra = own.unknowns(grown, free, self.sizes)
+            losses = [u for e, p in own.effects for u in _losses(grown, e, p)]
+            extra = [*own.unknowns(grown, free, self.sizes), *losses]
         except ValueError:
             return None  # the machine has no such part, or nothing of it was recorded
         looks = base.looks * (100.0 if order is not None else 1.0)
@@ -87,6 +92,28 @@ class Library:
             {**base.fixed, **fixed},
             looks,
         )
+
+
+def _losses(grown: Any, effect: str, place: str) -> list[Unknown]:
+    """What comes with a part that is put in, added to the machine: no joint gives without loss."""
+    brought = _core.effect_type(effect).brings
+    if not brought or any(e["label"] == f"{brought}@{place}" for e in grown.effects):
+        return []
+    # two bodies that ring against each other, the smaller inertia before all
+    stiffness = grown.get(f"{effect}@{place}.stiffness")
+    smaller = min(_inertia(grown, joint) for joint in parts_of(grown, place))
+    path = f"{grown.add_effect(brought, place)}.coefficient"
+    coefficient = 2.0 * _DAMPING_RATIO * math.sqrt(stiffness * smaller)
+    grown.set(path, coefficient)
+    return [replace(u, start=1.0) for u in unknowns(grown, [path], None, {path: coefficient})]
+
+
+def _inertia(core: Any, gearbox: str) -> float:
+    """Of motor and pinion against each other, kg*m^2 in the pinion's frame."""
+    n = gearbox.rpartition("_")[2]
+    motor = core.get(f"motor_{n}.J") * core.get(f"{gearbox}.ratio") ** 2
+    pinion = core.get(f"pinion_{n}.J")
+    return float(motor * pinion / (motor + pinion)) if motor > 0.0 and pinion > 0.0 else motor
 
 
 def usual_sizes(core: Any, grey: GreyBox) -> dict[str, float]:

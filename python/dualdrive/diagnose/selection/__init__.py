@@ -2,6 +2,23 @@
 
 from __future__ import annotations
 
-from dualdrive.diagnose.selection.search import EFFORTS, Effort, Fitted, Selection, select
+from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selection
+from dualdrive.diagnose.selection.residual_analysis import (
+    MissingTorque,
+    little,
+    missing_torque,
+    white,
+)
+from dualdrive.diagnose.selection.search import select
 
-__all__ = ["EFFORTS", "Effort", "Fitted", "Selection", "select"]
+__all__ = [
+    "EFFORTS",
+    "Effort",
+    "Fitted",
+    "MissingTorque",
+    "Selection",
+    "little",
+    "missing_torque",
+    "select",
+    "white",
+]

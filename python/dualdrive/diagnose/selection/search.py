@@ -5,105 +5,44 @@ law is missing and small once the right one is in. A refit begins with much of i
 follows the record then) and ends with the least that the records allow, where all of their
 information counts
 (Kristensen, Madsen, Jørgensen, Computers & Chemical Engineering 28 (2004) 1431-1449).
+
+Long records are searched on stretches of them. What stands there is held against all samples; and
+where no law stands there, all samples are searched for a faint one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive import _core
 from dualdrive.diagnose.screening import Library, Scored, scores
+from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selection
+from dualdrive.diagnose.selection.parts import is_part, part_refitted
+from dualdrive.diagnose.selection.residual_analysis import leaves_noise
+from dualdrive.diagnose.thresholds import threshold
+from dualdrive.diagnose.work import Leader
 from dualdrive.identify import FitError
 from dualdrive.innovations import (
     GreyBox,
     Noise,
     Point,
     Variant,
+    begun,
     first_noise,
     fit,
     inflation,
     maximum_likelihood,
+    some,
 )
 
 Array = NDArray[np.float64]
 
-_WIDE = 0.1  # of the drives' torque: unknown course at first
-_FLOOR = 1e-5  # of the drives' torque: the least unknown torque, so that a filter stays steady
-_SHARE = 0.02  # of all that is explained: what a number must bring, for no law is exact
-_SCORINGS = 25  # steps of an estimate of numbers and noise together
-_VALLEYS = 3  # of a part that are followed on
-_LOWER = (1.0, 0.2, 0.04)  # of the unknown torque at first: where valleys tell themselves apart
-_BEGINS = (1.0, 0.3, 0.1, 3.0, 10.0)  # where the first number of a part begins, times its usual one
-_HOPELESS = 3.0  # gain of a score test, over the inflation, below which no refit is worth it
-_WORTH = 25.0  # gain in -2 log L, over the inflation, that a further effect must bring
-
-
-@dataclass(frozen=True)
-class Effort:
-    """How much is tried.
-
-    refitted: laws refitted beside a base, best scores first
-    finals:   of them, how many under a noise of their own
-    most:     effects at once
-    """
-
-    refitted: int
-    finals: int
-    most: int
-
-
-EFFORTS = {
-    "quick": Effort(4, 2, 2),
-    "normal": Effort(8, 3, 3),
-    "thorough": Effort(20, 5, 3),
-}
-
-
-@dataclass(frozen=True, eq=False)
-class Fitted:
-    """A variant at its best, under the noise that it leaves itself.
-
-    criterion: -2 log L over the inflation, plus the price of every number, plus what was searched
-    """
-
-    point: Point
-    noise: Noise
-    inflation: float
-    criterion: float
-    gains: Sequence[Any] = field(repr=False)
-
-    @property
-    def variant(self) -> Variant:
-        """What was fitted."""
-        return self.point.variant
-
-
-@dataclass(frozen=True, eq=False)
-class Selection:
-    """What a search found.
-
-    base:     nothing but refitted numbers
-    finals:   best first, `base` among them
-    screened: every score test that was done, best gain first: (beside what, score)
-    tried:    label -> gain of laws refitted under a base's noise, over the inflation
-    finished: False: it was stopped
-    """
-
-    base: Fitted
-    finals: Sequence[Fitted]
-    screened: Sequence[tuple[str, Scored]]
-    tried: dict[str, float]
-    finished: bool
-
-    @property
-    def best(self) -> Fitted:
-        """The leader."""
-        return self.finals[0]
+_SCORINGS = 25  # most steps of an estimate of numbers and noise together
+_AGAIN = (1.0, 0.1)  # of the wide torque, from which the base is searched anew
 
 
 def select(
@@ -120,22 +59,46 @@ class _Search:
     def __init__(
         self, core: Any, grey: GreyBox, effort: Effort, tell: Callable[[str], None]
     ) -> None:
-        self.core, self.grey, self.effort, self.tell = core, grey, effort, tell
+        self.core, self.whole, self.grey = core, grey, grey
+        self.effort, self.told, self.leader = effort, tell, Leader()
         self.library = Library(core, grey)
         self.screened: list[tuple[str, Scored]] = []
         self.tried: dict[str, float] = {}
         self.finals: dict[str, Fitted] = {}
-        self.wide = first_noise(core, grey.records, _WIDE)
-        self.floor = first_noise(core, grey.records, _FLOOR).torque
+        self.wide = first_noise(core, grey.records, threshold("wide torque"))
+        self.floor = first_noise(core, grey.records, threshold("least torque")).torque
+
+    def tell(self, what: str) -> None:
+        """Say what is tried, and what is best so far."""
+        self.told(f"{what}{self.leader}")
 
     def run(self) -> Selection:
         base = self._base()
-        self.finals[base.variant.key] = base
-        leader = base
+        self._keep([base])
+        leader, stop = base, self.whole.counter.stop
+        if not stop() and not leaves_noise(self.core, self.grey, base):
+            leader = self._forward(base, parts=True)
+        if self.grey is not self.whole and stop():
+            self._replayed_on_all_samples(base)
+        elif self.grey is not self.whole:
+            leader = self._on_all_samples()
+            if not leader.variant.effects and not leaves_noise(self.core, self.whole, leader):
+                leader = self._forward(leader, parts=False)
+        if not self.screened and not stop():
+            self._scores(leader)
+        own = (replace(f, criterion=self._criterion(f)) for f in self.finals.values())
+        every = sorted(own, key=lambda f: f.criterion)
+        order = sorted(self.screened, key=lambda s: -np.nan_to_num(s[1].gain, nan=-np.inf))
+        base = next(f for f in every if f.variant.key == base.variant.key)
+        done = not self.grey.counter.stop()
+        return Selection(self.whole, base, every, order, self.tried, done)
+
+    def _forward(self, leader: Fitted, parts: bool) -> Fitted:
+        """Law by law, while they bring enough; the leader then."""
         for count in range(self.effort.most):
             if self.grey.counter.stop():
                 break
-            found = self._step(leader, parts=count == 0)
+            found = self._step(leader, parts=parts and count == 0)
             self._keep(found)
             if found:
                 richer = min(found, key=self._criterion)
@@ -143,14 +106,44 @@ class _Search:
                     self._keep([simpler])
                 leader = self.finals[leader.variant.key]
             best = min(self.finals.values(), key=lambda f: self._criterion(f))
-            if best is leader or self._criterion(best) > self._criterion(leader) - _WORTH:
+            gained = self._criterion(leader) - self._criterion(best)
+            if best is leader or gained < threshold("gain"):
                 break
             leader = best
-        own = (replace(f, criterion=self._criterion(f)) for f in self.finals.values())
-        every = sorted(own, key=lambda f: f.criterion)
-        order = sorted(self.screened, key=lambda s: -np.nan_to_num(s[1].gain, nan=-np.inf))
-        base = next(f for f in every if f.variant.key == base.variant.key)
-        return Selection(base, every, order, self.tried, not self.grey.counter.stop())
+            self.leader.judged(leader.variant.key, f"gain {gained:.3g}")
+        return leader
+
+    def _on_all_samples(self) -> Fitted:
+        """What stands on stretches, refitted on everything; the leader there."""
+        self.grey = self.whole
+        ranked = sorted(self.finals.values(), key=self._criterion)
+        least = self._criterion(ranked[0])
+        most, beyond = int(threshold("contenders")), least + threshold("beyond")
+        near = [f for f in ranked if self._criterion(f) < beyond][:most]
+        base = self.finals["nothing"]
+        found = []
+        for f in [*near, *([] if base in near else [base])]:
+            if self.grey.counter.stop():
+                break
+            self.tell(f"{f.variant.key} on all samples")
+            again = self._likeliest(f.variant, f.point.theta, f.noise)
+            if again is not None:
+                found.append(again)
+        if not any(f.variant.key == base.variant.key for f in found):
+            self._replayed_on_all_samples(base)
+        else:
+            self.finals.clear()
+        self._keep(found)
+        return min(self.finals.values(), key=self._criterion)
+
+    def _replayed_on_all_samples(self, base: Fitted) -> None:
+        """Of a search that was stopped on stretches: the base alone, as it was found there."""
+        self.grey = self.whole
+        [found] = self.whole.likelihoods(base.variant, [(base.point.theta, base.noise)])
+        if found is None:
+            raise FitError(f"{base.variant.key}: stopped before it was fitted to all samples")
+        point, gains = found
+        self.finals = {base.variant.key: Fitted(point, base.noise, inflation(point), 0.0, gains)}
 
     def _keep(self, found: Sequence[Fitted]) -> None:
         for f in found:
@@ -170,26 +163,32 @@ class _Search:
 
     def _criterion(self, f: Fitted) -> float:
         """Under the inflation of the best, lest a bad model's colour speaks for it."""
-        least = min((g.inflation for g in self.finals.values()), default=f.inflation)
-        best = min((g.point.minus_two_log for g in self.finals.values()), default=0.0)
-        nothing = self.finals.get("nothing", f).point.minus_two_log
-        price = np.log(self.grey.samples) + _SHARE * max(0.0, nothing - best) / least
-        numbers = len(f.variant.extra) * price + 2.0 * np.log(f.variant.looks)
-        return float(f.point.minus_two_log / least + numbers)
+        numbers = len(f.variant.extra) * self._price() + 2.0 * np.log(f.variant.looks)
+        return float(f.point.minus_two_log / self._least() + numbers)
 
-    def _final(self, point: Point) -> Fitted | None:
-        """A variant under its own noise; None where it can't be followed.
+    def _least(self) -> float:
+        return min((g.inflation for g in self.finals.values()), default=1.0)
 
-        From much unknown torque and sensors as their records alone have them: a noise that a worse
-        machine left would hold it back.
+    def _price(self) -> float:
+        """Of a number: that of the Bayesian criterion, and a share of all that is explained."""
+        known = [g.point.minus_two_log for g in self.finals.values()]
+        nothing = self.finals["nothing"].point.minus_two_log if known else 0.0
+        explained = max(0.0, nothing - min(known, default=0.0))
+        share = threshold("price of a number") * explained / self._least()
+        return float(np.log(self.grey.samples) + share)
+
+    def _final(self, point: Point, wide: Noise) -> Fitted | None:
+        """A variant under its own noise, from much unknown torque: any machine follows then.
+
+        None where it can't be followed.
         """
         grey, variant = self.grey, point.variant
         try:
-            wide = grey.gains(variant, point.theta, self.wide)
+            gains = grey.gains(variant, point.theta, wide)
         except ValueError:
             return None
-        near = fit(grey, variant, point.theta, wide, refresh=(0, 2, 4))
-        return self._likeliest(variant, near.theta, self.wide)
+        near = fit(grey, variant, point.theta, gains, refresh=(0, 2, 4))
+        return self._likeliest(variant, near.theta, wide)
 
     def _likeliest(self, variant: Variant, theta: Array, noise: Noise) -> Fitted | None:
         """Numbers and noise together, from a point; None where it can't be followed."""
@@ -204,13 +203,50 @@ class _Search:
     def _base(self) -> Fitted:
         """Nothing is missing: numbers alone, from far."""
         self.tell("refitting the data sheet's numbers")
-        grey = self.grey
+        whole = self.whole
         nothing = Variant(self.core)
-        theta = grey.start(nothing)
-        [point] = grey.points([nothing], [theta], grey.gains(nothing, theta, self.wide))
-        found = self._final(point)
+        theta = whole.start(nothing)
+        lost = FitError(f"{self.core.name}: no Kalman filter follows these records")
+        try:
+            gains = whole.gains(nothing, theta, self.wide)
+        except ValueError:
+            raise lost from None
+        [point] = whole.points([nothing], [theta], gains)
+        self.grey = some(whole, point, gains, int(threshold("stretches")))
+        found = self._final(point, self.wide)
         if found is None:
-            raise FitError(f"{self.core.name}: no Kalman filter follows these records")
+            raise lost
+        self.whole = whole = self._begun(found)
+        self.grey = self._some(found)
+        found = self._likeliest(nothing, found.point.theta, found.noise) or found
+        # the first guess of the sensors was rough: again from much unknown torque, with theirs
+        for lower in _AGAIN:
+            if whole.counter.stop():
+                break
+            torque = self.wide.with_torque(lower).torque
+            again = self._final(found.point, replace(found.noise, torque=torque))
+            if again and again.point.minus_two_log < found.point.minus_two_log:
+                found = again
+        self.whole = self._begun(found)
+        # stretches that begin from where the refitted machine has them
+        self.grey = self._some(found)
+        return self._likeliest(nothing, found.point.theta, found.noise) or found
+
+    def _begun(self, f: Fitted) -> GreyBox:
+        """All records, from where they are likeliest to begin under a fitted machine."""
+        if not any(r.unsure for r in self.whole.records):
+            return self.whole
+        return begun(self.whole, *self._on_whole(f))
+
+    def _some(self, f: Fitted) -> GreyBox:
+        """Stretches of the records, begun as a fitted machine has it."""
+        return some(self.whole, *self._on_whole(f), int(threshold("stretches")))
+
+    def _on_whole(self, f: Fitted) -> tuple[Point, list[Any]]:
+        """A fitted machine on all samples, and its gains there."""
+        [found] = self.whole.likelihoods(f.variant, [(f.point.theta, f.noise)])
+        if found is None:
+            raise FitError(f"{f.variant.key}: no Kalman filter follows the whole of these records")
         return found
 
     def _step(self, leader: Fitted, parts: bool) -> list[Fitted]:
@@ -218,15 +254,7 @@ class _Search:
         grey = self.grey
         noise, point, gains = leader.noise, leader.point, leader.gains
         over = inflation(point)
-        columns = grey.columns(point, range(len(point.theta)), gains)
-        variants = self.library.variants(leader.variant, leader.point)
-        beside = leader.variant.label
-        self.tell(f"{len(variants)} laws beside {beside}")
-        found = scores(
-            grey, point, columns, variants, gains, over,
-            lambda done, of: self.tell(f"score tests beside {beside}: {done} of {of}"),
-        )  # fmt: skip
-        self.screened += [(beside, s) for s in found]
+        found, columns = self._scores(leader)
         refits: list[Point] = []
         chosen = self._chosen(found, parts)
         for k, s in enumerate(chosen, 1):
@@ -236,23 +264,50 @@ class _Search:
             own = self._refit(point, s, columns, gains, noise)
             if not own.lost:
                 refits.append(own)
-        # what the best of them leaves is nearest to noise: its colour weighs the gains of all
+                gain = point.minus_two_log - own.minus_two_log
+                self.leader.meets(own.variant.key, own.minus_two_log, f"gain {gain / over:.3g}")
+        # what the best of them leaves is nearest to noise: its colour weighs the gains of all; and
+        # what the leader itself would gain by as many steps is no law's
         over = min([over, *map(inflation, refits)])
-        gains_of = {p.variant.key: (point.minus_two_log - p.minus_two_log) / over for p in refits}
+        known = grey.shared
+        again = fit(
+            grey, point.variant, point.theta, gains, steps=5, shared_columns=columns[:known]
+        )
+        least = min(point.minus_two_log, again.minus_two_log)
+        gains_of = {p.variant.key: (least - p.minus_two_log) / over for p in refits}
         self.tried.update(gains_of)
         looked = [(gains_of[p.variant.key] - 2.0 * np.log(p.variant.looks), p) for p in refits]
         looked.sort(key=lambda x: -x[0])
-        best = _one_each([p for gain, p in looked if gain > _WORTH])[: self.effort.finals]
-        return self._compared(best)
+        enough = max(threshold("gain"), threshold("early") * self._price())
+        best = _one_each([p for gain, p in looked if gain > enough])[: self.effort.finals]
+        return self._compared(best, noise)
 
-    def _compared(self, points: Sequence[Point]) -> list[Fitted]:
+    def _scores(self, leader: Fitted) -> tuple[list[Scored], list[Array]]:
+        """Score tests of every law beside the leader, and the derivatives they stand on."""
+        grey, point, gains = self.grey, leader.point, leader.gains
+        columns = grey.columns(point, range(len(point.theta)), gains)
+        variants = self.library.variants(leader.variant, self._everywhere(leader))
+        beside = leader.variant.label
+        self.tell(f"{len(variants)} laws beside {beside}")
+        found = scores(
+            grey, point, columns, variants, gains, inflation(point),
+            lambda done, of: self.tell(f"score tests beside {beside}: {done} of {of}"),
+        )  # fmt: skip
+        self.screened += [(beside, s) for s in found]
+        return found, columns
+
+    def _everywhere(self, f: Fitted) -> Point:
+        """Its innovations on all samples: orders show over long ways only."""
+        return f.point if self.grey is self.whole else self._on_whole(f)[0]
+
+    def _compared(self, points: Sequence[Point], noise: Noise) -> list[Fitted]:
         """Laws, each under the noise that it leaves itself, and from the best one's numbers."""
         found = []
         for point in points:
             if self.grey.counter.stop():
                 break
             self.tell(f"the noise beside {point.variant.key}")
-            final = self._final(point)
+            final = self._final(point, replace(noise, torque=self.wide.torque))
             if final is not None:
                 found.append(final)
         if len(found) < 2:
@@ -273,8 +328,8 @@ class _Search:
         """What is refitted: the best scores, and parts whose probe says little of their size."""
         known = [s for s in found if np.isfinite(s.gain)]
         known.sort(key=lambda s: -(s.gain - 2.0 * np.log(s.variant.looks)))
-        best = [s for s in known if s.gain > _HOPELESS][: self.effort.refitted]
-        far = [s for s in found if s not in best and _is_part(s.variant)] if parts else []
+        best = [s for s in known if s.gain > threshold("hopeless")][: self.effort.refitted]
+        far = [s for s in found if s not in best and is_part(s.variant)] if parts else []
         return best + far
 
     def _refit(
@@ -285,38 +340,14 @@ class _Search:
         for k, p in enumerate(variant.extra, grey.shared):
             if p.path in s.start:
                 start[k] = p.coordinate(min(max(s.start[p.path], p.low), p.high))
-        if not _is_part(variant):
+        if not is_part(variant):
             shared = columns[: grey.shared]
             return fit(grey, variant, start, gains, steps=5, shared_columns=shared, refresh=(2,))
-        # a part softens or frees what the numbers had stood for: from the data sheet, through much
-        # unknown torque, and into more than one valley
+        # from the data sheet: the part may stand for what the numbers had stood for
         start[: grey.shared] = grey.start(Variant(self.core))
-        begins = []
-        for factor in _BEGINS:
-            there = start.copy()
-            there[len(point.theta)] *= factor
-            begins.append(there)
-        for lower in _LOWER:
-            own = self.wide.with_torque(lower)
-            found = [p for p in (self._under(variant, x, own) for x in begins) if p]
-            found.sort(key=lambda p: p.minus_two_log)
-            begins = [p.theta for p in found[:_VALLEYS]]
-        best = self._under(variant, begins[0], noise) if begins else None
-        return best or replace(point, variant=variant, lost=True)
-
-    def _under(self, variant: Variant, theta: Array, noise: Noise) -> Point | None:
-        """Fitted with gains of its own; None where it is lost."""
-        try:
-            gains = self.grey.gains(variant, theta, noise)
-        except ValueError:
-            return None
-        found = fit(self.grey, variant, theta, gains, refresh=(0, 2, 4))
-        return None if found.lost else found
-
-
-def _is_part(variant: Variant) -> bool:
-    """Whether its last effect is a part of the machine with states of its own."""
-    return bool(_core.effect_type(variant.effects[-1][0]).structural)
+        wide = replace(noise, torque=self.wide.torque)
+        found = part_refitted(grey, variant, start, len(point.theta), noise, wide)
+        return found or replace(point, variant=variant, lost=True)
 
 
 def _one_each(points: Sequence[Point]) -> list[Point]:

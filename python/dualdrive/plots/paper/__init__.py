@@ -14,6 +14,7 @@ __all__ = ["draw"]
 
 #: exhibit -> (module of this package, function of its data)
 _WHERE: Final = {
+    "fig1": ("figure1", "transmission"),
     "fig2": ("figure2", "sharing"),
     "fig3": ("figure3", "structure"),
     "fig4": ("figure4", "untuned"),

@@ -1,4 +1,8 @@
-"""Figure 3: blocks and arrows of a control structure."""
+"""Figure 3: blocks and arrows of a control structure, from top to bottom of an upright page.
+
+`dualdrive.paper.structure` places blocks along the flow (x) and across it (y); here the flow runs
+downwards, so that both drives stand side by side and texts stay legible at the width of a page.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +21,16 @@ if TYPE_CHECKING:
 
 __all__ = ["diagram", "structure"]
 
-#: inches per column and row; half a block's width and height, in columns and rows
-_COLUMN, _ROW = 0.83, 0.83
-_HALF: Final = {"sum": (0.13, 0.14), "body": (0.46, 0.3)}
-_BOX: Final = (0.52, 0.5)
+Point = tuple[float, float]
+
+#: inches per unit along the flow and across it
+_ALONG, _ACROSS = 0.80, 1.22
+#: half a block's size along and across
+_HALF: Final = {"sum": (0.14, 0.1), "body": (0.3, 0.48)}
+_BOX: Final = (0.46, 0.52)
+_LOOKS: Final = {"equaliser": (0.5, 0.72), "tension": (0.4, 0.5)}
 _FILL: Final = {"gap": "#F6E3D5", "delay": "#E4EEF5", "limit": BAND, "body": "#E2F1EC"}
+_TEXT: Final = 9.0
 
 
 @picture
@@ -37,12 +46,13 @@ def diagram(shown: Diagram) -> Figure:
 
     xs = [block.x for block in shown.blocks]
     ys = [block.y for block in shown.blocks] + [a.at for a in shown.arrows if a.at is not None]
-    left, right, low, high = min(xs) - 0.7, max(xs) + 0.85, min(ys) - 0.5, max(ys) + 1.15
-    sheet = Sheet(figsize=((right - left) * _COLUMN, (high - low) * _ROW))
+    top, bottom = min(xs) - 0.9, max(xs) + 0.75
+    left, right = -max(ys) - 0.75, -min(ys) + 0.75
+    sheet = Sheet(figsize=((right - left) * _ACROSS, (bottom - top) * _ALONG))
     axes = sheet.add_axes((0.0, 0.0, 1.0, 1.0))
-    axes.set(xlim=(left, right), ylim=(low, high))
+    axes.set(xlim=(left, right), ylim=(-bottom, -top))
     axes.set_axis_off()
-    axes.text(left + 0.2, high - 0.25, shown.title, fontweight="bold", va="center")
+    axes.text(left + 0.1, -top - 0.25, shown.title, fontweight="bold", va="center")
     for arrow in shown.arrows:
         _arrow(axes, shown[arrow.source], shown[arrow.target], arrow)
     for block in shown.blocks:
@@ -50,42 +60,45 @@ def diagram(shown: Diagram) -> Figure:
     return sheet
 
 
-def _half(block: Block) -> tuple[float, float]:
-    if block.name == "equaliser":
-        return (1.05, 0.55)
-    return _HALF.get(block.shape, _BOX)
+def _at(point: Point) -> Point:
+    """A place along and across the flow as it stands on the page: drive 1 to the left."""
+    return -point[1], -point[0]
+
+
+def _half(block: Block) -> Point:
+    return _LOOKS.get(block.name) or _HALF.get(block.shape, _BOX)
 
 
 def _block(axes: Axes, block: Block) -> None:
     from matplotlib.patches import Ellipse, FancyBboxPatch
 
-    width, height = _half(block)
+    (along, across), (x, y) = _half(block), _at((block.x, block.y))
     look: dict[str, Any] = {"ec": COMMAND, "lw": 1.0, "zorder": 3}
     if block.shape == "sum":
-        axes.add_patch(Ellipse((block.x, block.y), 2 * width, 2 * height, fc=PAPER, **look))
+        axes.add_patch(Ellipse((x, y), 2 * across, 2 * along, fc=PAPER, **look))
         return
-    corner = (block.x - width, block.y - height)
     round_ = "round,pad=0,rounding_size=0.08" if block.shape == "body" else "square,pad=0"
     fill = _FILL.get(block.shape, PAPER)
-    axes.add_patch(FancyBboxPatch(corner, 2 * width, 2 * height, boxstyle=round_, fc=fill, **look))
-    axes.text(block.x, block.y, _typeset(block.text), ha="center", va="center", fontsize=8,
-              linespacing=1.25, zorder=4)  # fmt: skip
+    corner = (x - across, y - along)
+    axes.add_patch(FancyBboxPatch(corner, 2 * across, 2 * along, boxstyle=round_, fc=fill, **look))
+    axes.text(x, y, _typeset(block.text), ha="center", va="center", fontsize=_TEXT,
+              linespacing=1.2, zorder=4)  # fmt: skip
     if block.shape in ("gap", "limit"):
-        _characteristic(axes, block)
+        inwards = -1.0 if block.y < 0.0 else 1.0  # where nothing runs beside the drive
+        _characteristic(axes, block, x + inwards * (across + 0.3), y)
 
 
-def _characteristic(axes: Axes, block: Block) -> None:
-    """The bent line of a dead zone or a limit, above its block."""
-    rise = 0.12
+def _characteristic(axes: Axes, block: Block, x: float, y: float) -> None:
+    """The bent line of a dead zone or a limit, beside its block."""
+    rise = 0.14
     flat, steep = ((0.0, 0.0), rise) if block.shape == "gap" else ((-rise, rise), 0.0)
-    x = [block.x + d for d in (-0.34, -0.12, 0.12, 0.34)]
-    middle = block.y + _half(block)[1] + 0.22
-    y = [middle + d for d in (flat[0] - steep, flat[0], flat[1], flat[1] + steep)]
-    axes.plot(x, y, color=SECOND if block.shape == "gap" else COMMAND, lw=1.3)
+    xs = [x + d for d in (-0.24, -0.09, 0.09, 0.24)]
+    ys = [y + d for d in (flat[0] - steep, flat[0], flat[1], flat[1] + steep)]
+    axes.plot(xs, ys, color=SECOND if block.shape == "gap" else COMMAND, lw=1.4)
 
 
 def _arrow(axes: Axes, source: Block, target: Block, arrow: Arrow) -> None:
-    points = _route(source, target, arrow.at)
+    points = [_at(point) for point in _route(source, target, arrow.at)]
     colour = {"table": TABLE, "tension": FIRST, "equaliser": FIRST}.get(source.name, COMMAND)
     if target.name == "equaliser":
         colour = FIRST
@@ -97,25 +110,34 @@ def _arrow(axes: Axes, source: Block, target: Block, arrow: Arrow) -> None:
     _texts(axes, points, arrow, colour)
 
 
-def _texts(axes: Axes, points: list[tuple[float, float]], arrow: Arrow, colour: str) -> None:
+def _texts(axes: Axes, points: list[Point], arrow: Arrow, colour: str) -> None:
     """The signal's name beside the longest stretch, its sign beside the arrow's head."""
     if arrow.text:
-        stretches = pairwise(points)
-        (x0, y0), (x1, y1) = max(stretches, key=lambda s: abs(s[0][0] - s[1][0]))
+        (x0, y0), (x1, y1) = max(
+            pairwise(points), key=lambda s: abs(s[0][0] - s[1][0]) + abs(s[0][1] - s[1][1])
+        )
         upright = abs(x1 - x0) < 1e-9
-        place: Any = {"ha": "left", "va": "center"} if upright else {"ha": "center", "va": "bottom"}
-        off = (0.08, 0.0) if upright else (0.0, 0.06)
-        axes.text((x0 + x1) / 2 + off[0], (y0 + y1) / 2 + off[1], _typeset(arrow.text), fontsize=8,
-                  color=colour, **place)  # fmt: skip
+        detour = arrow.at is not None and upright
+        place: Any = {"ha": "center", "va": "center" if detour else "bottom"}
+        off = (0.0, 0.0) if detour else (0.0, 0.05)
+        if upright and not detour:
+            place, off = {"ha": "left", "va": "center"}, (0.05, 0.0)
+        axes.text((x0 + x1) / 2 + off[0], (y0 + y1) / 2 + off[1], _typeset(arrow.text),
+                  fontsize=_TEXT, color=colour, rotation=90 if detour else 0,
+                  bbox={"fc": PAPER, "ec": "none", "pad": 0.6} if detour else None,
+                  zorder=5, **place)  # fmt: skip
     if arrow.sign:
         (x0, y0), (x1, y1) = points[-2:]
         across = abs(x1 - x0) > abs(y1 - y0)
-        away = (-0.12 if x1 > x0 else 0.12, 0.13) if across else (0.12, -0.14 if y1 > y0 else 0.14)
-        axes.text(x1 + away[0], y1 + away[1], arrow.sign, ha="center", va="center", fontsize=9,
-                  color=colour)  # fmt: skip
+        away = (-0.1 if x1 > x0 else 0.1, 0.14) if across else (0.1, 0.14 if y0 > y1 else -0.14)
+        axes.text(x1 + away[0], y1 + away[1], arrow.sign, ha="center", va="center",
+                  fontsize=_TEXT + 1, color=colour)  # fmt: skip
 
 
-def _route(s: Block, t: Block, at: float | None) -> list[tuple[float, float]]:
+# --- ways, along and across the flow --------------------------------------------------------------
+
+
+def _route(s: Block, t: Block, at: float | None) -> list[Point]:
     """The corners of an arrow's way, at right angles."""
     (sw, sh), (tw, th) = _half(s), _half(t)
     if at is not None:
@@ -128,14 +150,22 @@ def _route(s: Block, t: Block, at: float | None) -> list[tuple[float, float]]:
         return [(t.x, s.y + way * sh), (t.x, t.y - way * th)]
     if s.shape == "body" and s.name == "reference":
         return [(s.x, s.y + way * sh), (s.x, t.y), (t.x - tw, t.y)]
+    if s.name == "equaliser":  # out at its side, between it and the drive
+        beside = s.y + way * (sh + 0.13)
+        return [
+            (s.x - 0.3, s.y + way * sh),
+            (s.x - 0.3, beside),
+            (t.x, beside),
+            (t.x, t.y - way * th),
+        ]
     if t.name in ("table", "command"):
         return [(s.x + sw, s.y), (t.x, s.y), (t.x, t.y - way * th)]
     elbow = s.x + sw + 0.12
     return [(s.x + sw, s.y), (elbow, s.y), (elbow, t.y), (t.x - tw, t.y)]
 
 
-def _detour(s: Block, t: Block, at: float) -> list[tuple[float, float]]:
-    """Along the row `at`: behind the table, or straight up and down from the other blocks."""
+def _detour(s: Block, t: Block, at: float) -> list[Point]:
+    """Along the row `at`: behind the table, or straight out of and into the other blocks."""
     (sw, sh), (tw, th) = _half(s), _half(t)
     if s.name == "table":
         out = s.x + sw + 0.2

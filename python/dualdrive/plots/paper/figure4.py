@@ -28,9 +28,11 @@ def untuned(data: Figure4) -> Figure:
 
     sheet = Sheet(figsize=(9.0, 9.0), layout="constrained")
     panels = sheet.subplots(3, 2)
+    for one in panels[:2].flat[1:]:  # one range, so that the four can be compared
+        one.sharey(panels[0][0])
     sheet.suptitle(f"K = {GAIN:g}/s unless said otherwise", x=0.02, ha="left", fontsize=9)
     for row, play in enumerate((False, True)):
-        words = "with backlash" if play else "no backlash"
+        words = "backlash" if play else "no backlash"
         letters = "cd" if play else "ab"
         responses(panels[row][0], {"": data.steps[play]}, 6.0)
         panels[row][0].set_title(f"({letters[0]}) step, {words}")

@@ -15,18 +15,25 @@ if TYPE_CHECKING:
 
 __all__ = ["tension"]
 
-_SHOWN = (1.0, 8.0)
+_SHOWN, _CLOSE = (1.0, 8.0), (12.0, 12.1)  # s
 
 
 @picture
 def tension(data: Figure6) -> Figure:
-    """One panel per state, the torque scale common to all."""
+    """One row per state, the torque scale common to all: the move, and a moment of rest."""
     from matplotlib.figure import Figure as Sheet
 
-    sheet = Sheet(figsize=(9.0, 2.9 * len(data.runs)), layout="constrained")
-    panels = sheet.subplots(len(data.runs), 1, sharex=True, sharey=True)
-    for letter, axes, (name, run) in zip("abcdef", panels, data.runs.items(), strict=False):
-        draw_torques(axes, View(run, _SHOWN), SECONDS, marks=False)
-        axes.set_title(f"({letter}) {name}")
-    panels[-1].set_xlabel("time [s]")
+    sheet = Sheet(figsize=(9.0, 3.1 * len(data.runs)), layout="constrained")
+    sheet.suptitle("M1: motor 1, master; M2: motor 2, slave", x=0.02, ha="left", fontsize=9)
+    panels = sheet.subplots(len(data.runs), 2, sharey=True, width_ratios=(2, 1))
+    for letter, row, (name, run) in zip("abcdef", panels, data.runs.items(), strict=False):
+        for axes, window in zip(row, (_SHOWN, _CLOSE), strict=True):
+            draw_torques(axes, View(run, window), SECONDS, marks=False)
+            axes.get_legend().remove()
+        row[0].set_title(f"({letter}) {name}")
+        row[1].set_title("at rest")
+    for axes in panels[-1]:
+        axes.set_xlabel("time [s]")
+    handles, _ = panels[0][0].get_legend_handles_labels()
+    sheet.legend(handles[:2], ["M1", "M2"], loc="outside upper right", ncols=2)
     return sheet

@@ -1,0 +1,190 @@
+// Switches of a flow: located within a sample, and what a correction at a sample does to the modes.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "../simulation/mode_rules.hpp"
+#include "flow.hpp"
+
+namespace dualdrive::innovations {
+
+namespace {
+
+// Switches within one sample that are located; what chatters faster than that slides on in its last mode till the sample
+// ends, where the record has its say.
+constexpr int most_switches = 12;
+constexpr int most_passes = 8;  // over the modes, until they stand
+constexpr int most_secants = 8;
+constexpr int most_pieces = 1000;        // of a way, each as long as one series serves: beyond, the machine is none
+constexpr double longest_series = 16.0;  // times the spectral radius: beyond, its terms cancel
+constexpr double found = 1e-9;           // of the step: a switch is located
+
+}  // namespace
+
+bool Flow::all_guards(double t, const double* y, double* g) {
+    if (affine_) {
+        Eigen::Map<Eigen::VectorXd>(g, now_->guards.rows()) = now_->guards * Eigen::Map<const Eigen::VectorXd>(y, n_);
+        return true;
+    }
+    evaluate(t, y);
+    model_.guards(g, nullptr);
+    return true;
+}
+
+void Flow::switch_element(double t, int element, int which) {
+    const auto e = static_cast<std::size_t>(element);
+    const Switch& s = layout_.switches[e];
+    const Mode from = modes_[e];
+    evaluate(t, y_.data());
+    if (s.kind == SwitchKind::limiter) {
+        const Block<double>& b = model_.block(s.index);
+        const bool integrates = layout_.blocks[static_cast<std::size_t>(s.index)].integrator >= 0;
+        if (from == limiter::linear) {
+            const int side = which == 0 ? 1 : -1;
+            modes_[e] = integrates ? saturated_mode(b, side) : static_cast<Mode>(side);
+        } else if (which == 1) {
+            const int side = limiter::side(from);
+            modes_[e] = static_cast<Mode>(limiter::integrates(from) ? side : 2 * side);
+        } else {
+            modes_[e] = limiter::linear;
+        }
+    } else {
+        modes_[e] = mode_after(layout_, model_, element, which, from);
+    }
+    if (s.kind == SwitchKind::stick) y_[static_cast<std::size_t>(s.index)] = 0.0;
+    if (modes_[e] != from) ++switches_;
+    now_ = &frozen();
+}
+
+// From t on: straight on if no guard falls, else to the first switch, and on from there.
+bool Flow::through_switches(double t, double length) {
+    std::vector<double> g(g1_.size());
+    double left = length;
+    for (int count = 0, pieces = 0; left > found * length;) {
+        if (++pieces > most_pieces + most_switches) return false;
+        const double piece = std::min(left, longest_series / now_->bound);
+        const double* n0 = affine_ ? nullptr : n0_.data();
+        if (n0) remainder(t, y_.data(), n0_.data());
+        expand(y_.data(), n0, nullptr, piece);
+        at(1.0, trial_.data());
+        if (n0) {
+            remainder(t + piece, trial_.data(), n1_.data());
+            for (std::size_t k = 0; k < n1_.size(); ++k) slope_[k] = n1_[k] - n0_[k];
+            expand(y_.data(), n0, slope_.data(), piece);
+            at(1.0, trial_.data());
+        }
+        if (!std::isfinite(trial_[0])) return false;
+        int fallen = -1;
+        double fraction = 1.0;
+        if (count < most_switches) {
+            all_guards(t, y_.data(), g0_.data());
+            all_guards(t + piece, trial_.data(), g1_.data());
+            for (std::size_t k = 0; k < g1_.size(); ++k) {
+                if (!(g1_[k] < 0.0)) continue;
+                const double at = g0_[k] > 0.0 ? g0_[k] / (g0_[k] - g1_[k]) : 0.0;
+                if (fallen < 0 || at < fraction) {
+                    fraction = at;
+                    fallen = static_cast<int>(k);
+                }
+            }
+        }
+        if (fallen >= 0) {
+            const auto f = static_cast<std::size_t>(fallen);
+            double low = 0.0, high = 1.0, at_low = std::max(g0_[f], 0.0), at_high = g1_[f];
+            for (int k = 0; k < most_secants && fraction > 0.0 && high - low > found; ++k) {  // Illinois
+                at(fraction, trial_.data());
+                all_guards(t + fraction * piece, trial_.data(), g.data());
+                if (std::abs(g[f]) <= 1e-12 * (std::abs(g0_[f]) + std::abs(g1_[f]))) break;
+                if (g[f] > 0.0) {
+                    low = fraction;
+                    at_low = g[f];
+                    at_high /= 2;
+                } else {
+                    high = fraction;
+                    at_high = g[f];
+                    at_low /= 2;
+                }
+                fraction = low + (high - low) * at_low / (at_low - at_high);
+            }
+            at(fraction, trial_.data());
+        }
+        std::copy_n(trial_.data(), n_, y_.data());
+        t += fraction * piece;
+        left -= fraction * piece;
+        if (fallen >= 0) {
+            switch_element(t, fallen / guards_per_switch, fallen % guards_per_switch);
+            ++count;
+        }
+    }
+    return true;
+}
+
+std::size_t Flow::resting(int element) const {
+    return static_cast<std::size_t>(layout_.switches[static_cast<std::size_t>(element)].index);
+}
+
+// A body at rest that a correction has set moving: friction brings it back to rest, within the sample if it can, and what
+// it has travelled till then goes into the state; else it slides.
+void Flow::stop_or_slide(double t, int element) {
+    const auto e = static_cast<std::size_t>(element);
+    const auto g = static_cast<std::size_t>(layout_.switches[e].index);
+    const double v = y_[g];
+    const Mode way = v > 0 ? stick::forward : stick::backward;
+    evaluate(t, y_.data());
+    const double brake =
+        model_.friction_limit(static_cast<int>(g), way) - way * model_.group_torque(static_cast<int>(g));
+    const double rest = brake > 0 ? std::abs(v) * model_.group_inertia(static_cast<int>(g)) / brake
+                                  : std::numeric_limits<double>::infinity();
+    if (rest < record_.step()) {
+        modes_[e] = way;
+        const Eigen::VectorXd column = frozen().A.col(static_cast<Eigen::Index>(g));
+        for (int k = layout_.groups; k < states(); ++k) y_[static_cast<std::size_t>(k)] += column(k) * 0.5 * v * rest;
+        y_[g] = 0.0;
+        modes_[e] = stick::stuck;
+    } else {
+        modes_[e] = way;
+    }
+}
+
+void Flow::settle(std::size_t sample) {
+    const double t = record_.times()[sample];
+    bool evaluated = false;  // at the present state and modes
+    const auto evaluate_once = [&] {
+        if (!evaluated) evaluate(t, y_.data());
+        evaluated = true;
+    };
+    for (int pass = 0; pass < most_passes; ++pass) {
+        const Modes before = modes_;
+        for (std::size_t e = 0; e < modes_.size(); ++e) {
+            const Switch& s = layout_.switches[e];
+            const Mode from = modes_[e];
+            const auto content = [&] {
+                return model_.guard(static_cast<int>(e), 0, nullptr) >= 0 &&
+                       model_.guard(static_cast<int>(e), 1, nullptr) >= 0;
+            };
+            if (s.kind == SwitchKind::stick) {
+                const double v = y_[static_cast<std::size_t>(s.index)];
+                if (v == 0.0 && from == stick::stuck) {
+                    evaluate_once();
+                    modes_[e] = standing_mode(layout_, model_, y_.data(), static_cast<int>(e), from);
+                } else if (from == stick::stuck || from * v < 0) {
+                    modes_[e] = stick::stuck;
+                    stop_or_slide(t, static_cast<int>(e));
+                    evaluated = false;
+                }
+            } else {
+                evaluate_once();
+                const bool saturated = s.kind == SwitchKind::limiter && from != limiter::linear;
+                const bool parted = s.kind == SwitchKind::flank && !flank::carries(from) && from != flank::gap;
+                if (!(saturated || parted) || !content())
+                    modes_[e] = standing_mode(layout_, model_, y_.data(), static_cast<int>(e), from);
+            }
+            evaluated = evaluated && modes_[e] == from;
+        }
+        if (modes_ == before) break;
+        ++switches_;
+    }
+    now_ = &frozen();
+}
+
+}  // namespace dualdrive::innovations

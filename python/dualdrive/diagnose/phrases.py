@@ -1,0 +1,74 @@
+"""What the paragraphs of both kinds of diagnosis say alike: shares, numbers, what to mind."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from dualdrive.diagnose.result import Experiment, Interval, Shape
+from dualdrive.units import human
+
+__all__ = ["HELPS", "closing", "depends", "interval", "percent", "unfinished"]
+
+HELPS = 0.05  # of the unexplained error: what removes less does not help
+_FEW = 3  # warnings that a paragraph can hold
+_OF_NONE = 0.05  # share of the missing torque below which a coordinate tells nothing of it
+_COORDINATE = {"speed": "the speed", "angle": "the angle", "time": "the time"}
+
+
+def percent(share: float | None) -> str:
+    """Three digits, a question mark where it is not known."""
+    return "?" if share is None or not math.isfinite(share) else f"{100 * share:.3g} %"
+
+
+def interval(p: Interval) -> str:
+    """Value and interval; what was counted or held has none."""
+    if p.low < p.high:
+        return f"{human(p.value, p.unit)} [{human(p.low, p.unit)} .. {human(p.high, p.unit)}]"
+    return human(p.value, p.unit)
+
+
+def unfinished(refitted: str, floor: str) -> str:
+    """A search that was cut is no answer."""
+    return (
+        "The search was stopped before every law had its turn: what follows is what was known "
+        f"until then, and no verdict. Refitting the data sheet's numbers leaves {refitted}; "
+        f"sensors alone {floor}."
+    )
+
+
+def depends(shapes: Sequence[Shape]) -> str:
+    """What the missing torque depends on most, and what that looks like; empty: none was tried."""
+    if not shapes:
+        return ""
+    s = shapes[0]
+    if s.explained < _OF_NONE:
+        return "The missing torque depends on none of the coordinates that were tried."
+    share = f"{100 * s.explained:.0f} % of the missing torque of the {s.equation.replace('_', ' ')}"
+    if s.coordinate == "direction":
+        return f"{share} depends only on the sign of the speed, as dry friction does."
+    return f"{share} depends only on {_COORDINATE.get(s.coordinate, s.coordinate)}."
+
+
+def closing(
+    groups: Sequence[Sequence[str]],
+    experiment: Experiment | None,
+    command: str,
+    warnings: Sequence[str],
+) -> list[str]:
+    """What can't be told apart, what to do, what to mind."""
+    said = []
+    if groups:
+        said.append(f"These records can't tell apart: {'; '.join(', '.join(g) for g in groups)}.")
+    if experiment is not None:
+        said.append(
+            f"To tell {' from '.join(experiment.separates)}, measure next: {experiment.name} "
+            f"(expected distance {experiment.expected_distance:.0f}; 11 is enough)."
+        )
+    if command:
+        said.append(f"To add it: {command}")
+    if len(warnings) > _FEW:
+        said.append(f"Mind the {len(warnings)} warnings about the records.")
+    elif warnings:
+        said.append(f"Mind: {'; '.join(w.rstrip('.') for w in warnings)}.")
+    return said

@@ -1,0 +1,89 @@
+"""Every number by which a closed-loop diagnosis decides what to try and what to say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """A number that decides, and why it is what it is."""
+
+    value: float
+    reason: str
+
+
+#: name -> number; see docs/theory/innovations.md
+THRESHOLDS = {
+    "unexplained torque": Threshold(
+        0.01,
+        "share of the drives' torque, below which a torque of unknown course is no missing law "
+        "but what numbers within their tolerances and the noise model leave",
+    ),
+    "white": Threshold(
+        1.25,
+        "the same of a machine that lacks nothing: sums over 400 samples of 30 s at 1 kHz vary by "
+        "0.075 (chi-squared), and two empty machines of two generators left 1.00 and 1.07",
+    ),
+    "inflation": Threshold(
+        4.0,
+        "mean square of innovations summed over 1, 50 or 400 samples, 1 where white: more is left "
+        "than the noise model can bear",
+    ),
+    "gain": Threshold(
+        25.0,
+        "in -2 log L over the inflation, that a law must bring beyond its numbers' share: five "
+        "sigma of a single number, so that fifty laws and their orders give no false name",
+    ),
+    "wide torque": Threshold(
+        0.1,
+        "of the drives' torque: unknown course at first, so that any machine follows its records",
+    ),
+    "least torque": Threshold(
+        1e-5, "of the drives' torque: the least unknown torque, so that a filter stays steady"
+    ),
+    "price of a number": Threshold(
+        0.02,
+        "share of all that is explained, beside the Bayesian criterion's log n: laws are not "
+        "exact, and what a second mends of the first is no finding. Set after cases were read",
+    ),
+    "early": Threshold(
+        0.25, "share of that price that a law must gain before the noise is estimated beside it"
+    ),
+    "hopeless": Threshold(
+        3.0, "gain of a score test, over the inflation, below which no refit is worth its replays"
+    ),
+    "stretches": Threshold(
+        8000, "samples that a search looks at, of longer records: 16 places of half a second each"
+    ),
+    "contenders": Threshold(4, "of what stands on stretches, held against all samples"),
+    "beyond": Threshold(
+        60.0,
+        "of the criterion on stretches: what is so much worse there is so on all samples",
+    ),
+    "simulated error": Threshold(
+        0.3,
+        "headline error of the refitted machine above which nobody would call it adequate, "
+        "whatever the statistics say",
+    ),
+    "closed": Threshold(
+        0.5,
+        "of what the refitted machine leaves, simulated, beyond the sensors' noise: what a law "
+        "must take away to be what is missing. Set after a false name that took 0.1 was read",
+    ),
+    "beyond noise": Threshold(
+        0.1, "of the sensors' noise: what is less beyond it is no measure of a law"
+    ),
+    "certain": Threshold(0.9, "probability from which one name is spoken alone"),
+    "possible": Threshold(0.02, "probability from which a rival is counted to the group"),
+    "temper": Threshold(
+        1.0,
+        "power of the likelihood ratio in probabilities, beyond the inflation that already divides "
+        "it; smaller where innovations count themselves",
+    ),
+}
+
+
+def threshold(name: str) -> float:
+    """Its value."""
+    return THRESHOLDS[name].value

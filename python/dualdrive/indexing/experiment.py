@@ -1,0 +1,319 @@
+"""Drive train x position sensor x gap x gear grade x reading x load, over one error budget.
+
+The experiment of docs/adr/0010-tables-by-an-experiment-that-can-fail.md, whose ranges were fixed
+before it ran. Each target is approached from both sides by itself, with the pitch errors that the
+two meshes have there: an error that is constant while the table stops is a twist that a mesh
+starts with. What geometry then adds to the table at rest is put on top:
+
+    table's encoder    - a cos(theta + phi)     the loop follows its grating's error
+    motor's encoder    + offset_1 / i_m         the ring follows the pitch error of mesh 1
+
+both read off the core's own laws. `check` drives whole machines round the circle, for comparison.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+from itertools import product
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive import _core
+from dualdrive.indexing.error_budget import Draw, draw, geometry, mechanics
+from dualdrive.indexing.iso230 import evaluate
+from dualdrive.indexing.printed import ARCSEC, LOADS, loaded
+from dualdrive.machine import Machine
+from dualdrive.simulation import simulate
+
+__all__ = [
+    "DELAYS",
+    "DRAWS",
+    "GAPS",
+    "GRADES",
+    "PAIR",
+    "SENSORS",
+    "Cell",
+    "Crossed",
+    "check",
+    "crossed",
+]
+
+Floats = NDArray[np.float64]
+
+
+#: columns of the tables -> drive train
+PAIR: Final[Mapping[str, str]] = {
+    "traditional": "heavy-table-double-pinion",
+    "double motors": "heavy-table-dual-servo",
+}
+SENSORS: Final = ("table", "motor")
+GAPS: Final = (0.5, 1.0, 2.0)
+GRADES: Final = (5.0, 8.0)
+#: s from in position to the reading
+DELAYS: Final = (0.5, 1.0, 1.5, 2.0, 3.0, 5.0)
+DRAWS: Final = 10
+
+_DWELL, _STEP, _WINDOW = 6.0, 0.1, 0.2  # s: at every target; between looks; averaged per reading
+_COUNT, _REPEATS = 8, 2  # targets round the circle; cycles in both directions
+_FROM: Final = 0.03  # rad: from where a target is approached
+_TURN, _START = 0.5, 1.5  # s: of rest where it turns back; before the first move
+_LIMITS: Final = (0.05, 0.01, 0.05)  # rad/s, rad/s^2, rad/s^3
+_RTOL = 1e-7
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One combination of levels; reading is the delay in s."""
+
+    load: str
+    sensor: str
+    gap: float
+    grade: float
+    reading: float
+
+
+@dataclass(frozen=True, eq=False)
+class Crossed:
+    """What the experiment gave.
+
+    figures:   (cell, column) -> A, R, B in arcsec, shape (draws, 3); NaN where it had no reading
+    unread:    runs that were not in position in time, over all runs
+    """
+
+    figures: Mapping[tuple[Cell, str], Floats]
+    draws: int
+    unread: Mapping[str, tuple[int, int]]
+
+    def values(self, cell: Cell, column: str, figure: str) -> Floats:
+        """One figure over the draws, arcsec, shape (draws,)."""
+        return self.figures[cell, column][:, "ARB".index(figure)]
+
+    def gains(self, cell: Cell, figure: str) -> Floats:
+        """By how much two motors are better, as a share, draw by draw; shape (draws,)."""
+        old, new = (self.values(cell, column, figure) for column in PAIR)
+        return 1.0 - new / old
+
+    def cells(self) -> list[Cell]:
+        """All cells, in the order of the factors."""
+        return list(dict.fromkeys(cell for cell, _ in self.figures))
+
+
+def crossed(
+    draws: int = DRAWS,
+    *,
+    loads: Sequence[str] = tuple(LOADS),
+    sensors: Sequence[str] = SENSORS,
+    gaps: Sequence[float] = GAPS,
+    grades: Sequence[float] = GRADES,
+    jobs: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+) -> Crossed:
+    """Run the experiment.
+
+    draws:     of the error budget;  loads, sensors, gaps, grades: levels of the factors
+    jobs:      threads; the result is the same with any number of them
+    progress:  called with runs done and runs in all
+
+    Raises IndexingError for unknown levels.
+    """
+    plan = list(product(range(draws), loads, sensors, gaps, PAIR))
+    grades = tuple(grades)
+    found: dict[tuple[Cell, str], list[Floats]] = {}
+    unread = {column: [0, 0] for column in PAIR}
+
+    def work(one: tuple[int, str, str, float, str]) -> tuple[str, dict[Cell, Floats]]:
+        number, load, sensor, gap, column = one
+        return column, _one(number, load, sensor, gap, column, grades)
+
+    with ThreadPoolExecutor(jobs) as pool:
+        for done, (column, rows) in enumerate(pool.map(work, plan), 1):
+            unread[column][0] += sum(bool(np.isnan(row).any()) for row in rows.values())
+            unread[column][1] += len(rows)
+            for cell, row in rows.items():
+                found.setdefault((cell, column), []).append(row)
+            if progress is not None:
+                progress(done, len(plan))
+    figures = {key: np.array(rows) for key, rows in found.items()}
+    return Crossed(figures, draws, {c: (a, b) for c, (a, b) in unread.items()})
+
+
+def _one(
+    number: int, load: str, sensor: str, gap: float, column: str, grades: Sequence[float]
+) -> dict[Cell, Floats]:
+    """All targets of one table, read at all delays, with the pitch errors of each grade."""
+    drawn = draw(number)
+    machine = _machine(drawn, load, sensor, gap, column)
+    targets = _targets(drawn)
+    rows = {}
+    for grade in grades:
+        pitch, static = _geometry(machine, drawn, grade, targets)
+        seen = [_readings(machine, drawn, twists) for twists in pitch]
+        for delay in DELAYS:
+            at = np.array([one[delay] for one in seen]) + static[:, None, None]
+            rows[Cell(load, sensor, gap, grade, delay)] = _figures(targets, at, drawn)
+    return rows
+
+
+def _machine(drawn: Draw, load: str, sensor: str, gap: float, column: str) -> Machine:
+    machine = loaded(PAIR[column], load)
+    core = machine.core
+    core.set_controller(**{**core.controller_options, "position_sensor": sensor})
+    mechanics(machine, drawn, gap=gap)
+    return machine
+
+
+def _targets(drawn: Draw) -> Floats:
+    return np.asarray(drawn["target phase"] + np.arange(_COUNT) * math.tau / _COUNT)
+
+
+def _geometry(
+    machine: Machine, drawn: Draw, grade: float, targets: Floats
+) -> tuple[list[dict[str, float]], Floats]:
+    """Per target, rad: offsets of the meshes as the twists they start with, and of the table.
+
+    The second, shape (targets,), is what geometry adds to the table at rest.
+    """
+    whole = machine.copy()
+    geometry(whole, drawn, grade=grade)
+    offsets = [_offsets(whole.core, target) for target in targets.tolist()]
+    if machine.core.controller_options["position_sensor"] == "motor":
+        static = np.array([o["mesh_1.twist"] for o in offsets]) / whole.get("mesh_1.ratio")
+        return offsets, static
+    scale = Machine.load("heavy-table-empty")  # of which only the grating counts
+    numbers = {"amplitude": drawn["grating"], "phase": drawn["grating phase"]}
+    scale.add("encoder_eccentricity", "table", **numbers)
+    read, _, _ = _core.record(scale.core, "table", np.zeros(targets.size), targets)
+    return offsets, np.asarray(targets - read)
+
+
+def _offsets(core: _core.Machine, angle: float) -> dict[str, float]:
+    """What pitch errors add to the deflection of each mesh at an angle of the table, rad."""
+    system = _core.linearise(core, state={"theta_m": angle})
+    z = np.array([angle if name == "theta_m" else 0.0 for name in system.states])
+    values = np.asarray(system.C) @ z + np.asarray(system.c)
+    found = {}
+    for mesh in (name for name in core.connections if name.startswith("mesh_")):
+        twist, deflection = (system.signals.index(f"{mesh}.{n}") for n in ("twist", "deflection"))
+        found[f"{mesh}.twist"] = float(values[deflection] - values[twist])
+    return found
+
+
+def _readings(machine: Machine, drawn: Draw, twists: Mapping[str, float]) -> dict[float, Floats]:
+    """Delay -> deviation from one target, rad, shape (cycles, 2): upwards, downwards."""
+    waveform, stops = _to_and_fro()
+    found = _stood(machine, waveform, stops, drawn, initial=twists)
+    return {delay: seen.reshape(_REPEATS, 2) for delay, seen in found.items()}
+
+
+@cache
+def _to_and_fro() -> tuple[_core.Waveform, Floats]:
+    """One target from both sides: the command, and (target, begin, end) of its dwells."""
+    moves, stops, now, place = [], [], _START, 0.0
+    turns = [-_FROM, *[0.0, _FROM, 0.0, -_FROM] * _REPEATS]
+    for turn in turns:
+        # each move adds its own way to all those before it
+        one = _core.jerk_limited_move(turn - place, *_LIMITS, start=now)
+        begin = one.end()
+        now, place = begin + (_TURN if turn else _DWELL), turn
+        moves.append(one)
+        if not turn:
+            stops.append((0.0, begin, now))
+    return _core.sum(moves), np.array(stops)
+
+
+def _stood(
+    machine: Machine,
+    waveform: _core.Waveform,
+    stops: Floats,
+    drawn: Draw,
+    initial: Mapping[str, float] | None = None,
+) -> dict[float, Floats]:
+    """Delay after in position -> deviation in each dwell, rad; NaN where it came too late.
+
+    stops:  (target, begin, end) of the dwells that are read, shape (n, 3)
+    """
+    looks = np.arange(0.0, _DWELL - 1e-9, _STEP)
+    times = stops[:, 1][:, None] + looks
+    run = simulate(
+        machine,
+        inputs={"theta_ref": waveform},
+        end=float(stops[-1, 2]),
+        signals=["theta_m", "sensed.table"],
+        times=times.ravel(),
+        energy=False,
+        rtol=_RTOL,
+        initial=initial,
+    )
+    if not run.ok:
+        return {delay: np.full(len(stops), np.nan) for delay in DELAYS}
+    true, sensed = (
+        run[name].reshape(times.shape) - stops[:, :1] for name in ("theta_m", "sensed.table")
+    )
+    within = np.abs(sensed) <= drawn["in-position window"]
+    arrived = np.where(within.any(axis=1), looks[within.argmax(axis=1)], np.inf)
+    found = {}
+    for delay in DELAYS:
+        begin = (arrived + delay)[:, None]
+        rows = (looks >= begin - 1e-9) & (looks < begin + _WINDOW - 1e-9)
+        in_time = begin[:, 0] + _WINDOW <= _DWELL + 1e-9
+        mean = (true * rows).sum(axis=1) / np.maximum(rows.sum(axis=1), 1)
+        found[delay] = np.where(in_time, mean, np.nan)
+    return found
+
+
+def _figures(targets: Floats, seen: Floats, drawn: Draw) -> Floats:
+    """A, R and B, arcsec, of deviations of shape (targets, cycles, 2); NaN where one is missing."""
+    if np.isnan(seen).any():
+        return np.full(3, np.nan)
+    # in the order of the test: upwards through all targets, then back, cycle by cycle
+    errors = drawn.instrument(seen.size).reshape(_REPEATS, 2, targets.size)
+    up = targets[:, None] + seen[:, :, 0] + errors[:, 0].T
+    down = targets[:, None] + seen[:, :, 1] + errors[:, 1, ::-1].T
+    figures = evaluate(targets, up, down, unit="rad", name="crossed").figures()
+    return np.array([float(figures[name] or 0.0) / ARCSEC for name in "ARB"])
+
+
+@dataclass(frozen=True)
+class Check:
+    """Targets by themselves against a whole machine driven round the circle, arcsec.
+
+    difference: of where the table stands 3 s after it was in position, at any target either way,
+                without a common zero
+    spread:     range of those positions, for scale
+    """
+
+    column: str
+    sensor: str
+    difference: float
+    spread: float
+
+
+def check(grade: float = 8.0, number: int = 0, load: str = "100t") -> Iterator[Check]:
+    """Drive whole machines, pitch errors, grating and all, and compare where they stand."""
+    drawn = draw(number)
+    targets = _targets(drawn)
+    for column, sensor in product(PAIR, SENSORS):
+        machine = _machine(drawn, load, sensor, 1.0, column)
+        pitch, static = _geometry(machine, drawn, grade, targets)
+        parts = np.array([_readings(machine, drawn, twists)[3.0][-1] for twists in pitch])
+        parts += static[:, None]
+        whole = machine.copy()
+        geometry(whole, drawn, grade=grade)
+        turns = [targets[0] - _FROM, *targets, targets[-1] + _FROM, *targets[::-1]]
+        timing = (*_LIMITS, _DWELL, _START, 1)
+        stops = np.delete(
+            np.asarray(_core.dwells_of_cycle(turns, *timing)), [0, _COUNT + 1], axis=0
+        )
+        round_it = _core.cycle_of_moves(turns, *timing)
+        stood = _stood(whole, round_it, stops, drawn)[3.0].reshape(2, _COUNT)
+        apart = np.stack([stood[0], stood[1, ::-1]], axis=1) - parts
+        apart -= apart.mean()
+        yield Check(
+            column, sensor, float(np.abs(apart).max()) / ARCSEC, float(np.ptp(parts)) / ARCSEC
+        )

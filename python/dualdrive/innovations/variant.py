@@ -1,0 +1,75 @@
+"""A machine with laws under trial, and what it leaves at a point of its unknowns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive.identify.unknowns import Unknown
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Variant:
+    """A machine with effects under trial, and their unknowns.
+
+    grown:   the core's machine with the effects in it
+    effects: (effect, place); a group where every member has numbers of its own
+    fixed:   parameter path -> value of what is counted
+    looks:   among how many values those were found
+    """
+
+    grown: Any
+    extra: tuple[Unknown, ...] = ()
+    effects: tuple[tuple[str, str], ...] = ()
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    looks: float = 1.0
+
+    @property
+    def label(self) -> str:
+        """``coulomb@table``, two joined by `` + ``, or ``nothing``."""
+        return " + ".join(f"{e}@{p}" for e, p in self.effects) or "nothing"
+
+    @property
+    def key(self) -> str:
+        """Label with its counted numbers."""
+        counts = ", ".join(dict.fromkeys(f"{v:g}" for v in self.fixed.values()))
+        return f"{self.label} ({counts})" if counts else self.label
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A variant at a point, shape (unknowns,), and its innovations there.
+
+    residuals: whitened, records end to end, shape (rows, channels) each
+    log_det:   sum of log det of the innovations' covariance
+    lost:      a replay broke down
+    """
+
+    variant: Variant
+    theta: Array
+    residuals: tuple[Array, ...]
+    log_det: float
+    prior: float
+    lost: bool = False
+    history: tuple[float, ...] = field(default=())
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squares of the whitened innovations."""
+        return float(sum(np.einsum("ij,ij->", r, r) for r in self.residuals))
+
+    @property
+    def minus_two_log(self) -> float:
+        """-2 log L, priors included, constants left out."""
+        return self.chi2 + self.log_det + self.prior
+
+
+def flat(residuals: Sequence[Array]) -> Array:
+    """All rows end to end."""
+    return np.concatenate([r.ravel() for r in residuals])

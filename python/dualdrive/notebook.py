@@ -1,0 +1,111 @@
+"""How results look in a notebook: the sentence, the tables and one picture, as in the report.
+
+The HTML is that of :mod:`dualdrive.report`; a notebook adds its own style.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from dualdrive.report.markup import Html, join, percent, table, tag
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from dualdrive.compare import Comparison
+    from dualdrive.diagnose import Diagnosis, Ladder
+
+__all__ = ["comparison_dataset", "diagnosis", "fit", "ladder"]
+
+
+def diagnosis(d: Diagnosis) -> str:
+    """The finding, the paragraph, the errors, the candidates and how probable each is."""
+    from dualdrive.diagnose import headline
+    from dualdrive.report import evidence, remedies
+    from dualdrive.report.pictures import Gallery
+
+    hung = Gallery()
+    parts = [
+        tag("p", tag("b", headline(d))),
+        tag("p", d.paragraph),
+        *(tag("p", f"warning: {line}") for line in d.warnings),
+        evidence.errors(d),
+        _folded("What could explain it", remedies.candidates(d, hung)),
+        _folded("What is missing", evidence.shapes(d, hung)),
+        _folded("What to measure next", remedies.experiment(d, hung)),
+        _folded("Numbers that moved", remedies.moved(d)),
+    ]
+    return tag("div", join(parts))
+
+
+def ladder(found: Ladder) -> str:
+    """How the error fell, as a picture and a table, and why it stopped."""
+    from dualdrive.report import remedies
+    from dualdrive.report.pictures import Gallery
+
+    drawn = remedies.ladder(found, Gallery())
+    return tag("div", drawn if drawn is not None else tag("p", found.stopped))
+
+
+def fit(found: Any) -> str:
+    """A fit: numbers with their intervals, and the errors before and after."""
+    rows = [
+        (
+            path,
+            f"{p.value:.6g}",
+            f"{p.low:.5g} … {p.high:.5g}",
+            p.unit,
+            f"{p.nominal:.6g}",
+            p.verdict,
+        )
+        for path, p in found.parameters.items()
+    ]
+    head = ("parameter", "value", "interval", "unit", "nominal", "")
+    caption = f"Fitted numbers, {percent(found.confidence, '.0f')} intervals"
+    errors = found.error if isinstance(found.error, Mapping) else {"refitted": found.error}
+    words = ", ".join(f"{name} {percent(value)}" for name, value in errors.items())
+    return tag("div", tag("p", f"Error: {words}"), table(head, rows, caption, numbers=(1, 4)))
+
+
+def comparison_dataset(c: Comparison, record: str | None = None) -> xr.Dataset:
+    """Measured and simulated quantities of one record over time, labelled.
+
+    Args:
+        c: the comparison.
+        record: which; the first unless given.
+
+    Returns:
+        Dataset over ``t`` (s) and ``what`` (measured, model, residual); every variable has
+        ``units`` and ``long_name``.
+
+    Raises:
+        KeyError: the record was not compared, or its quantities have other times.
+
+    """
+    import numpy as np
+    import xarray as xr
+
+    record = c.records[0] if record is None else record
+    own = [q for q in c.quantities if q.record == record]
+    if not own or any(not np.array_equal(q.t, own[0].t) for q in own):
+        raise KeyError(
+            f"{record}: not compared over common times; there are {', '.join(c.records)}"
+        )
+    variables = {
+        q.name: (
+            ("what", "t"),
+            np.stack([q.measured, q.simulated, q.residual]),
+            {"units": q.unit, "long_name": q.long_name},
+        )
+        for q in own
+    }
+    coordinates = {
+        "t": ("t", own[0].t, {"units": "s", "long_name": "time"}),
+        "what": ["measured", "model", "residual"],
+    }
+    return xr.Dataset(variables, coordinates, {"machine": c.machine, "record": record})
+
+
+def _folded(title: str, content: Html | None) -> Html | None:
+    return None if content is None else tag("details", tag("summary", title), content)

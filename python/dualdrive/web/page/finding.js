@@ -1,0 +1,76 @@
+// The first thing to read: one sentence, the ladder of errors, and what to do next.
+
+import { h, fill } from "dd/dom.js";
+import { digits, percent, whole } from "dd/units.js";
+
+export function finding(element, state, diagnosis, connection, effort) {
+  const step = state.steps[state.steps.length - 1];
+  const fit = step?.error?.fit;
+  const busy = state.jobs.some((job) => ["diagnose", "add", "climb", "machine"].includes(job.kind));
+  fill(element,
+    h("p", { class: "sentence", id: "sentence" }, sentence(state, step, fit, diagnosis)),
+    diagnosis && state.diagnosis.step === step?.id && diagnosis.paragraph ? h("details", { id: "in-full" }, h("summary", {}, "In full"), h("p", { class: "fine" }, diagnosis.paragraph)) : null,
+    diagnosis && state.diagnosis.step === step?.id && diagnosis.warnings.map((line) => h("p", { class: "warning" }, whole(line))),
+    h("div", { class: "actions" },
+      h("button", { id: "diagnose", class: "primary", disabled: !state.ready || !step || busy, onclick: () => connection.do("diagnose", { effort: effort.value }) }, "Diagnose"),
+      h("button", { id: "climb", disabled: !state.ready || !step || busy, onclick: () => connection.do("climb", { effort: effort.value }) }, "Improve until nothing is left"),
+      h("label", {}, "effort ", effortChoice(effort))),
+    h("div", { id: "jobs" }, state.jobs.map((job) => progress(job, connection))),
+    state.steps.length ? ladder(state.steps) : null);
+}
+
+function effortChoice(effort) {
+  const select = h("select", { id: "effort", onchange: () => { effort.value = select.value; } },
+    ["quick", "normal", "thorough"].map((name) => h("option", { value: name }, name)));
+  select.value = effort.value;
+  return select;
+}
+
+function sentence(state, step, fit, diagnosis) {
+  if (!state.traces.length && !step) return "Drop a recording and a machine file anywhere on this page, or begin with the demo.";
+  if (!state.traces.length) return "There is a machine. Drop the recordings to hold it against.";
+  const unread = state.traces.find((t) => t.status === "unread");
+  if (unread) return `${unread.name} can't be read yet: say which column is which.`;
+  if (!step) return "There are recordings. Drop a machine file, or choose a preset.";
+  if (step.status === "failed") return `The model can't be held against the recordings: ${step.message}.`;
+  if (!fit) return "Holding the model against the recordings …";
+  if (diagnosis && state.diagnosis.step === step.id) return diagnosis.headline;
+  const misses = `${step.label === "nominal" ? "As described" : `With ${step.label.replace(/^\+ /, "")}`} the model misses what was recorded by ${percent(fit.headline)}`;
+  if (fit.noise_floor === null) return `${misses}.`;
+  const times = fit.headline / fit.noise_floor;
+  if (times < 1.2) return `${misses}, and the sensors alone leave ${percent(fit.noise_floor)}: there is nothing left to find.`;
+  return `${misses}; the sensors alone would leave ${percent(fit.noise_floor)}. ${step.label === "nominal" ? "Something is missing, or numbers are off: diagnose it." : `Still ${digits(times, 2)} times the noise.`}`;
+}
+
+function progress(job, connection) {
+  const best = job.leader ? `best so far ${job.leader}` : job.best === undefined ? "" : `${percent(job.best)} of the misfit left`;
+  const bar = h("progress", job.of ? { max: job.of, value: job.done, "aria-label": job.title } : { "aria-label": job.title });
+  const patient = ["diagnose", "climb"].includes(job.kind);
+  return h("div", { class: "job", "data-job": job.number },
+    h("strong", {}, job.title), bar,
+    h("span", { class: "fine what" }, [job.text, best, job.seconds ? `${Math.round(job.seconds)} s` : ""].filter(Boolean).join(" · ")),
+    patient ? h("button", { id: `keep-${job.number}`, onclick: () => connection.do("cancel", { number: job.number, keep: true }) }, "Stop, keep what is known") : null,
+    h("button", { id: `cancel-${job.number}`, class: "cancel", onclick: () => connection.do("cancel", { number: job.number }) }, "Cancel"));
+}
+
+// A rung per row: bars to one scale, a line at the noise floor, numbers beside them.
+export function ladder(steps) {
+  const errors = steps.map((s) => [s.error?.fit?.headline, s.error?.held_out?.headline, s.error?.fit?.noise_floor]);
+  const most = Math.max(...errors.flat().filter((x) => x !== undefined && x !== null), 1e-9) * 1.05;
+  const share = (x) => `${100 * (x ?? 0) / most}%`;
+  return h("table", { class: "ladder", id: "ladder" },
+    h("caption", {}, "How the error falls: RMS residual over RMS signal, down to the noise floor"),
+    h("thead", {}, h("tr", {}, ["model", "", "fitted", "held out", "noise floor"].map((t, k) => h("th", { scope: "col", class: k > 1 ? "number" : null }, t || h("span", { class: "unseen" }, "bar"))))),
+    h("tbody", {}, steps.map((s, k) => {
+      const [fit, held, floor] = errors[k];
+      return h("tr", { class: k === steps.length - 1 ? "marked" : null },
+        h("th", { scope: "row" }, s.label),
+        h("td", { class: "bars" }, h("div", { class: "track", "aria-hidden": "true" },
+          h("i", { class: "fitted", style: { width: share(fit) } }),
+          held === undefined ? null : h("i", { class: "held", style: { left: share(held) } }),
+          floor === undefined || floor === null ? null : h("i", { class: "floor", style: { left: share(floor) } }))),
+        h("td", { class: "number" }, s.status === "waiting" ? "…" : s.status === "failed" ? "failed" : percent(fit)),
+        h("td", { class: "number" }, percent(held)),
+        h("td", { class: "number" }, percent(floor)));
+    })));
+}

@@ -1,0 +1,189 @@
+"""Results as the page reads them: plain JSON, every number there or ``null``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dualdrive import describe
+from dualdrive.machine import Machine, MachineError
+from dualdrive.plain import plain
+from dualdrive.readable import scale
+from dualdrive.traces import CHANNELS, Proposal, Trace
+from dualdrive.workbench.limits import MOST_STRETCHES
+from dualdrive.workbench.series import write_store
+
+if TYPE_CHECKING:
+    from dualdrive.diagnose import Diagnosis
+
+__all__ = ["compared", "diagnosis", "machine", "proposal", "record"]
+
+
+def record(part: Trace) -> dict[str, Any]:
+    """A recording in words: length, channels, what was repaired."""
+    return {
+        "samples": len(part),
+        "step": part.step,
+        "span": [float(part.t[0]), float(part.t[-1])],
+        "labels": dict(part.labels),
+        "channels": [
+            {
+                "name": n,
+                "unit": part.units[n],
+                "long_name": part.long_names[n],
+                "peak": float(np.max(np.abs(part[n]))),
+            }
+            for n in part
+        ],
+        "log": [str(issue) for issue in part.log][:20],
+    }
+
+
+def proposal(found: Proposal) -> dict[str, Any]:
+    """A proposed mapping, column by column, and the canonical names there are to choose from."""
+    return dict(
+        plain(
+            {
+                "mapping": found.mapping.as_dict(),
+                "columns": [
+                    {name: getattr(g, name) for name in type(g).__slots__} for g in found.columns
+                ],
+                "notes": list(found.notes),
+                "channels": {n: [c.unit, c.long_name] for n, c in CHANNELS.items()},
+            }
+        )
+    )
+
+
+def machine(m: Machine) -> dict[str, Any]:
+    """A machine in a few words: what stands beside the plots."""
+    return {
+        "name": m.name,
+        "title": m.title,
+        "axis": m.axis,
+        "drive_train": m.drive_train,
+        "effects": m.effects,
+        "numbers": [[p.path, describe.reading(p), p.doc] for p in describe.tied(m)],
+        "history": [entry.get("change", "") for entry in m.history],
+    }
+
+
+def compared(m: Machine, traces: Mapping[str, Trace], folder: Path) -> dict[str, Any]:
+    """Hold a machine against recordings: series into a store, the rest as JSON."""
+    from dualdrive.compare import (
+        compare,
+        failing_stretches,
+        of_evaluation,
+        residual_correlations,
+        situations_of,
+    )
+    from dualdrive.identify import evaluate, which_mode
+
+    closed = which_mode(m.core, traces, None) == "closed_loop"
+    found = evaluate(m, traces) if closed else None
+    c = of_evaluation(m, found) if found is not None else compare(m, traces)
+    situations = situations_of(c, found, traces)
+    flanks = {r.record.name: r.flanks for r in found.replays} if found is not None else {}
+    store: dict[str, Any] = {}
+    for q in c.quantities:
+        t, own = store.setdefault(q.record, (q.t, {}))
+        for kind, values in (
+            ("measured", q.measured), ("model", q.simulated), ("residual", q.residual)
+        ):  # fmt: skip
+            if len(q.t) == len(t):
+                own[f"{q.name}.{kind}"] = (values, q.unit, f"{q.long_name}, {kind}")
+    for name, own in flanks.items():
+        for mesh, contact in own.items():
+            store[name][1][f"{mesh}.flank"] = (contact, "", f"{mesh}: -1 back, 0 gap, 1 front")
+    write_store(folder, store)
+    speed = {s.record: s.speed for s in situations}
+    correlations = [
+        residual_correlations(q.record, q.name, q.t, q.residual, speed[q.record])
+        for q in c.quantities
+        if q.headline and len(speed[q.record]) == len(q.t)
+    ]
+    return dict(
+        plain(
+            {
+                **c.figures(),
+                "quantities": [_quantity(q) for q in c.quantities],
+                "remarks": c.remarks(),
+                "stretches": [
+                    {**vars(s), "intervals": s.intervals.tolist()}
+                    for s in failing_stretches(c, situations, MOST_STRETCHES)
+                ],
+                "correlations": [
+                    {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(r).items()}
+                    for r in correlations[:24]
+                ],
+                "flanks": {name: list(own) for name, own in flanks.items()},
+            }
+        )
+    )
+
+
+def _quantity(q: Any) -> dict[str, Any]:
+    """One quantity of one record; the fit in per cent is that of system identification (NRMSE)."""
+    error, floor = q.shares
+    return {
+        "record": q.record,
+        "name": q.name,
+        "kind": q.kind,
+        "unit": q.unit,
+        "long_name": q.long_name,
+        "headline": q.headline,
+        "error": error,
+        "noise_floor": floor,
+        "fit_percent": 100.0 * (1.0 - error),
+        "rms": q.rms,
+        "peak": float(np.max(np.abs(q.measured), initial=0.0)),
+        "offset": q.offset,
+    }
+
+
+def diagnosis(d: Diagnosis, m: Machine) -> dict[str, Any]:
+    """A diagnosis with what the library knows of its candidates."""
+    from dualdrive.diagnose import headline
+
+    return dict(
+        plain(
+            {
+                **d.figures(),
+                "headline": headline(d),
+                "named": d.best.label if d.best else None,
+                "where": [{**vars(c), "significant": c.significant} for c in d.where],
+                "about": {
+                    effect: _about(effect)
+                    for effect in dict.fromkeys(e for c in d.candidates for e, _ in c.effects)
+                },
+                "shapes": [_shape(s) for s in d.shapes],
+                "moved": {path: vars(v) for path, v in d.moved.items()},
+                "axis": m.axis,
+            }
+        )
+    )
+
+
+def _about(effect: str) -> dict[str, Any]:
+    try:
+        found = describe.effect(effect)
+    except MachineError:
+        return {}
+    return {k: found[k] for k in ("equation", "source", "validity", "confused_with")}
+
+
+def _shape(s: Any) -> dict[str, Any]:
+    """Missing torque along a coordinate, in the units in which it reads best."""
+    across, up = scale(s.coordinate_unit, s.at), scale(s.unit, s.value)
+    return {
+        "equation": s.equation,
+        "coordinate": s.coordinate,
+        "coordinate_unit": across.unit,
+        "unit": up.unit,
+        "explained": s.explained,
+        "at": across(s.at).tolist(),
+        **{name: up(getattr(s, name)).tolist() for name in ("value", "low", "high")},
+    }

@@ -1,0 +1,140 @@
+"""What a diagnosis may not do: trip over a limit that is off, over one bad record, over itself."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dualdrive import Machine
+from dualdrive.compare import check_records
+from dualdrive.diagnose import diagnose
+from dualdrive.diagnose.closed_loop import nominal_unknowns
+from dualdrive.diagnose.decision import objection, takes_too_little
+from dualdrive.diagnose.diagnosis import unfit
+from dualdrive.diagnose.result import Verdict
+from dualdrive.diagnose.screening import Library
+from dualdrive.innovations import GreyBox, Noise, Variant, fit, predictable
+from dualdrive.replay import records
+from dualdrive.traces import Trace, read
+from measured import EXAMPLES, emps, measured_file
+from recorded import demo, sheet
+from simulated import with_changed
+
+# --- limits that are off ----------------------------------------------------------------------
+
+
+def optional_limits(machine: Machine) -> list[str]:
+    """Numbers that may be infinite: a machine file may leave them out."""
+    found = []
+    for parameter in machine.core.parameters():
+        try:
+            machine.core.copy().set(parameter.path, math.inf)
+        except ValueError:
+            continue
+        found.append(parameter.path)
+    return found
+
+
+def test_every_limit_may_be_left_out() -> None:
+    """`free: voltage_limit@motors.U_max is inf` ended a search after 100 s."""
+    machine = sheet()
+    limits = optional_limits(machine)
+    assert {"motor_1.U_max", "motor_2.T_max", "motor_1.omega_max"} <= set(limits)
+    for path in limits:
+        machine.core.set(path, math.inf)
+    core = machine.core
+    played = records(core, {"fit": demo("fit").between(0.0, 1.5)}, start="rest")
+    grey = GreyBox(core, predictable(core, played), nominal_unknowns(core, None), threads=1)
+    assert all(math.isfinite(p.nominal) for p in grey.nominal)
+    base = Variant(core)
+    noise = {kind: 1.0 for r in grey.records for kind in r.kinds}
+    gains: list[Any] | None = grey.steady(core, Noise(noise, dict.fromkeys(noise, 0.0), {}))
+    assert gains is not None
+    point = fit(grey, base, grey.start(base), gains, steps=0)
+    variants = Library(core, grey).variants(base, point)
+    assert len(variants) > 20
+    for variant in variants:
+        theta = grey.start(variant)
+        assert np.isfinite(theta).all(), variant.label
+        grown = grey.machine(variant, theta)
+        for path in (p.path for p in variant.extra):
+            assert math.isfinite(grown.get(path)), path
+
+
+# --- records ----------------------------------------------------------------------------------
+
+
+def axis(seconds: float = 6.0) -> tuple[Machine, Trace]:
+    return Machine.load(EXAMPLES / "emps.toml"), emps().between(0.0, seconds)
+
+
+def test_a_bad_record_is_left_out_and_trust_overrules() -> None:
+    machine, good = axis()
+    traces = {"good": good, "bad": with_changed(good, T_1=-good["T_1"])}
+    asked = {"mode": "balance", "experiment": False, "budget": 0.01}
+    found = diagnose(machine, traces, **asked)  # type: ignore[arg-type]
+    assert found.records == ("good",)
+    assert any("bad: left out; --trust bad overrules" in line for line in found.warnings)
+    kept = diagnose(machine, traces, trust=["bad"], **asked)  # type: ignore[arg-type]
+    assert kept.records == ("good", "bad")
+    with pytest.raises(ValueError, match="trust: no trace other; there are good, bad"):
+        diagnose(machine, traces, trust=["other"], **asked)  # type: ignore[arg-type]
+
+
+def test_a_chirp_through_the_resonance_is_told_and_kept() -> None:
+    """The table moves 1.24 times as far as its command: a loop does so near its resonance."""
+    path = measured_file("independent_bench/coulomb_table/chirp.csv")
+    machine = Machine.load(path.parents[1] / "nominal.toml")
+    found = check_records(machine, {"chirp": read(path)}, "closed_loop")
+    assert any("1.24 times as far as theta_ref" in w.message for w in found)
+    assert unfit(found) == set()
+
+
+# --- verdicts beside their errors -------------------------------------------------------------
+
+SOUND = {
+    "nominal": 0.4,
+    "refitted": 0.25,
+    "held_out_refitted": 0.26,
+    "best": 0.05,
+    "held_out_best": 0.06,
+    "noise_floor": 0.03,
+}
+
+
+@pytest.mark.parametrize(
+    ("verdict", "error", "words"),
+    [
+        ("adequate", {"refitted": 0.63}, "still leaves 63%"),
+        ("parameters", {"held_out_refitted": 6.39}, "cross-validated, the refitted machine leaves"),
+        ("adequate", {"noise_floor": 13.7}, "noise (1370%) is larger than the signal"),
+        ("effect", {"noise_floor": 1.0}, "is larger than the signal"),
+        ("effect", {"refitted": 1.11, "best": 2.9}, "the error is 2.9, without it 1.11"),
+        ("ambiguous", {"best": 0.25}, "with the best candidate the error is"),
+        ("effect", {"held_out_best": 0.41}, "cross-validated, the best candidate leaves 41.0%"),
+        ("ambiguous", {"held_out_best": 33613633.0}, "cross-validated"),
+    ],
+)
+def test_no_verdict_stands_against_the_errors_beside_it(
+    verdict: Verdict, error: dict[str, float], words: str
+) -> None:
+    assert objection(verdict, SOUND) == ""
+    assert words in objection(verdict, {**SOUND, **error})
+
+
+def test_a_law_that_hardly_brings_the_simulation_nearer_is_no_name() -> None:
+    assert takes_too_little("effect", SOUND) == ""
+    assert takes_too_little("effect", {**SOUND, "refitted": 0.032, "best": 0.031}) == ""
+    faint = {**SOUND, "refitted": 0.0494, "best": 0.0468, "noise_floor": 0.0258}
+    assert "takes away 11% of what the refitted machine leaves" in takes_too_little("effect", faint)
+    assert takes_too_little("unknown", faint) == ""
+
+
+def test_what_was_cut_or_is_unknown_needs_no_objection() -> None:
+    verdicts: list[Verdict] = ["unknown", "unfinished"]
+    for verdict in verdicts:
+        assert objection(verdict, {**SOUND, "best": 9.0, "held_out_best": 99.0}) == ""
+    assert objection("unfinished", {"noise_floor": 2.0}) == ""

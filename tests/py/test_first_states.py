@@ -1,0 +1,171 @@
+"""Records begun while tension builds up, sampled loops, and noise with a long memory.
+
+Three things that a filter must know before anything else may be called missing: the true machine
+leaves white innovations in all of them.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from dualdrive import Machine, _core
+from dualdrive.innovations import (
+    GreyBox,
+    Noise,
+    Point,
+    Variant,
+    begun,
+    drive_torque,
+    first_noise,
+    inflation,
+    maximum_likelihood,
+    predictable,
+    simulated,
+)
+from dualdrive.replay import core_of, records
+from dualdrive.traces import Trace
+from test_innovations import CHANNELS, REVERSALS, SENSORS, STEP, bench, coloured, record, run
+from test_linear import three_drives
+
+Array = NDArray[np.float64]
+
+LEAD, SAMPLES = 3.0, 5000
+#: as many samples as a component of the noise remembers
+MEMORIES = 4.0 ** np.arange(6)
+
+
+def sampled(machine: Any) -> Any:
+    """Loops of a control of a few hundred Hz, and an equaliser that takes seconds."""
+    for loop, period in (("speed", 2e-3), ("position", 4e-3), ("tension", 4e-3)):
+        machine.set(f"controller.{loop}_sample", period)
+    for path, value in (("T_E", 2.0), ("g_E", 0.4), ("tau_t", 0.8)):
+        machine.set(f"controller.{path}", value)
+    return machine
+
+
+def pink(random: np.random.Generator, samples: int) -> Array:
+    """1/f noise, twice what drives the bench's sensors, shape (samples, channels)."""
+    found = []
+    for drive, *_ in SENSORS:
+        parts = [
+            lfilter([np.sqrt(1.0 - a * a)], [1.0, -a], random.normal(size=samples + 8192))[8192:]
+            for a in np.exp(-1.0 / MEMORIES)
+        ]
+        found.append(2.0 * drive * np.sum(parts, axis=0) / np.sqrt(len(parts)))
+    return np.column_stack(found)
+
+
+def trace(core: Any, lead: float, noise: Array) -> Trace:
+    """What a machine shows that was switched on `lead` seconds before."""
+    waiting = _core.shift(REVERSALS, lead) if lead else REVERSALS
+    before = round(lead / STEP)
+    clean = run(core, {"theta_ref": waiting}, before + len(noise))[before:]
+    t = STEP * np.arange(len(noise), dtype=np.float64)
+    columns = dict(zip(CHANNELS, (clean + noise).T, strict=True))
+    return Trace(t, {"theta_ref": REVERSALS.value(t), **columns}, name="record")
+
+
+@functools.cache
+def grey_box(loop: str, lead: float, noise: str) -> GreyBox:
+    machine = Machine.load("bench")
+    if loop == "sampled":
+        sampled(machine)
+    random = np.random.default_rng(5)
+    added = (coloured if noise == "coloured" else pink)(random, SAMPLES)
+    seen = trace(core_of(machine), lead, added)
+    played = records(machine, {"record": seen}, start="settled" if lead else "rest")
+    core = core_of(machine)
+    return GreyBox(core, predictable(core, played), [])
+
+
+def likeliest(own: GreyBox) -> tuple[Point, Noise, list[Any]]:
+    wide = first_noise(own.core, own.records, 0.1)
+    floor = first_noise(own.core, own.records, 1e-5).torque
+    nothing = Variant(own.core)
+    found = maximum_likelihood(own, nothing, own.start(nothing), wide, floor=floor, steps=30)
+    assert found is not None
+    return found
+
+
+def missing(own: GreyBox, point: Point, gains: list[Any]) -> float:
+    """Largest share of a torque of unknown course in the drives' own."""
+    scale = drive_torque(own.core, own.records)
+    [torques] = own.torques(point, gains)
+    return max(float(np.sqrt(np.mean(x**2))) / scale[body] for body, x in torques.items())
+
+
+@pytest.mark.parametrize("noise", ["coloured", "pink"])
+@pytest.mark.parametrize("lead", [0.0, LEAD])
+@pytest.mark.parametrize("loop", ["continuous", "sampled"])
+def test_the_true_machine_leaves_noise_alone(loop: str, lead: float, noise: str) -> None:
+    own = grey_box(loop, lead, noise)
+    point, _, gains = likeliest(own)
+    for _ in range(2 if lead else 0):
+        own = begun(own, point, gains)
+        point, _, gains = likeliest(own)
+    assert inflation(point) < 1.4
+    assert missing(own, point, gains) < 0.01
+
+
+def test_a_filter_does_not_find_by_itself_what_decays_over_seconds() -> None:
+    own = grey_box("sampled", LEAD, "pink")
+    point, noise, gains = likeliest(own)
+    found = begun(own, point, gains).likelihoods(point.variant, [(point.theta, noise)])[0]
+    assert found is not None
+    assert found[0].minus_two_log < point.minus_two_log - 100.0
+
+
+def test_a_simulation_begins_with_the_tension_that_was_there() -> None:
+    own = grey_box("sampled", LEAD, "coloured")
+    left = simulated(own, Variant(own.core), own.start(Variant(own.core)))
+    assert left is not None
+    noise = coloured(np.random.default_rng(5), SAMPLES)
+    assert np.std(left[0], axis=0) == pytest.approx(np.std(noise, axis=0), rel=0.2)
+
+
+def test_what_nothing_feels_may_walk_away() -> None:
+    """Two slaves' equalisers act on the master alike: their difference is seen by nothing."""
+    core = three_drives(0.5)
+    core.set_controller(equaliser="master", current="cascade")
+    seen = record({"theta_ref": REVERSALS}, np.zeros((10, len(CHANNELS))))
+    torque = dict.fromkeys(("table", "motor_1", "motor_2", "motor_3"), (0.0001, 0.99))
+    gains = _core.kalman_gains(core, seen, SENSORS, torque)
+    assert len(gains.patterns) == 8
+    assert all(np.isfinite(gains.K(pattern)).all() for pattern in gains.patterns)
+
+
+def test_gains_worked_out_as_a_record_meets_them_are_the_same() -> None:
+    core = bench()
+    core.set("controller.T_ten", 0.0)  # flanks open and close
+    seen = record({"theta_ref": REVERSALS}, run(core, {"theta_ref": REVERSALS}, 3000))
+    torque = {"table": (2e-3, 0.99)}
+    found = [
+        _core.predict(core, seen, gains, learn_first=True)
+        for gains in (
+            _core.kalman_gains(core, seen, SENSORS, torque),
+            _core.kalman_gains(core, seen, SENSORS, torque, every=False),
+        )
+    ]
+    assert found[0]["switches"] > 4
+    assert np.array_equal(found[0]["residuals"], found[1]["residuals"])
+
+
+def test_loops_that_tick_fast_have_the_gains_of_continuous_ones() -> None:
+    """An independent way to the same limit: no tick, or twenty in a sample."""
+    gains = []
+    for period in (0.0, 5e-5):
+        core = bench()
+        for loop in ("speed", "position", "tension"):
+            core.set(f"controller.{loop}_sample", period)
+        seen = record({"theta_ref": REVERSALS}, np.zeros((10, len(CHANNELS))))
+        torque = {"table": (2e-3, 0.99), "motor_1": (1e-4, 0.99), "motor_2": (1e-4, 0.99)}
+        gains.append(_core.kalman_gains(core, seen, SENSORS, torque))
+    # loops that hold for ever differ by 0.2 in contact
+    continuous, fast = (g.log_det(3) for g in gains)
+    assert fast == pytest.approx(continuous, abs=0.01)

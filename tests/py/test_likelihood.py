@@ -1,0 +1,112 @@
+"""Numbers and noise of a grey box, estimated from records whose truth is known.
+
+The bench is simulated by the exact engine; a recursion of its own makes the sensors' noise.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bench_record import grey_box
+from dualdrive import Machine
+from dualdrive.diagnose.screening import Library, scores
+from dualdrive.innovations import (
+    GreyBox,
+    Noise,
+    Point,
+    Variant,
+    first_noise,
+    inflation,
+    maximum_likelihood,
+    simulated,
+)
+from test_innovations import SENSORS, bench
+
+SAMPLES = 4000
+#: of the motors' encoders, the table's, the currents: drive and memory of SENSORS
+TRUTH = {"table angle": SENSORS[0], "drive angle": SENSORS[1], "drive current": SENSORS[3]}
+HEAVIER, FRICTION = 1.06, 0.4
+
+
+@functools.cache
+def grey(friction: float, seed: int = 3) -> GreyBox:
+    """The data sheet's bench on a record of one whose table is 6 % heavier."""
+    true = bench({"coulomb@table": {"torque": friction}} if friction else {})
+    true.set("table.J", HEAVIER * true.get("table.J"))
+    return grey_box(Machine.load("bench"), true, SAMPLES, seed)
+
+
+@functools.cache
+def likeliest(friction: float, law: str = "nothing") -> tuple[Point, Noise, list[Any]]:
+    own = grey(friction)
+    nothing = Variant(own.core)
+    variant = nothing
+    if law != "nothing":
+        blank = tuple(np.zeros_like(r.measured) for r in own.records)
+        base = Point(nothing, own.start(nothing), blank, 0.0, 0.0)
+        known = Library(own.core, own).variants(nothing, base)
+        variant = next(v for v in known if v.label == law)
+    wide = first_noise(own.core, own.records, 0.1)
+    floor = first_noise(own.core, own.records, 1e-5).torque
+    found = maximum_likelihood(own, variant, own.start(variant), wide, floor=floor, steps=30)
+    assert found is not None
+    return found
+
+
+def test_sensors_and_numbers_are_recovered_together() -> None:
+    point, noise, gains = likeliest(0.0)
+    for kind, (drive, memory, _) in TRUTH.items():
+        assert noise.drive[kind] == pytest.approx(drive, rel=0.05), kind
+        assert noise.memory[kind] == pytest.approx(memory, abs=0.06), kind
+    assert point.chi2 / point.residuals[0].size == pytest.approx(1.0, abs=0.03)
+    assert inflation(point) < 1.5
+    own = grey(0.0)
+    k = [p.path for p in own.nominal].index("table.J")
+    J = np.stack(own.columns(point, range(len(point.theta)), gains))
+    H = J @ J.T + np.diag(1.0 / own.sigma**2)
+    error = float(np.sqrt(np.linalg.inv(H)[k, k]))
+    off = point.theta[k] - own.nominal[k].coordinate(HEAVIER * own.core.get("table.J"))
+    assert abs(off) < 3.5 * error
+    assert error < 0.005, "the record tells inertia to half a per cent"
+
+
+def test_a_missing_law_is_borne_by_the_unknown_torque_and_not_by_the_sensors() -> None:
+    _, without, _ = likeliest(FRICTION)
+    _, with_it, _ = likeliest(FRICTION, "coulomb@table")
+    for kind, (drive, _, _) in TRUTH.items():
+        assert without.drive[kind] == pytest.approx(drive, rel=0.15), kind
+    assert without.torque["table"] > 10.0 * with_it.torque["table"]
+
+
+def test_the_law_that_is_missing_is_likelier_and_has_its_size() -> None:
+    nothing, _, _ = likeliest(FRICTION)
+    law, _, _ = likeliest(FRICTION, "coulomb@table")
+    assert law.minus_two_log < nothing.minus_two_log - 1000.0
+    [torque, *_] = law.variant.extra
+    found = torque.value(float(law.theta[grey(FRICTION).shared]))
+    assert found == pytest.approx(FRICTION, rel=0.02)
+
+
+def test_the_score_points_at_the_law() -> None:
+    own = grey(FRICTION)
+    point, _, gains = likeliest(FRICTION)
+    known = Library(own.core, own).variants(point.variant, point)
+    wanted = ("coulomb@table", "viscous@table", "unbalance@table")
+    few = [v for v in known if v.label in wanted]
+    columns = own.columns(point, range(len(point.theta)), gains)
+    found = {s.variant.label: s for s in scores(own, point, columns, few, gains, 1.0)}
+    best = max(found.values(), key=lambda s: s.gain)
+    assert best.variant.label == "coulomb@table"
+    assert 0.0 < best.start["coulomb@table.torque"] < 2.0 * FRICTION
+
+
+def test_a_record_simulated_whole_leaves_its_sensors_noise() -> None:
+    point, _, _ = likeliest(0.0)
+    missed = simulated(grey(0.0), point.variant, point.theta)
+    assert missed is not None
+    for column, (drive, memory, _) in zip(missed[0].T, SENSORS, strict=True):
+        assert np.std(column) == pytest.approx(drive / np.sqrt(1.0 - memory**2), rel=0.2)

@@ -1,0 +1,111 @@
+"""Stretches of records: where they lie, and that a replay of them is that of the whole record."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bench_record import grey_box
+from dualdrive import Machine, _core
+from dualdrive.innovations import GreyBox, Variant, first_noise, some
+from dualdrive.innovations.prediction import predicted
+from dualdrive.innovations.stretches import spread
+from test_innovations import bench
+
+SAMPLES = 3000
+#: a filter forgets where it began
+SETTLED = 300
+SAMPLED = {"controller.position_sample": 4e-3, "controller.speed_sample": 1e-3}
+
+
+@functools.cache
+def grey(sampled: bool) -> GreyBox:
+    machine = Machine.load("bench")
+    true = bench({})
+    for path, value in SAMPLED.items() if sampled else ():
+        machine.set(path, value)
+        true.set(path, value)
+    return grey_box(machine, true, SAMPLES, seed=1)
+
+
+@pytest.mark.parametrize("samples", [(3000,), (9000, 100, 700), (20000, 20000)])
+@pytest.mark.parametrize("most", [500, 2000, 8000])
+def test_stretches_lie_within_their_records_and_apart(samples: tuple[int, ...], most: int) -> None:
+    found = spread(samples, most)
+    for n, own in zip(samples, found, strict=True):
+        assert own, "no record is left out"
+        assert own[0][0] >= 0
+        assert own[-1][0] + own[-1][1] <= n
+        assert all(b[0] >= a[0] + a[1] for a, b in itertools.pairwise(own))
+    kept = sum(count for own in found for _, count in own)
+    assert kept <= most + 500 * len(samples), "and none is given up for another"
+    if sum(samples) <= most:
+        assert found == [[(0, n)] for n in samples]
+
+
+@pytest.mark.parametrize("sampled", [False, True], ids=["continuous", "sampled loops"])
+def test_a_stretch_is_replayed_as_in_the_whole_record(sampled: bool) -> None:
+    own = grey(sampled)
+    nothing = Variant(own.core)
+    theta = own.start(nothing)
+    noise = first_noise(own.core, own.records, 0.1)
+    gains = own.steady(own.machine(nothing, theta), noise)
+    assert gains is not None
+    [whole] = own.points([nothing], [theta], gains)
+    few = some(own, whole, gains, 2000)
+    [record] = few.records
+    [cut] = few.points([nothing], [theta], gains)
+    starts = [*record.sampled.starts, len(record.measured)]
+    assert len(starts) > 3
+    for (first, count), row in zip(spread([SAMPLES], 2000)[0], starts, strict=False):
+        np.testing.assert_array_equal(record.measured[row], own.records[0].measured[first])
+        late = slice(row + SETTLED, row + count)
+        there = slice(first + SETTLED, first + count)
+        np.testing.assert_allclose(
+            cut.residuals[0][late], whole.residuals[0][there], rtol=0.0, atol=0.02
+        )
+
+
+def test_few_samples_are_all_kept() -> None:
+    own = grey(False)
+    nothing = Variant(own.core)
+    theta = own.start(nothing)
+    gains = own.gains(nothing, theta, first_noise(own.core, own.records, 0.1))
+    [point] = own.points([nothing], [theta], gains)
+    assert some(own, point, gains, SAMPLES) is own
+
+
+@pytest.mark.parametrize(
+    ("which", "words"),
+    [
+        ([], "no stretches"),
+        ([(0, 1)], "no stretch of 1 samples from sample 0"),
+        ([(SAMPLES - 10, 11)], f"in {SAMPLES}"),
+        ([(SAMPLES + 5, 2)], f"from sample {SAMPLES + 5}"),
+    ],
+)
+def test_stretches_that_are_none_are_told(which: list[tuple[int, int]], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        grey(False).records[0].sampled.stretches(which)
+
+
+def test_what_the_likelihood_is_conditioned_on_does_not_count() -> None:
+    own = grey(False)
+    nothing = Variant(own.core)
+    theta = own.start(nothing)
+    gains = own.gains(nothing, theta, first_noise(own.core, own.records, 0.1))
+    core, record = own.machine(nothing, theta), own.records[0]
+
+    def replay(given: int) -> Any:
+        return predicted(core, own.constants(theta), record, gains[0], given=given)
+
+    every, late = replay(0), replay(40)
+    assert not np.any(late["residuals"][:40])
+    np.testing.assert_array_equal(late["residuals"][40:], every["residuals"][40:])
+    steady = gains[0].log_det(max(gains[0].patterns))
+    assert every["log_det"] - late["log_det"] == pytest.approx(40 * steady, rel=0.2)
+    assert isinstance(gains[0], _core.KalmanGains)
