@@ -44,7 +44,8 @@ class Taken(Job):
 def test_a_lock_taken_while_one_looks_is_no_lost_computation(jobs: Jobs) -> None:
     job = Taken(jobs.start("nothing", "a test", {}).folder)
     try:
-        assert jobs.alive(job) and jobs.alive(job)
+        assert jobs.alive(job)
+        assert jobs.alive(job)
         job.owner()
         assert jobs.alive(job)
         assert job.done is None
@@ -58,7 +59,8 @@ def test_a_computation_whose_process_died_is_noted_as_lost(jobs: Jobs) -> None:
     assert jobs.alive(job)
     (job.folder / "lock").write_text("1")  # nobody holds it
     assert not jobs.alive(job)
-    assert job.done is not None and "without a result" in job.done["message"]
+    assert job.done is not None
+    assert "without a result" in job.done["message"]
 
 
 def test_a_computation_nobody_began_is_lost_with_the_worker(jobs: Jobs) -> None:
