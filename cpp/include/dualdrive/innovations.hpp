@@ -93,11 +93,15 @@ struct KalmanGains {
         Eigen::MatrixXd whitening;  // S^(−1/2), lower triangular
         double log_det = 0.0;       // log det S
     };
+    struct Piece {
+        Set set;
+        std::size_t end = 0;  // samples after the first: till there the set serves
+    };
     NoiseModel noise;
     Eigen::VectorXd at_first;  // standard deviation of what is not known of each state at the first sample
     double speed = 0.0;        // table speed about which laws that are not affine are linearised, rad/s
     std::map<unsigned, Set> steady;
-    std::map<unsigned, std::vector<Set>> first;
+    std::map<unsigned, std::vector<Piece>> first;
 };
 
 // What is not known of the state at the first sample: where torques of unknown course of this size would take it, and, by

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "riccati.hpp"
 
 namespace dualdrive {
 
@@ -23,6 +22,9 @@ namespace {
 constexpr int short_while = 100;      // samples within which a state's typical size is reached
 constexpr double forgotten = 100.0;   // s: see steady()
 constexpr double unknown = 100.0;     // of that size: what is not known of the first state
+constexpr std::size_t one_by_one = 50;  // first samples with gains of their own
+constexpr std::size_t most_pieces = 400;
+constexpr double settled_gain = 1e-3;  // relative difference of log det S per channel: the steady gain takes over
 constexpr double white_floor = 1e-3;  // of a sensor's drive: no reading is exact, and R has an inverse
 
 }  // namespace
@@ -69,8 +71,8 @@ StateSpace::StateSpace(const Frozen& frozen, Flow& flow, const SampledRecord& re
 VectorXd StateSpace::scale() const {
     MatrixXd reached = Q, power = F;
     for (int k = 1; k < short_while; k *= 2) {  // Σ Fᵏ Q F'ᵏ, doubled
-        reached += (power * reached * power.transpose()).eval();
-        power = (power * power).eval();
+        reached += product(product(power, reached), power.transpose());
+        power = product(power, power);
     }
     VectorXd s = reached.diagonal().cwiseMax(0.0).cwiseSqrt();
     return s;
@@ -86,11 +88,14 @@ KalmanGains::Set StateSpace::gain(const MatrixXd& P) const {
     return set;
 }
 
-KalmanGains::Set StateSpace::steady(const VectorXd& reached) const {
-    const VectorXd s = (reached.array() > 0.0).select(reached, 1.0);
-    const auto scaled = [&](const MatrixXd& M) -> MatrixXd {
-        return s.cwiseInverse().asDiagonal() * M * s.asDiagonal();
-    };
+RiccatiDoubling StateSpace::doubling(const VectorXd& s, double kept) const {
+    const VectorXd outputs = (C * s.asDiagonal()).rowwise().norm().cwiseMax(R.diagonal().cwiseSqrt());
+    const MatrixXd own = outputs.cwiseInverse().asDiagonal(), inverse = s.cwiseInverse().asDiagonal();
+    return {kept * (inverse * F * s.asDiagonal()), inverse * Q * inverse, own * C * s.asDiagonal(), own * R * own};
+}
+
+KalmanGains::Set StateSpace::steady() const {
+    const VectorXd reached = scale(), s = (reached.array() > 0.0).select(reached, 1.0);
     if (F.rows() == sensors_ + C.rows() && reached.head(sensors_).isZero(0)) {
         // a simulation: nothing but the sensors' own noise is to be learned
         MatrixXd P = MatrixXd::Zero(F.rows(), F.rows());
@@ -100,18 +105,21 @@ KalmanGains::Set StateSpace::steady(const VectorXd& reached) const {
         }
         return gain(P);
     }
-    const VectorXd outputs = (C * s.asDiagonal()).rowwise().norm().cwiseMax(R.diagonal().cwiseSqrt());
-    const MatrixXd own = outputs.cwiseInverse().asDiagonal();
-    const MatrixXd inverse = s.cwiseInverse().asDiagonal();
-    const auto covariance = [&](double kept) {
-        return steady_covariance(kept * scaled(F), inverse * Q * inverse, own * C * s.asDiagonal(), own * R * own);
-    };
     // what nothing shows and nothing feels may walk away, as the difference of two slaves' equalisers does that both act on
     // the master: forgotten over minutes it stays finite, and no gain feels it
-    Steady found = covariance(1.0);
-    if (!found.converged) found = covariance(std::exp(-step_ / forgotten));
+    Steady found = doubling(s, 1.0).steady();
+    if (!found.converged) found = doubling(s, std::exp(-step_ / forgotten)).steady();
     if (!found.converged) throw std::domain_error("kalman_gains: no steady gain; a state grows that no sensor sees");
     return gain(s.asDiagonal() * found.P * s.asDiagonal());
+}
+
+StateSpace::Later::Later(const StateSpace& space)
+    : scale_(space.scale().unaryExpr([](double x) { return x > 0.0 ? x : 1.0; })),
+      doubling_(space.doubling(scale_, 1.0)) {}
+
+MatrixXd StateSpace::Later::operator()(const MatrixXd& P, long samples) {
+    const MatrixXd inverse = scale_.cwiseInverse().asDiagonal();
+    return scale_.asDiagonal() * doubling_.after(inverse * P * inverse, samples) * scale_.asDiagonal();
 }
 
 MatrixXd StateSpace::start(const VectorXd& deviation) const {
@@ -122,15 +130,52 @@ MatrixXd StateSpace::start(const VectorXd& deviation) const {
 }
 
 MatrixXd StateSpace::next(const MatrixXd& P, const KalmanGains::Set& set) const {
-    const MatrixXd after = P - set.K * (C * P);
-    MatrixXd next = F * after * F.transpose() + Q;
+    const MatrixXd after = P - product(set.K, product(C, P));
+    const MatrixXd next = product(product(F, after), F.transpose()) + Q;
     return 0.5 * (next + next.transpose());
+}
+
+FirstGains::FirstGains(Flow& flow, const SampledRecord& record, const NoiseModel& noise,
+                       std::vector<KalmanGains::Piece>& kept)
+    : flow_(flow), record_(record), noise_(noise), kept_(kept) {}
+
+FirstGains::Known& FirstGains::known() {
+    auto& found = known_[mode_];
+    if (!found) {
+        StateSpace space(*mode_, flow_, record_, noise_);
+        found = std::make_unique<Known>(Known{space, StateSpace::Later(space)});
+    }
+    return *found;
+}
+
+void FirstGains::begin(const VectorXd& deviation) {
+    mode_ = &flow_.now();
+    covariance_ = known().space.start(deviation);
+}
+
+void FirstGains::at(std::size_t sample, const KalmanGains::Set& steady) {
+    const bool same = mode_ == &flow_.now();
+    if (!kept_.empty() && sample < kept_.back().end) {
+        if (same) return;
+        kept_.back().end = sample;
+    }
+    const std::size_t length = sample < one_by_one ? 1 : std::size_t{1} << (std::ilogb(static_cast<double>(sample)) - 3);
+    const std::size_t middle = sample + length / 2;
+    const auto ahead = static_cast<long>(middle) - static_cast<long>(of_);  // in the mode till now
+    if (ahead == 1)
+        covariance_ = known().space.next(covariance_, kept_.back().set);
+    else if (ahead > 1)
+        covariance_ = known().later(covariance_, ahead);
+    of_ = std::max(of_, middle);
+    mode_ = &flow_.now();
+    kept_.push_back({known().space.gain(covariance_), sample + length});
+    const double away = std::abs(kept_.back().set.log_det - steady.log_det);
+    done_ = kept_.size() >= most_pieces || !(away > settled_gain * static_cast<double>(record_.channels().size()));
 }
 
 KalmanGains::Set steady_gain(Flow& flow, const SampledRecord& record, const NoiseModel& noise, unsigned pattern,
                              double speed) {
-    const StateSpace space(flow, record, noise, pattern, speed);
-    return space.steady(space.scale());
+    return StateSpace(flow, record, noise, pattern, speed).steady();
 }
 
 }  // namespace innovations

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 
 #include "flow.hpp"
+#include "riccati.hpp"
 
 namespace dualdrive::innovations {
 
@@ -15,17 +16,60 @@ struct StateSpace {
     StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel& noise, unsigned pattern, double speed);
     StateSpace(const Frozen& frozen, Flow& flow, const SampledRecord& record, const NoiseModel& noise);
 
-    Eigen::VectorXd scale() const;                                // typical size of each state within a short while
-    KalmanGains::Set gain(const Eigen::MatrixXd& P) const;        // from the covariance before a measurement
-    KalmanGains::Set steady(const Eigen::VectorXd& scale) const;  // throws std::domain_error
+    Eigen::VectorXd scale() const;                          // typical size of each state within a short while
+    KalmanGains::Set gain(const Eigen::MatrixXd& P) const;  // from the covariance before a measurement
+    KalmanGains::Set steady() const;                        // throws std::domain_error
     // Covariance of what is not known at first; of the machine's states by their standard deviations.
     Eigen::MatrixXd start(const Eigen::VectorXd& deviation) const;
+    // The covariance before the next measurement, from that before this one and its gain.
     Eigen::MatrixXd next(const Eigen::MatrixXd& P, const KalmanGains::Set& set) const;
 
+    // The covariance before a measurement, so many samples later.
+    class Later {
+      public:
+        explicit Later(const StateSpace& space);
+        Eigen::MatrixXd operator()(const Eigen::MatrixXd& P, long samples);
+
+      private:
+        Eigen::VectorXd scale_;
+        RiccatiDoubling doubling_;
+    };
+
   private:
+    // In units of `scale` and of the outputs' own sizes; of every state a share `kept` a sample.
+    RiccatiDoubling doubling(const Eigen::VectorXd& scale, double kept) const;
+
     Eigen::Index states_;   // of the machine alone
     Eigen::Index sensors_;  // first of the sensors' noise
     double step_;           // s
+};
+
+// The gains of the first samples of a stretch, worked out as it is replayed: one by one, then four of every octave, each
+// that of the middle of the samples which it serves.
+class FirstGains {
+  public:
+    FirstGains(Flow& flow, const SampledRecord& record, const NoiseModel& noise, std::vector<KalmanGains::Piece>& kept);
+    void begin(const Eigen::VectorXd& deviation);
+    // At a sample, counted from the first; `steady`: what they approach.
+    void at(std::size_t sample, const KalmanGains::Set& steady);
+    bool done() const { return done_; }
+
+  private:
+    struct Known {
+        StateSpace space;
+        StateSpace::Later later;  // many samples
+    };
+    Known& known();
+
+    Flow& flow_;
+    const SampledRecord& record_;
+    const NoiseModel& noise_;
+    std::vector<KalmanGains::Piece>& kept_;
+    std::map<const Frozen*, std::unique_ptr<Known>> known_;
+    const Frozen* mode_ = nullptr;
+    Eigen::MatrixXd covariance_;  // of the state before the sample `of_`
+    std::size_t of_ = 0;
+    bool done_ = false;
 };
 
 // Of one contact pattern. Throws std::domain_error.

@@ -11,9 +11,6 @@ namespace dualdrive {
 
 namespace {
 
-constexpr int most_first = 1000;       // samples with gains of their own
-constexpr double settled_gain = 1e-3;  // relative difference of log det S per channel: the steady gain takes over
-
 // What becomes of a signal on its way into the record; the delay's whole samples shift the record, the rest goes along the
 // signal's own slope and curvature, so that a residual is smooth in it.
 class Reading {
@@ -88,8 +85,6 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
         throw std::invalid_argument("predict: more initial states than stretches");
     const std::map<std::string, double> at_zero;
     Vector noise = Vector::Zero(m), drift = Vector::Zero(m), e(m), r(m), output(m), correction(size);
-    Eigen::MatrixXd P;
-    std::map<const innovations::Frozen*, std::unique_ptr<innovations::StateSpace>> spaces;
     std::unique_ptr<innovations::Flow> tangents;  // apart from the flow, whose state it would disturb
     std::map<unsigned, KalmanGains::Set> met;
     const auto steady = [&](unsigned pattern) -> const KalmanGains::Set& {
@@ -101,9 +96,9 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
         auto own = innovations::steady_gain(*tangents, record, gains.noise, pattern, gains.speed);
         return more.emplace(pattern, std::move(own)).first->second;
     };
-    bool learning = false;
-    std::vector<KalmanGains::Set>* first = nullptr;
-    std::size_t stretch = 0, begin = 0, end = 0;
+    std::vector<KalmanGains::Piece>* first = nullptr;
+    std::unique_ptr<innovations::FirstGains> learning;
+    std::size_t piece = 0, stretch = 0, begin = 0, end = 0;
     for (std::size_t k = 0; k < samples; ++k) {
         if (k == end) {
             begin = k;
@@ -113,10 +108,12 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
             end = ++stretch < record.starts().size() ? record.starts()[stretch] : samples;
             const auto known = gains.first.find(flow.now().pattern);
             first = known != gains.first.end() ? &known->second : nullptr;
-            learning = options.learn_first && !first;
-            if (learning) {
+            piece = 0;
+            learning.reset();
+            if (options.learn_first && !first) {
                 first = &gains.first[flow.now().pattern];
-                P = innovations::StateSpace(flow.now(), flow, record, gains.noise).start(gains.at_first);
+                learning = std::make_unique<innovations::FirstGains>(flow, record, gains.noise, *first);
+                learning->begin(gains.at_first);
             }
         }
         innovations::Frozen* now = &flow.now();
@@ -135,16 +132,12 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
         }
         const KalmanGains::Set* set = &steady(now->pattern);
         if (learning) {
-            auto& known = spaces[now];
-            if (!known) known = std::make_unique<innovations::StateSpace>(*now, flow, record, gains.noise);
-            const innovations::StateSpace& space = *known;
-            first->push_back(space.gain(P));
-            P = space.next(P, first->back());
-            learning = first->size() < static_cast<std::size_t>(most_first) &&
-                       std::abs(first->back().log_det - set->log_det) > settled_gain * static_cast<double>(m);
+            learning->at(k - begin, *set);
+            if (learning->done()) learning.reset();
         }
-        const bool early = first && k - begin < first->size();
-        if (early) set = &(*first)[k - begin];
+        while (first && piece < first->size() && k - begin >= (*first)[piece].end) ++piece;
+        const bool early = first && piece < first->size();
+        if (early) set = &(*first)[piece].set;
         r.noalias() = set->whitening * e;
         // what is not known of the state at first costs a model with more states more: that is not held against it
         const bool counts = k - begin >= static_cast<std::size_t>(options.given);

@@ -4,35 +4,69 @@
 #include <Eigen/LU>
 #include <cmath>
 
+#include "../solvers/exact/kernels.hpp"
+
 namespace dualdrive::innovations {
 
 using Eigen::MatrixXd;
 
 namespace {
 
-constexpr int most_doublings = 40;      // a horizon of 10¹² samples
+constexpr std::size_t most_doublings = 40;      // a horizon of 10¹² samples
 constexpr double converged_at = 1e-11;  // relative change of P
 
 }  // namespace
 
-Steady steady_covariance(const MatrixXd& F, const MatrixXd& Q, const MatrixXd& C, const MatrixXd& R) {
-    const auto n = F.rows();
-    const MatrixXd one = MatrixXd::Identity(n, n);
-    MatrixXd A = F.transpose(), G = C.transpose() * R.ldlt().solve(C), H = Q;
-    for (int pass = 0; pass < most_doublings; ++pass) {
-        const MatrixXd W = (one + G * H).partialPivLu().inverse();
-        const MatrixXd AW = A * W;
-        MatrixXd next = H + A.transpose() * H * W * A;
-        next = (0.5 * (next + next.transpose())).eval();
-        MatrixXd wider = G + AW * G * A.transpose();
-        G = 0.5 * (wider + wider.transpose());
-        A = (AW * A).eval();
-        if (!next.allFinite()) return {H, false};
-        const double change = (next - H).norm(), size = next.norm();
-        H = next;
-        if (change <= converged_at * size) return {H, true};
+MatrixXd product(const MatrixXd& A, const MatrixXd& B) {
+    const auto rows = static_cast<int>(A.rows()), inner = static_cast<int>(A.cols()), padded = exact::padded(rows);
+    if (padded == rows) {
+        MatrixXd out(rows, B.cols());
+        exact::kernels().multiply(rows, inner, A.data(), inner, B.data(), static_cast<int>(B.cols()), out.data());
+        return out;
     }
-    return {H, false};
+    MatrixXd wide(padded, inner), out(padded, B.cols());
+    wide.topRows(rows) = A;
+    wide.bottomRows(padded - rows).setZero();
+    exact::kernels().multiply(padded, inner, wide.data(), inner, B.data(), static_cast<int>(B.cols()), out.data());
+    return out.topRows(rows);
+}
+
+RiccatiDoubling::RiccatiDoubling(const MatrixXd& F, const MatrixXd& Q, const MatrixXd& C, const MatrixXd& R)
+    : levels_{{F.transpose(), C.transpose() * R.ldlt().solve(C), Q}} {}
+
+const RiccatiDoubling::Level& RiccatiDoubling::level(std::size_t k) {
+    const MatrixXd one = MatrixXd::Identity(levels_.front().A.rows(), levels_.front().A.cols());
+    while (levels_.size() <= k) {
+        const auto& [A, G, H] = levels_.back();
+        const MatrixXd W = (one + product(G, H)).partialPivLu().inverse(), back = A.transpose();
+        const MatrixXd AW = product(A, W), wider = G + product(product(AW, G), back),
+                       later = H + product(back, product(H, product(W, A)));
+        Level next{product(AW, A), 0.5 * (wider + wider.transpose()), 0.5 * (later + later.transpose())};
+        levels_.push_back(std::move(next));
+    }
+    return levels_[k];
+}
+
+MatrixXd RiccatiDoubling::after(MatrixXd P, long samples) {
+    for (std::size_t k = 0; samples > 0; ++k, samples /= 2) {
+        if (samples % 2 == 0) continue;
+        const auto& [A, G, H] = level(k);
+        const MatrixXd one = MatrixXd::Identity(P.rows(), P.cols());
+        const MatrixXd solved = (one + product(G, P)).partialPivLu().solve(A);
+        const MatrixXd later = H + product(A.transpose(), product(P, solved));
+        P = 0.5 * (later + later.transpose());
+    }
+    return P;
+}
+
+Steady RiccatiDoubling::steady() {
+    for (std::size_t k = 1; k <= most_doublings; ++k) {
+        const MatrixXd& H = level(k).H;
+        const MatrixXd& before = levels_[k - 1].H;
+        if (!H.allFinite()) return {before, false};
+        if ((H - before).norm() <= converged_at * H.norm()) return {H, true};
+    }
+    return {levels_.back().H, false};
 }
 
 double spectral_bound(const MatrixXd& A) {

@@ -2,18 +2,35 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <vector>
 
 namespace dualdrive::innovations {
+
+// A B by the exact engine's kernels: these matrices are too small for a library's blocks.
+Eigen::MatrixXd product(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B);
 
 struct Steady {
     Eigen::MatrixXd P;  // covariance of the state before a measurement
     bool converged;
 };
 
-// P = F P F' + Q − F P C' (C P C' + R)⁻¹ C P F', by the structure-preserving doubling algorithm: each pass squares the
-// horizon. Chu, Fan, Lin, Wang, International Journal of Control 77 (2004) 767–788.
-Steady steady_covariance(const Eigen::MatrixXd& F, const Eigen::MatrixXd& Q, const Eigen::MatrixXd& C,
-                         const Eigen::MatrixXd& R);
+// P⁺ = F P F' + Q − F P C' (C P C' + R)⁻¹ C P F' over 1, 2, 4, … samples at once, by the structure-preserving doubling
+// algorithm: each level squares the horizon. Chu, Fan, Lin, Wang, International Journal of Control 77 (2004) 767–788.
+class RiccatiDoubling {
+  public:
+    RiccatiDoubling(const Eigen::MatrixXd& F, const Eigen::MatrixXd& Q, const Eigen::MatrixXd& C,
+                    const Eigen::MatrixXd& R);
+    // The covariance so many samples later.
+    Eigen::MatrixXd after(Eigen::MatrixXd P, long samples);
+    Steady steady();
+
+  private:
+    struct Level {
+        Eigen::MatrixXd A, G, H;  // over 2ᵏ samples: P⁺ = H + A' P (1 + G P)⁻¹ A
+    };
+    const Level& level(std::size_t k);
+    std::vector<Level> levels_;
+};
 
 // e^X and h φ₁(X), h φ₂(X) for X = A h: φ₁ = (e^X − 1)/X, φ₂ = (e^X − 1 − X)/X²; Taylor series of a halved X, then
 // e^2X = e^X e^X, φ₁(2X) = (e^X + 1) φ₁(X)/2, φ₂(2X) = (φ₁(X)² + 2 φ₂(X))/4 (Hochbruck, Ostermann, Acta Numerica 19 (2010)

@@ -28,7 +28,9 @@ Array = NDArray[np.float64]
 
 #: one-sigma of a sensor's constant: of a motor's encoder at the pinion, rad; of a current, relative
 _ZERO_ANGLE, _ZERO_CURRENT = 1e-3, 0.02
-_DIFFERENCE = 1e-3  # of a unit of an unknown, for finite differences
+#: of a unit of an unknown: a difference at most, and at least; how far it moves all residuals
+#: together, and how often that before it is taken anew
+_DIFFERENCE, _LEAST, _SCATTER, _TOO_LONG = 1e-3, 1e-8, 1.0, 3.0
 _FIRST = 0.1  # of the drives' torque: what may have acted before the first sample
 
 
@@ -58,6 +60,7 @@ class GreyBox:
         self.threads = threads or os.cpu_count() or 1
         self.pool = ThreadPoolExecutor(self.threads)
         self.counter = counter or Counter()
+        self.steps: dict[str, float] = {}  # unknown -> last difference
         self.first_torque = first_noise(core, self.records, _FIRST).torques()
         self.speed = max(
             float(np.sqrt(np.mean(np.gradient(r.record.reference, r.record.t) ** 2)))
@@ -89,6 +92,7 @@ class GreyBox:
         own = copy(self)
         own.sigma = self.sigma.copy()
         own.sigma[: len(self.nominal)] = _HELD
+        own.steps = {}
         return own
 
     @property
@@ -272,22 +276,50 @@ class GreyBox:
         return float(off @ off)
 
     def columns(self, point: Point, which: Sequence[int], gains: Sequence[Any]) -> list[Array]:
-        """Derivatives of the residuals by some unknowns, finite differences, flat per unknown."""
-        _, high = self.bounds(point.variant)
-        moved, steps = [], []
-        for k in which:
-            step = _DIFFERENCE * (
-                self.sigma[k] if k < self.shared and np.isfinite(self.sigma[k]) else 1.0
-            )
-            if point.theta[k] + step > high[k]:
-                step = -step
+        """Derivatives of the residuals by some unknowns, finite differences, flat per unknown.
+
+        A step moves the residuals by their own scatter and no further: numbers that a record tells
+        only together would seem to be told apart by the error of the differences.
+        """
+        names = {k: self._name(point.variant, k) for k in which}
+        steps = {k: self.steps.get(name, self._longest(k)) for k, name in names.items()}
+        found = self._differences(point, steps, gains)
+        again = {}
+        for k, column in found.items():
+            length = float(np.linalg.norm(column))
+            known = min(self._longest(k), max(_SCATTER / max(length, 1e-300), _LEAST))
+            self.steps[names[k]] = known
+            if _TOO_LONG * known < steps[k]:
+                again[k] = known
+        found |= self._differences(point, again, gains)
+        return [found[k] for k in which]
+
+    def _differences(
+        self, point: Point, steps: Mapping[int, float], gains: Sequence[Any]
+    ) -> dict[int, Array]:
+        high = self.bounds(point.variant)[1]
+        signed = {k: -h if point.theta[k] + h > high[k] else h for k, h in steps.items()}
+        moved = []
+        for k, h in signed.items():
             theta = point.theta.copy()
-            theta[k] += step
+            theta[k] += h
             moved.append(theta)
-            steps.append(step)
         base = flat(point.residuals)
         others = self.points([point.variant] * len(moved), moved, gains)
-        return [(flat(o.residuals) - base) / s for o, s in zip(others, steps, strict=True)]
+        return {
+            k: (flat(other.residuals) - base) / h
+            for (k, h), other in zip(signed.items(), others, strict=True)
+        }
+
+    def _longest(self, k: int) -> float:
+        """Of a difference: a share of what is believed of the unknown."""
+        known = k < self.shared and np.isfinite(self.sigma[k])
+        return _DIFFERENCE * (float(self.sigma[k]) if known else 1.0)
+
+    def _name(self, variant: Variant, k: int) -> str:
+        if k < self.shared:
+            return [*(p.path for p in self.nominal), *self.offsets][k]
+        return variant.extra[k - self.shared].path
 
 
 _HELD = 1e-9  # of a unit: a number that is not refitted

@@ -79,6 +79,9 @@ def _of_numbers(grey: GreyBox, f: Fitted) -> Verdict:
     return "parameters" if _moved(grey, f) else "adequate"
 
 
+_CONSTANTS = 10  # steps, until the sensors' constants stand again
+
+
 def _moved(grey: GreyBox, f: Fitted) -> bool:
     """Whether the data sheet's numbers had to move beyond doubt, by the fall of -2 log L.
 
@@ -86,6 +89,6 @@ def _moved(grey: GreyBox, f: Fitted) -> bool:
     """
     n = len(grey.nominal)
     begin = np.r_[grey.centre[:n], f.point.theta[n:]]
-    nominal = fit(grey.held(), f.variant, begin, f.gains, steps=3)
+    nominal = fit(grey.held(), f.variant, begin, f.gains, steps=_CONSTANTS)
     fall = (nominal.chi2 - f.point.chi2) / f.inflation
     return bool(fall > threshold("gain") + n * np.log(grey.samples))

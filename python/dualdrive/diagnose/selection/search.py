@@ -111,6 +111,8 @@ class _Search:
                 break
             leader = best
             self.leader.judged(leader.variant.key, f"gain {gained:.3g}")
+            if leaves_noise(self.core, self.grey, leader):
+                break
         return leader
 
     def _on_all_samples(self) -> Fitted:
