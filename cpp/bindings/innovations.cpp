@@ -68,14 +68,21 @@ void bind_innovations(nb::module_& m) {
             },
             "Contact patterns: bit c is set where connection c carries.")
         .def(
-            "K", [](const KalmanGains& g, unsigned pattern) { return g.steady.at(pattern).K; }, nb::arg("pattern"),
-            "Shape (states + torques + channels, channels).")
+            "phases", [](const KalmanGains& g, unsigned pattern) { return g.steady.at(pattern).sets.size(); },
+            nb::arg("pattern"), "Samples after which the ticks of sampled loops repeat; each has gains of its own.")
         .def(
-            "whitening", [](const KalmanGains& g, unsigned pattern) { return g.steady.at(pattern).whitening; },
-            nb::arg("pattern"), "S^(-1/2), lower triangular, shape (channels, channels).")
+            "K", [](const KalmanGains& g, unsigned pattern, std::size_t phase) { return g.steady.at(pattern)[phase].K; },
+            nb::arg("pattern"), nb::arg("phase") = 0, "Shape (states + torques + channels, channels).")
         .def(
-            "log_det", [](const KalmanGains& g, unsigned pattern) { return g.steady.at(pattern).log_det; },
-            nb::arg("pattern"))
+            "whitening",
+            [](const KalmanGains& g, unsigned pattern, std::size_t phase) {
+                return g.steady.at(pattern)[phase].whitening;
+            },
+            nb::arg("pattern"), nb::arg("phase") = 0, "S^(-1/2), lower triangular, shape (channels, channels).")
+        .def(
+            "log_det",
+            [](const KalmanGains& g, unsigned pattern, std::size_t phase) { return g.steady.at(pattern)[phase].log_det; },
+            nb::arg("pattern"), nb::arg("phase") = 0)
         .def_prop_ro(
             "learned", [](const KalmanGains& g) { return g.first.size(); },
             "First samples of a record that have gains of their own.");

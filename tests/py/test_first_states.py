@@ -20,7 +20,6 @@ from dualdrive.innovations import (
     Noise,
     Point,
     Variant,
-    begun,
     drive_torque,
     first_noise,
     inflation,
@@ -106,19 +105,8 @@ def missing(own: GreyBox, point: Point, gains: list[Any]) -> float:
 def test_the_true_machine_leaves_noise_alone(loop: str, lead: float, noise: str) -> None:
     own = grey_box(loop, lead, noise)
     point, _, gains = likeliest(own)
-    for _ in range(2 if lead else 0):
-        own = begun(own, point, gains)
-        point, _, gains = likeliest(own)
     assert inflation(point) < 1.4
     assert missing(own, point, gains) < 0.01
-
-
-def test_a_filter_does_not_find_by_itself_what_decays_over_seconds() -> None:
-    own = grey_box("sampled", LEAD, "pink")
-    point, noise, gains = likeliest(own)
-    found = begun(own, point, gains).likelihoods(point.variant, [(point.theta, noise)])[0]
-    assert found is not None
-    assert found[0].minus_two_log < point.minus_two_log - 100.0
 
 
 def test_a_simulation_begins_with_the_tension_that_was_there() -> None:

@@ -93,15 +93,21 @@ struct KalmanGains {
         Eigen::MatrixXd whitening;  // S^(−1/2), lower triangular
         double log_det = 0.0;       // log det S
     };
-    struct Piece {
-        Set set;
-        std::size_t end = 0;  // samples after the first: till there the set serves
+    // By the phase of a sample between the ticks of sampled loops; one set where it serves all.
+    struct Phased {
+        std::vector<Set> sets;
+        const Set& operator[](std::size_t phase) const { return sets[phase % sets.size()]; }
     };
+    struct Piece {
+        Phased sets;
+        std::size_t end = 0;  // samples after the first: till there they serve
+    };
+    using Begin = std::pair<unsigned, std::size_t>;  // pattern and phase of a stretch's first sample
     NoiseModel noise;
     Eigen::VectorXd at_first;  // standard deviation of what is not known of each state at the first sample
     double speed = 0.0;        // table speed about which laws that are not affine are linearised, rad/s
-    std::map<unsigned, Set> steady;
-    std::map<unsigned, std::vector<Piece>> first;
+    std::map<unsigned, Phased> steady;
+    std::map<Begin, std::vector<Piece>> first;
 };
 
 // What is not known of the state at the first sample: where torques of unknown course of this size would take it, and, by

@@ -64,6 +64,9 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
     modes_.assign(layout_.switches.size(), 0);
     for (std::size_t e = 0; e < modes_.size(); ++e)
         if (layout_.switches[e].kind == SwitchKind::branch) modes_[e] = branch::positive;
+    phases_ = common_period();
+    spread_ = phases_ == 0;
+    phases_ = std::max(phases_, std::size_t{1});
 }
 
 Flow::~Flow() = default;
@@ -308,7 +311,8 @@ void Flow::correct(std::size_t sample, const Eigen::MatrixXd& K, const double* e
         if (modes_[static_cast<std::size_t>(element)] == stick::stuck) y_[resting(element)] = 0.0;
     const auto count = guard_count();
     if (steady && at_end_ && affine_) {
-        auto& gain = now_->guard_gain;
+        now_->guard_gain.resize(phases_);
+        auto& gain = now_->guard_gain[phase(sample)];
         if (gain.empty()) {
             gain.resize(count * static_cast<std::size_t>(outputs_));
             Eigen::MatrixXd own = K.topRows(states());

@@ -24,7 +24,7 @@ struct Frozen {
     std::vector<double> step;        // [e^{A h}; C e^{A h}; G e^{A h}] of a substep, column-major, padded rows
     int rows = 0;                    // of `step`
     unsigned pattern = 0;            // contacts that carry
-    std::vector<double> guard_gain;  // G K of the steady gain, column-major; empty until it is first asked for
+    std::vector<std::vector<double>> guard_gain;  // by phase: G K of the steady gain, column-major; empty until asked for
 };
 
 class Flow final {
@@ -53,13 +53,16 @@ class Flow final {
     // From sample k to the next one; false where numbers are lost.
     bool flow(std::size_t sample);
     // The state moved by K e at a sample, what rests excepted: friction holds it. Modes that no longer hold there are found anew. `steady`: K is that of the
-    // pattern, whose effect on the guards is kept.
+    // pattern and the phase, whose effect on the guards is kept.
     void correct(std::size_t sample, const Eigen::MatrixXd& K, const double* e, const double* moved, bool steady);
     // The tangent for gains: given contacts carry, bodies slide at table speed `speed`, limiters are linear.
     Frozen tangent(unsigned pattern, double speed);
     unsigned patterns() const { return 1u << contacts_.size(); }
-    // e^{A h} over a sample, the ticks of sampled loops in it.
-    Eigen::MatrixXd over_a_sample(const Frozen& frozen);
+    // Samples after which the ticks of sampled loops repeat; 1 where none tick, or too many would be.
+    std::size_t phases() const { return phases_; }
+    std::size_t phase(std::size_t sample) const;
+    // e^{A h} from one sample to the next, the ticks of sampled loops in it.
+    Eigen::MatrixXd over_a_sample(const Frozen& frozen, std::size_t phase);
     // The signal of a channel as it is, before its recorder.
     double signal(std::size_t channel) const;
 
@@ -76,6 +79,9 @@ class Flow final {
     bool all_guards(double t, const double* y, double* g);
     void switch_element(double t, int element, int which);
     void wind_clocks(double t);
+    std::size_t common_period() const;
+    std::vector<std::pair<double, std::size_t>> events(std::size_t phase) const;
+    Eigen::MatrixXd spread_over_a_sample(const Frozen& frozen) const;
     std::vector<Eigen::MatrixXd> jumps();
     void tick(double t);
     double next_tick(double t) const;
@@ -101,7 +107,9 @@ class Flow final {
     std::vector<double> y_, out_, terms_, trial_, n0_, n1_, slope_, g0_, g1_;
     Cell cell_;
     std::vector<long> ticks_, put_out_;
-    std::vector<Eigen::MatrixXd> jumps_;  // of every clock, its waiting outputs and its tick; empty until asked for
+    std::vector<Eigen::MatrixXd> jumps_;  // of every clock its waiting outputs, then of each its tick; empty until asked for
+    std::size_t phases_ = 1;
+    bool spread_ = false;  // ticks do not repeat soon: their gains are those of ticks spread over time
     std::unique_ptr<DelayMemory> memory_;
     long switches_ = 0;
     bool at_end_ = false;  // out_ holds outputs and guards of the present state: the last sample took one whole step

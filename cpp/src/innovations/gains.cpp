@@ -19,10 +19,11 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr int short_while = 100;      // samples within which a state's typical size is reached
+constexpr std::size_t short_while = 100;      // samples within which a state's typical size is reached
 constexpr double forgotten = 100.0;   // s: see steady()
 constexpr double unknown = 100.0;     // of that size: what is not known of the first state
 constexpr std::size_t one_by_one = 50;  // first samples with gains of their own
+constexpr int eighths = 3;              // of every octave, then: a power of two of pieces
 constexpr std::size_t most_pieces = 400;
 constexpr double settled_gain = 1e-3;  // relative difference of log det S per channel: the steady gain takes over
 constexpr double white_floor = 1e-3;  // of a sensor's drive: no reading is exact, and R has an inverse
@@ -38,12 +39,9 @@ StateSpace::StateSpace(const Frozen& frozen, Flow& flow, const SampledRecord& re
                n = states + torques, m = static_cast<Eigen::Index>(record.channels().size());
     const bool drifts = noise.drifts();
     const Eigen::Index size = n + (drifts ? 2 : 1) * m;
-    const MatrixXd flowed = flow.over_a_sample(frozen);
     sensors_ = n;
     step_ = record.step();
-    F = MatrixXd::Zero(size, size);
-    F.topLeftCorner(states, states) = flowed.topLeftCorner(states, states);
-    F.block(0, states, states, torques) = flowed.block(0, flow.first_torque(), states, torques);
+    MatrixXd own = MatrixXd::Zero(size, size);  // what no tick changes
     Q = MatrixXd::Zero(size, size);
     C = MatrixXd::Zero(m, size);
     C.leftCols(states) = frozen.outputs.leftCols(states);
@@ -52,25 +50,35 @@ StateSpace::StateSpace(const Frozen& frozen, Flow& flow, const SampledRecord& re
     R = MatrixXd::Zero(m, m);
     for (Eigen::Index j = 0; j < m; ++j) {
         const SensorNoise& s = noise.sensors[static_cast<std::size_t>(j)];
-        F(n + j, n + j) = s.memory;
+        own(n + j, n + j) = s.memory;
         Q(n + j, n + j) = s.drive * s.drive;
         if (drifts) {
-            F(n + m + j, n + m + j) = s.drift.memory;
+            own(n + m + j, n + m + j) = s.drift.memory;
             Q(n + m + j, n + m + j) = s.drift.drive * s.drift.drive;
         }
         R(j, j) = s.white * s.white + white_floor * white_floor * s.drive * s.drive;
     }
     Eigen::Index b = states;
     for (const auto& [body, torque] : noise.torque) {
-        F(b, b) = torque.memory;
+        own(b, b) = torque.memory;
         Q(b, b) = torque.drive * torque.drive;
         ++b;
+    }
+    for (std::size_t phase = 0; phase < flow.phases(); ++phase) {
+        const MatrixXd flowed = flow.over_a_sample(frozen, phase);
+        own.topLeftCorner(states, states) = flowed.topLeftCorner(states, states);
+        own.block(0, states, states, torques) = flowed.block(0, flow.first_torque(), states, torques);
+        F.push_back(own);
     }
 }
 
 VectorXd StateSpace::scale() const {
-    MatrixXd reached = Q, power = F;
-    for (int k = 1; k < short_while; k *= 2) {  // Σ Fᵏ Q F'ᵏ, doubled
+    MatrixXd reached = Q, power = F.front();  // of a period, then doubled: Σ Fᵏ Q F'ᵏ
+    for (std::size_t phase = 1; phase < F.size(); ++phase) {
+        reached = product(product(F[phase], reached), F[phase].transpose()) + Q;
+        power = product(F[phase], power);
+    }
+    for (std::size_t k = F.size(); k < short_while; k *= 2) {
         reached += product(product(power, reached), power.transpose());
         power = product(power, power);
     }
@@ -91,47 +99,61 @@ KalmanGains::Set StateSpace::gain(const MatrixXd& P) const {
 RiccatiDoubling StateSpace::doubling(const VectorXd& s, double kept) const {
     const VectorXd outputs = (C * s.asDiagonal()).rowwise().norm().cwiseMax(R.diagonal().cwiseSqrt());
     const MatrixXd own = outputs.cwiseInverse().asDiagonal(), inverse = s.cwiseInverse().asDiagonal();
-    return {kept * (inverse * F * s.asDiagonal()), inverse * Q * inverse, own * C * s.asDiagonal(), own * R * own};
+    std::vector<MatrixXd> scaled;
+    for (const MatrixXd& f : F) scaled.emplace_back(kept * (inverse * f * s.asDiagonal()));
+    return {scaled, inverse * Q * inverse, own * C * s.asDiagonal(), own * R * own};
 }
 
-KalmanGains::Set StateSpace::steady() const {
+KalmanGains::Phased StateSpace::gains(MatrixXd P, std::size_t phase) const {
+    KalmanGains::Phased found{std::vector<KalmanGains::Set>(F.size())};
+    for (std::size_t k = 0; k < F.size(); ++k, phase = (phase + 1) % F.size()) {
+        found.sets[phase] = gain(P);
+        if (k + 1 < F.size()) P = next(P, found.sets[phase], phase);
+    }
+    return found;
+}
+
+KalmanGains::Phased StateSpace::steady() const {
     const VectorXd reached = scale(), s = (reached.array() > 0.0).select(reached, 1.0);
-    if (F.rows() == sensors_ + C.rows() && reached.head(sensors_).isZero(0)) {
+    if (Q.rows() == sensors_ + C.rows() && reached.head(sensors_).isZero(0)) {
         // a simulation: nothing but the sensors' own noise is to be learned
-        MatrixXd P = MatrixXd::Zero(F.rows(), F.rows());
-        for (Eigen::Index j = sensors_, k = 0; j < F.rows(); ++j, ++k) {
-            const double f = F(j, j), q = Q(j, j), r = R(k, k), b = r * (1.0 - f * f) - q;
+        MatrixXd P = MatrixXd::Zero(Q.rows(), Q.rows());
+        for (Eigen::Index j = sensors_, k = 0; j < Q.rows(); ++j, ++k) {
+            const double f = F.front()(j, j), q = Q(j, j), r = R(k, k), b = r * (1.0 - f * f) - q;
             P(j, j) = 0.5 * (-b + std::sqrt(b * b + 4.0 * q * r));
         }
-        return gain(P);
+        return {{gain(P)}};
     }
     // what nothing shows and nothing feels may walk away, as the difference of two slaves' equalisers does that both act on
     // the master: forgotten over minutes it stays finite, and no gain feels it
     Steady found = doubling(s, 1.0).steady();
     if (!found.converged) found = doubling(s, std::exp(-step_ / forgotten)).steady();
     if (!found.converged) throw std::domain_error("kalman_gains: no steady gain; a state grows that no sensor sees");
-    return gain(s.asDiagonal() * found.P * s.asDiagonal());
+    return gains(s.asDiagonal() * found.P * s.asDiagonal(), 0);
 }
 
 StateSpace::Later::Later(const StateSpace& space)
     : scale_(space.scale().unaryExpr([](double x) { return x > 0.0 ? x : 1.0; })),
       doubling_(space.doubling(scale_, 1.0)) {}
 
-MatrixXd StateSpace::Later::operator()(const MatrixXd& P, long samples) {
+MatrixXd StateSpace::Later::operator()(const MatrixXd& P, std::size_t phase, std::size_t samples) {
     const MatrixXd inverse = scale_.cwiseInverse().asDiagonal();
-    return scale_.asDiagonal() * doubling_.after(inverse * P * inverse, samples) * scale_.asDiagonal();
+    return scale_.asDiagonal() * doubling_.after(inverse * P * inverse, phase, samples) * scale_.asDiagonal();
 }
 
 MatrixXd StateSpace::start(const VectorXd& deviation) const {
-    MatrixXd P = MatrixXd::Zero(F.rows(), F.rows());
+    MatrixXd P = MatrixXd::Zero(Q.rows(), Q.rows());
     for (Eigen::Index k = 0; k < states_; ++k) P(k, k) = std::pow(deviation(k), 2);
-    for (Eigen::Index k = states_; k < F.rows(); ++k) P(k, k) = Q(k, k) / std::max(1e-9, 1.0 - F(k, k) * F(k, k));
+    for (Eigen::Index k = states_; k < Q.rows(); ++k) {
+        const double memory = F.front()(k, k);
+        P(k, k) = Q(k, k) / std::max(1e-9, 1.0 - memory * memory);
+    }
     return P;
 }
 
-MatrixXd StateSpace::next(const MatrixXd& P, const KalmanGains::Set& set) const {
+MatrixXd StateSpace::next(const MatrixXd& P, const KalmanGains::Set& set, std::size_t phase) const {
     const MatrixXd after = P - product(set.K, product(C, P));
-    const MatrixXd next = product(product(F, after), F.transpose()) + Q;
+    const MatrixXd next = product(product(F[phase], after), F[phase].transpose()) + Q;
     return 0.5 * (next + next.transpose());
 }
 
@@ -148,33 +170,43 @@ FirstGains::Known& FirstGains::known() {
     return *found;
 }
 
-void FirstGains::begin(const VectorXd& deviation) {
+void FirstGains::begin(std::size_t phase, const VectorXd& deviation) {
     mode_ = &flow_.now();
+    first_phase_ = phase;
     covariance_ = known().space.start(deviation);
 }
 
-void FirstGains::at(std::size_t sample, const KalmanGains::Set& steady) {
+void FirstGains::at(std::size_t sample, const KalmanGains::Phased& steady) {
     const bool same = mode_ == &flow_.now();
     if (!kept_.empty() && sample < kept_.back().end) {
         if (same) return;
         kept_.back().end = sample;
     }
-    const std::size_t length = sample < one_by_one ? 1 : std::size_t{1} << (std::ilogb(static_cast<double>(sample)) - 3);
+    const std::size_t length =
+        sample < one_by_one ? 1 : std::size_t{1} << (std::ilogb(static_cast<double>(sample)) - eighths);
     const std::size_t middle = sample + length / 2;
-    const auto ahead = static_cast<long>(middle) - static_cast<long>(of_);  // in the mode till now
-    if (ahead == 1)
-        covariance_ = known().space.next(covariance_, kept_.back().set);
-    else if (ahead > 1)
-        covariance_ = known().later(covariance_, ahead);
+    const std::size_t before = (first_phase_ + of_) % flow_.phases();
+    if (middle == of_ + 1)  // in the mode till now
+        covariance_ = known().space.next(covariance_, kept_.back().sets[before], before);
+    else if (middle > of_)
+        covariance_ = known().later(covariance_, before, middle - of_);
     of_ = std::max(of_, middle);
     mode_ = &flow_.now();
-    kept_.push_back({known().space.gain(covariance_), sample + length});
-    const double away = std::abs(kept_.back().set.log_det - steady.log_det);
+    const std::size_t phase = (first_phase_ + of_) % flow_.phases();
+    const StateSpace& space = known().space;
+    kept_.push_back({length == 1 ? KalmanGains::Phased{{space.gain(covariance_)}} : space.gains(covariance_, phase),
+                     sample + length});
+    if (!std::isfinite(kept_.back().sets[phase].log_det)) {  // the machine's tangent grows there beyond numbers
+        kept_.pop_back();
+        done_ = true;
+        return;
+    }
+    const double away = std::abs(kept_.back().sets[phase].log_det - steady[phase].log_det);
     done_ = kept_.size() >= most_pieces || !(away > settled_gain * static_cast<double>(record_.channels().size()));
 }
 
-KalmanGains::Set steady_gain(Flow& flow, const SampledRecord& record, const NoiseModel& noise, unsigned pattern,
-                             double speed) {
+KalmanGains::Phased steady_gain(Flow& flow, const SampledRecord& record, const NoiseModel& noise, unsigned pattern,
+                                double speed) {
     return StateSpace(flow, record, noise, pattern, speed).steady();
 }
 

@@ -8,27 +8,30 @@
 
 namespace dualdrive::innovations {
 
-// x_{k+1} = F x_k + w, y_k = C x_k + v with covariances Q and R; x = (states of the machine, torques of
-// unknown course, noise of the sensors, their zeros where those drift).
+// x_{k+1} = F x_k + w, y_k = C x_k + v with covariances Q and R; F by phase of the ticks of sampled loops; x = (states of
+// the machine, torques of unknown course, noise of the sensors, their zeros where those drift).
 struct StateSpace {
-    Eigen::MatrixXd F, Q, C, R;
+    std::vector<Eigen::MatrixXd> F;
+    Eigen::MatrixXd Q, C, R;
 
     StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel& noise, unsigned pattern, double speed);
     StateSpace(const Frozen& frozen, Flow& flow, const SampledRecord& record, const NoiseModel& noise);
 
     Eigen::VectorXd scale() const;                          // typical size of each state within a short while
     KalmanGains::Set gain(const Eigen::MatrixXd& P) const;  // from the covariance before a measurement
-    KalmanGains::Set steady() const;                        // throws std::domain_error
+    // From a covariance at a phase: of that phase and those which follow it, by phase.
+    KalmanGains::Phased gains(Eigen::MatrixXd P, std::size_t phase) const;
+    KalmanGains::Phased steady() const;  // throws std::domain_error
     // Covariance of what is not known at first; of the machine's states by their standard deviations.
     Eigen::MatrixXd start(const Eigen::VectorXd& deviation) const;
     // The covariance before the next measurement, from that before this one and its gain.
-    Eigen::MatrixXd next(const Eigen::MatrixXd& P, const KalmanGains::Set& set) const;
+    Eigen::MatrixXd next(const Eigen::MatrixXd& P, const KalmanGains::Set& set, std::size_t phase) const;
 
     // The covariance before a measurement, so many samples later.
     class Later {
       public:
         explicit Later(const StateSpace& space);
-        Eigen::MatrixXd operator()(const Eigen::MatrixXd& P, long samples);
+        Eigen::MatrixXd operator()(const Eigen::MatrixXd& P, std::size_t phase, std::size_t samples);
 
       private:
         Eigen::VectorXd scale_;
@@ -44,14 +47,14 @@ struct StateSpace {
     double step_;           // s
 };
 
-// The gains of the first samples of a stretch, worked out as it is replayed: one by one, then four of every octave, each
+// The gains of the first samples of a stretch, worked out as it is replayed: one by one, then eight of every octave, each
 // that of the middle of the samples which it serves.
 class FirstGains {
   public:
     FirstGains(Flow& flow, const SampledRecord& record, const NoiseModel& noise, std::vector<KalmanGains::Piece>& kept);
-    void begin(const Eigen::VectorXd& deviation);
+    void begin(std::size_t phase, const Eigen::VectorXd& deviation);
     // At a sample, counted from the first; `steady`: what they approach.
-    void at(std::size_t sample, const KalmanGains::Set& steady);
+    void at(std::size_t sample, const KalmanGains::Phased& steady);
     bool done() const { return done_; }
 
   private:
@@ -68,12 +71,12 @@ class FirstGains {
     std::map<const Frozen*, std::unique_ptr<Known>> known_;
     const Frozen* mode_ = nullptr;
     Eigen::MatrixXd covariance_;  // of the state before the sample `of_`
-    std::size_t of_ = 0;
+    std::size_t of_ = 0, first_phase_ = 0;
     bool done_ = false;
 };
 
 // Of one contact pattern. Throws std::domain_error.
-KalmanGains::Set steady_gain(Flow& flow, const SampledRecord& record, const NoiseModel& noise, unsigned pattern,
-                             double speed);
+KalmanGains::Phased steady_gain(Flow& flow, const SampledRecord& record, const NoiseModel& noise, unsigned pattern,
+                                double speed);
 
 }  // namespace dualdrive::innovations

@@ -60,7 +60,7 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
     const bool drifts = gains.noise.drifts();
     const Eigen::Index size = n + (drifts ? 2 : 1) * m;
     for (const auto& [pattern, set] : gains.steady)
-        if (set.K.rows() != size) throw std::invalid_argument("predict: gains of a machine with other states");
+        if (set[0].K.rows() != size) throw std::invalid_argument("predict: gains of a machine with other states");
 
     Prediction out;
     out.states = flow.layout().state_names;
@@ -86,8 +86,8 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
     const std::map<std::string, double> at_zero;
     Vector noise = Vector::Zero(m), drift = Vector::Zero(m), e(m), r(m), output(m), correction(size);
     std::unique_ptr<innovations::Flow> tangents;  // apart from the flow, whose state it would disturb
-    std::map<unsigned, KalmanGains::Set> met;
-    const auto steady = [&](unsigned pattern) -> const KalmanGains::Set& {
+    std::map<unsigned, KalmanGains::Phased> met;
+    const auto steady = [&](unsigned pattern) -> const KalmanGains::Phased& {
         const auto known = gains.steady.find(pattern);
         if (known != gains.steady.end()) return known->second;
         auto& more = options.learn_first ? gains.steady : met;
@@ -106,14 +106,15 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
             noise.setZero();
             drift.setZero();
             end = ++stretch < record.starts().size() ? record.starts()[stretch] : samples;
-            const auto known = gains.first.find(flow.now().pattern);
+            const KalmanGains::Begin begins{flow.now().pattern, flow.phase(k)};
+            const auto known = gains.first.find(begins);
             first = known != gains.first.end() ? &known->second : nullptr;
             piece = 0;
             learning.reset();
             if (options.learn_first && !first) {
-                first = &gains.first[flow.now().pattern];
+                first = &gains.first[begins];
                 learning = std::make_unique<innovations::FirstGains>(flow, record, gains.noise, *first);
-                learning->begin(gains.at_first);
+                learning->begin(begins.second, gains.at_first);
             }
         }
         innovations::Frozen* now = &flow.now();
@@ -130,14 +131,16 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
             const std::size_t row = k + readings[static_cast<std::size_t>(j)].shift();
             e(j) = row < end ? record.measured(row)[j] - offsets(j) - output(j) - noise(j) - drift(j) : 0.0;
         }
-        const KalmanGains::Set* set = &steady(now->pattern);
+        const KalmanGains::Phased& approached = steady(now->pattern);
+        const std::size_t phase = flow.phase(k);
+        const KalmanGains::Set* set = &approached[phase];
         if (learning) {
-            learning->at(k - begin, *set);
+            learning->at(k - begin, approached);
             if (learning->done()) learning.reset();
         }
         while (first && piece < first->size() && k - begin >= (*first)[piece].end) ++piece;
         const bool early = first && piece < first->size();
-        if (early) set = &(*first)[piece].set;
+        if (early) set = &(*first)[piece].sets[phase];
         r.noalias() = set->whitening * e;
         // what is not known of the state at first costs a model with more states more: that is not held against it
         const bool counts = k - begin >= static_cast<std::size_t>(options.given);

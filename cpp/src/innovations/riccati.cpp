@@ -31,38 +31,55 @@ MatrixXd product(const MatrixXd& A, const MatrixXd& B) {
     return out.topRows(rows);
 }
 
-RiccatiDoubling::RiccatiDoubling(const MatrixXd& F, const MatrixXd& Q, const MatrixXd& C, const MatrixXd& R)
-    : levels_{{F.transpose(), C.transpose() * R.ldlt().solve(C), Q}} {}
+RiccatiDoubling::RiccatiDoubling(const std::vector<MatrixXd>& F, const MatrixXd& Q, const MatrixXd& C,
+                                 const MatrixXd& R) {
+    const MatrixXd G = C.transpose() * R.ldlt().solve(C);
+    for (const MatrixXd& own : F) phases_.push_back({own.transpose(), G, Q});
+}
+
+RiccatiDoubling::Level RiccatiDoubling::both(const Level& first, const Level& second) {
+    const MatrixXd one = MatrixXd::Identity(first.A.rows(), first.A.cols());
+    const MatrixXd W = (one + product(second.G, first.H)).partialPivLu().inverse(), AW = product(first.A, W);
+    const MatrixXd G = first.G + product(product(AW, second.G), first.A.transpose());
+    const MatrixXd H = second.H + product(second.A.transpose(), product(first.H, product(W, second.A)));
+    return {product(AW, second.A), 0.5 * (G + G.transpose()), 0.5 * (H + H.transpose())};
+}
+
+// P = L L': A' P (1 + G P)⁻¹ A = X' X with X = M^(−1/2) L' A, M = 1 + L' G L, which stays a covariance whatever the rounding.
+MatrixXd RiccatiDoubling::through(const Level& level, const MatrixXd& P) {
+    const Eigen::LDLT<MatrixXd> factor(P);
+    const Eigen::VectorXd roots = factor.vectorD().cwiseMax(0.0).cwiseSqrt();
+    MatrixXd L = factor.matrixL();
+    L = factor.transpositionsP().transpose() * (L * roots.asDiagonal()).eval();
+    MatrixXd M = product(product(L.transpose(), level.G), L);
+    M.diagonal().array() += 1.0;
+    const Eigen::LLT<MatrixXd> inner(M);
+    const MatrixXd X = inner.matrixL().solve(product(L.transpose(), level.A));
+    return level.H + product(X.transpose(), X);
+}
 
 const RiccatiDoubling::Level& RiccatiDoubling::level(std::size_t k) {
-    const MatrixXd one = MatrixXd::Identity(levels_.front().A.rows(), levels_.front().A.cols());
-    while (levels_.size() <= k) {
-        const auto& [A, G, H] = levels_.back();
-        const MatrixXd W = (one + product(G, H)).partialPivLu().inverse(), back = A.transpose();
-        const MatrixXd AW = product(A, W), wider = G + product(product(AW, G), back),
-                       later = H + product(back, product(H, product(W, A)));
-        Level next{product(AW, A), 0.5 * (wider + wider.transpose()), 0.5 * (later + later.transpose())};
-        levels_.push_back(std::move(next));
+    if (levels_.empty()) {
+        levels_.push_back(phases_.front());
+        for (std::size_t phase = 1; phase < phases_.size(); ++phase)
+            levels_.back() = both(levels_.back(), phases_[phase]);
     }
+    while (levels_.size() <= k) levels_.push_back(both(levels_.back(), levels_.back()));
     return levels_[k];
 }
 
-MatrixXd RiccatiDoubling::after(MatrixXd P, long samples) {
-    for (std::size_t k = 0; samples > 0; ++k, samples /= 2) {
-        if (samples % 2 == 0) continue;
-        const auto& [A, G, H] = level(k);
-        const MatrixXd one = MatrixXd::Identity(P.rows(), P.cols());
-        const MatrixXd solved = (one + product(G, P)).partialPivLu().solve(A);
-        const MatrixXd later = H + product(A.transpose(), product(P, solved));
-        P = 0.5 * (later + later.transpose());
-    }
+MatrixXd RiccatiDoubling::after(MatrixXd P, std::size_t phase, std::size_t samples) {
+    for (; samples > 0 && phase != 0; --samples, phase = (phase + 1) % phases_.size()) P = through(phases_[phase], P);
+    std::size_t periods = samples / phases_.size();
+    for (std::size_t k = 0; periods > 0; ++k, periods /= 2)
+        if (periods % 2 == 1) P = through(level(k), P);
+    for (samples %= phases_.size(); samples > 0; --samples, ++phase) P = through(phases_[phase], P);
     return P;
 }
 
 Steady RiccatiDoubling::steady() {
     for (std::size_t k = 1; k <= most_doublings; ++k) {
-        const MatrixXd& H = level(k).H;
-        const MatrixXd& before = levels_[k - 1].H;
+        const MatrixXd H = level(k).H, before = level(k - 1).H;
         if (!H.allFinite()) return {before, false};
         if ((H - before).norm() <= converged_at * H.norm()) return {H, true};
     }

@@ -14,22 +14,26 @@ struct Steady {
     bool converged;
 };
 
-// P⁺ = F P F' + Q − F P C' (C P C' + R)⁻¹ C P F' over 1, 2, 4, … samples at once, by the structure-preserving doubling
-// algorithm: each level squares the horizon. Chu, Fan, Lin, Wang, International Journal of Control 77 (2004) 767–788.
+// P⁺ = F P F' + Q − F P C' (C P C' + R)⁻¹ C P F', F by phase, over one sample, over a period, and over 2, 4, … periods at
+// once, by the structure-preserving doubling algorithm: each level squares the horizon. Chu, Fan, Lin, Wang, International
+// Journal of Control 77 (2004) 767–788; periodic: Chu, Fan, Lin, Wang, International Journal of Control 77 (2004) 767 and
+// Linear Algebra and its Applications 377 (2004) 1–22.
 class RiccatiDoubling {
   public:
-    RiccatiDoubling(const Eigen::MatrixXd& F, const Eigen::MatrixXd& Q, const Eigen::MatrixXd& C,
+    RiccatiDoubling(const std::vector<Eigen::MatrixXd>& F, const Eigen::MatrixXd& Q, const Eigen::MatrixXd& C,
                     const Eigen::MatrixXd& R);
-    // The covariance so many samples later.
-    Eigen::MatrixXd after(Eigen::MatrixXd P, long samples);
-    Steady steady();
+    // The covariance so many samples after one of a phase.
+    Eigen::MatrixXd after(Eigen::MatrixXd P, std::size_t phase, std::size_t samples);
+    Steady steady();  // at phase 0
 
   private:
     struct Level {
-        Eigen::MatrixXd A, G, H;  // over 2ᵏ samples: P⁺ = H + A' P (1 + G P)⁻¹ A
+        Eigen::MatrixXd A, G, H;  // P⁺ = H + A' P (1 + G P)⁻¹ A
     };
+    static Level both(const Level& first, const Level& second);
+    static Eigen::MatrixXd through(const Level& level, const Eigen::MatrixXd& P);
     const Level& level(std::size_t k);
-    std::vector<Level> levels_;
+    std::vector<Level> phases_, levels_;  // over one sample; over 2ᵏ periods
 };
 
 // e^X and h φ₁(X), h φ₂(X) for X = A h: φ₁ = (e^X − 1)/X, φ₂ = (e^X − 1 − X)/X²; Taylor series of a halved X, then

@@ -12,7 +12,9 @@ namespace dualdrive::innovations {
 
 namespace {
 
-constexpr int most_parts = 64;  // of a sample, between ticks
+constexpr int most_parts = 64;           // of a sample, between ticks
+constexpr std::size_t most_phases = 40;  // samples after which the ticks repeat
+constexpr double alike = 1e-6;           // times, in samples
 
 }  // namespace
 
@@ -108,12 +110,79 @@ std::vector<Eigen::MatrixXd> Flow::jumps() {
     return found;
 }
 
-// A loop that ticks less often than the record is read is spread over the samples from one tick to the next: the gains are
-// those of a machine that does not change in time. The state itself flows with the ticks where they are.
-Eigen::MatrixXd Flow::over_a_sample(const Frozen& frozen) {
+// Samples after which all clocks repeat; 0 where that takes too many.
+std::size_t Flow::common_period() const {
+    for (std::size_t samples = 1; samples <= most_phases; ++samples) {
+        const bool all = std::all_of(layout_.clocks.begin(), layout_.clocks.end(), [&](const Clock& k) {
+            const double ticks = static_cast<double>(samples) * record_.step() / k.period;
+            return ticks > 0.5 && std::abs(ticks - std::round(ticks)) < alike * ticks;
+        });
+        if (all) return samples;
+    }
+    return 0;
+}
+
+std::size_t Flow::phase(std::size_t sample) const {
+    if (phases_ == 1) return 0;
+    double period = static_cast<double>(phases_) * record_.step();
+    const double ticks = std::round(period / layout_.clocks.front().period);
+    period = ticks * layout_.clocks.front().period;  // as the clocks have it: a record's own step may slip
+    const double turns = (record_.times()[sample] - record_.begin()) / period;
+    const auto nearest = static_cast<std::size_t>(std::lround((turns - std::floor(turns)) * double(phases_)));
+    return nearest % phases_;
+}
+
+// What happens from a sample of a phase to the next one, both in samples after the first of them: (when, index into
+// jumps_), in the order in which tick() does it.
+std::vector<std::pair<double, std::size_t>> Flow::events(std::size_t phase) const {
+    std::vector<std::pair<double, std::size_t>> found;
+    const auto clocks = layout_.clocks.size();
+    for (std::size_t c = 0; c < clocks; ++c) {
+        const Clock& k = layout_.clocks[c];
+        const auto turn = static_cast<double>(phases_);
+        const double period = turn / std::round(turn * record_.step() / k.period);
+        const auto add = [&](double late, std::size_t jump) {
+            const double since = (static_cast<double>(phase) - late) / period;  // periods
+            const double next = std::floor(since + alike) + 1.0;
+            for (double j = next; (j - since) * period < 1.0 + alike; j += 1.0)
+                found.emplace_back(std::min(1.0, (j - since) * period), jump);
+        };
+        if (k.latency > 0) add(k.latency / record_.step(), c);
+        add(0.0, clocks + c);
+    }
+    std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) {
+        return std::abs(a.first - b.first) > alike ? a.first < b.first : a.second < b.second;
+    });
+    return found;
+}
+
+Eigen::MatrixXd Flow::over_a_sample(const Frozen& frozen, std::size_t phase) {
     const double step = record_.step();
     if (layout_.clocks.empty()) return exponentials(frozen.A, step).flow;
     if (jumps_.empty()) jumps_ = jumps();
+    if (spread_) return spread_over_a_sample(frozen);
+    const Eigen::MatrixXd whole = exponentials(frozen.A, step).flow;
+    Eigen::MatrixXd flow = Eigen::MatrixXd::Identity(n_, n_);
+    double at = 0.0;
+    const auto go_on = [&](double till) {
+        if (till - at > 1.0 - alike)
+            flow = whole * flow;
+        else if (till - at > alike)
+            flow = exponentials(frozen.A, (till - at) * step).flow * flow;
+        at = till;
+    };
+    for (const auto& [when, jump] : events(phase)) {
+        if (when - at > alike) go_on(when);
+        flow.topRows(states()) = (jumps_[jump] * flow.topRows(states())).eval();
+    }
+    go_on(1.0);
+    return flow;
+}
+
+// Loops whose ticks do not repeat soon are spread over the samples from one tick to the next: the gains are those of a
+// machine that does not change in time. The state itself flows with the ticks where they are.
+Eigen::MatrixXd Flow::spread_over_a_sample(const Frozen& frozen) const {
+    const double step = record_.step();
     double shortest = step;
     for (const Clock& k : layout_.clocks) shortest = std::min(shortest, k.period);
     const int parts = static_cast<int>(std::min(std::round(step / shortest), double(most_parts)));

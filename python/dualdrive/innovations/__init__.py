@@ -7,7 +7,6 @@ Sources: Kristensen, Madsen, Jørgensen, Automatica 40 (2004) 225-237; Ljung, Sy
 
 from __future__ import annotations
 
-from dualdrive.innovations.first_states import begun
 from dualdrive.innovations.greybox import Counter, GreyBox
 from dualdrive.innovations.levenberg_marquardt import fit, inflation
 from dualdrive.innovations.likelihood import maximum_likelihood
@@ -24,7 +23,6 @@ __all__ = [
     "Point",
     "Predictable",
     "Variant",
-    "begun",
     "drive_torque",
     "first_noise",
     "fit",

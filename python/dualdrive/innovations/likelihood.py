@@ -130,12 +130,16 @@ def _scale_information(
     total = np.zeros((len(moved), len(moved)))
     for k, (own, r) in enumerate(zip(gains, point.residuals, strict=True)):
         pattern = max(own.patterns)
-        W = own.whitening(pattern)
-        inverse = np.linalg.inv(W)
-        rows = [
-            ((f[1][k].whitening(pattern) - W) / s @ inverse).ravel() if f else np.zeros(W.size)
-            for f, s in zip(moved, steps, strict=True)
-        ]
-        B = np.stack(rows)
-        total += len(r) * (B @ B.T)
+        phases = own.phases(pattern)
+        for phase in range(phases):
+            W = own.whitening(pattern, phase)
+            inverse = np.linalg.inv(W)
+            rows = [
+                ((f[1][k].whitening(pattern, phase) - W) / s @ inverse).ravel()
+                if f
+                else np.zeros(W.size)
+                for f, s in zip(moved, steps, strict=True)
+            ]
+            B = np.stack(rows)
+            total += len(r) / phases * (B @ B.T)
     return total

@@ -31,7 +31,6 @@ from dualdrive.innovations import (
     Noise,
     Point,
     Variant,
-    begun,
     first_noise,
     fit,
     inflation,
@@ -218,7 +217,7 @@ class _Search:
         found = self._final(point, self.wide)
         if found is None:
             raise lost
-        self.whole = whole = self._begun(found)
+        # stretches that begin from where the refitted machine has them
         self.grey = self._some(found)
         found = self._likeliest(nothing, found.point.theta, found.noise) or found
         # the first guess of the sensors was rough: again from much unknown torque, with theirs
@@ -229,16 +228,8 @@ class _Search:
             again = self._final(found.point, replace(found.noise, torque=torque))
             if again and again.point.minus_two_log < found.point.minus_two_log:
                 found = again
-        self.whole = self._begun(found)
-        # stretches that begin from where the refitted machine has them
         self.grey = self._some(found)
         return self._likeliest(nothing, found.point.theta, found.noise) or found
-
-    def _begun(self, f: Fitted) -> GreyBox:
-        """All records, from where they are likeliest to begin under a fitted machine."""
-        if not any(r.unsure for r in self.whole.records):
-            return self.whole
-        return begun(self.whole, *self._on_whole(f))
 
     def _some(self, f: Fitted) -> GreyBox:
         """Stretches of the records, begun as a fitted machine has it."""
