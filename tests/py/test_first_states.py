@@ -7,6 +7,7 @@ leaves white innovations in all of them.
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -107,6 +108,37 @@ def test_the_true_machine_leaves_noise_alone(loop: str, lead: float, noise: str)
     point, _, gains = likeliest(own)
     assert inflation(point) < 1.4
     assert missing(own, point, gains) < 0.01
+
+
+@pytest.mark.parametrize("loop", ["continuous", "sampled"])
+def test_the_noise_found_is_as_likely_as_the_true_one(loop: str) -> None:
+    """Gains of ticks spread over the samples fell short by 380, and by more with other noise."""
+    own = grey_box(loop, 0.0, "coloured")
+    point, found, _ = likeliest(own)
+    true = dict(zip(own.records[0].kinds, SENSORS, strict=True))
+    sensors = replace(
+        found,
+        drive={kind: drive for kind, (drive, _, _) in true.items()},
+        memory={kind: memory for kind, (_, memory, _) in true.items()},
+        drift={kind: 1e-4 * drive for kind, (drive, _, _) in true.items()},
+    )
+    [there] = own.likelihoods(point.variant, [(own.start(point.variant), sensors)])
+    assert there is not None
+    assert point.minus_two_log < there[0].minus_two_log + 20.0
+
+
+def test_gains_repeat_with_the_ticks() -> None:
+    """1.37 ms and samples of 1 ms meet too late: those ticks are spread."""
+    phases = {}
+    for period in (0.0, 2e-3, 4e-3, 1.37e-3):
+        core = bench()
+        for loop in ("speed", "position", "tension"):
+            core.set(f"controller.{loop}_sample", period)
+        seen = record({"theta_ref": REVERSALS}, np.zeros((10, len(CHANNELS))))
+        gains = _core.kalman_gains(core, seen, SENSORS, {"table": (2e-3, 0.99)})
+        phases[period] = gains.phases(3)
+        assert np.isfinite([gains.log_det(3, k) for k in range(gains.phases(3))]).all()
+    assert phases == {0.0: 1, 2e-3: 2, 4e-3: 4, 1.37e-3: 1}
 
 
 def test_a_simulation_begins_with_the_tension_that_was_there() -> None:

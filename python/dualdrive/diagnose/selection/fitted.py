@@ -54,7 +54,7 @@ class Fitted:
 class Selection:
     """What a search found.
 
-    grey:     all samples of the records, begun as the search found them to begin
+    grey:     all samples of the records
     base:     nothing but refitted numbers
     finals:   best first, `base` among them
     screened: every score test that was done, best gain first: (beside what, score)

@@ -40,7 +40,7 @@ from dualdrive.innovations import (
 
 Array = NDArray[np.float64]
 
-_SCORINGS = 25  # most steps of an estimate of numbers and noise together
+_SCORINGS = 40  # most steps of an estimate of numbers and noise together
 _AGAIN = (1.0, 0.1)  # of the wide torque, from which the base is searched anew
 
 
@@ -74,17 +74,14 @@ class _Search:
     def run(self) -> Selection:
         base = self._base()
         self._keep([base])
-        leader, stop = base, self.whole.counter.stop
-        if not stop() and not leaves_noise(self.core, self.grey, base):
-            leader = self._forward(base, parts=True)
+        stop = self.whole.counter.stop
+        leader = self._forward(base, parts=True)
         if self.grey is not self.whole and stop():
             self._replayed_on_all_samples(base)
         elif self.grey is not self.whole:
             leader = self._on_all_samples()
-            if not leader.variant.effects and not leaves_noise(self.core, self.whole, leader):
+            if not leader.variant.effects:
                 leader = self._forward(leader, parts=False)
-        if not self.screened and not stop():
-            self._scores(leader)
         own = (replace(f, criterion=self._criterion(f)) for f in self.finals.values())
         every = sorted(own, key=lambda f: f.criterion)
         order = sorted(self.screened, key=lambda s: -np.nan_to_num(s[1].gain, nan=-np.inf))
@@ -97,7 +94,10 @@ class _Search:
         for count in range(self.effort.most):
             if self.grey.counter.stop():
                 break
-            found = self._step(leader, parts=parts and count == 0)
+            scored = self._scores(leader)
+            if leaves_noise(self.core, self.grey, leader) and not _speaks(scored[0]):
+                break
+            found = self._step(leader, scored, parts=parts and count == 0)
             self._keep(found)
             if found:
                 richer = min(found, key=self._criterion)
@@ -110,8 +110,6 @@ class _Search:
                 break
             leader = best
             self.leader.judged(leader.variant.key, f"gain {gained:.3g}")
-            if leaves_noise(self.core, self.grey, leader):
-                break
         return leader
 
     def _on_all_samples(self) -> Fitted:
@@ -135,7 +133,12 @@ class _Search:
         else:
             self.finals.clear()
         self._keep(found)
-        return min(self.finals.values(), key=self._criterion)
+        leader = min(self.finals.values(), key=self._criterion)
+        if leader.variant.effects and not self.grey.counter.stop():
+            if simpler := self._without(leader, base.variant):
+                self._keep([simpler])
+            leader = min(self.finals.values(), key=self._criterion)
+        return leader
 
     def _replayed_on_all_samples(self, base: Fitted) -> None:
         """Of a search that was stopped on stretches: the base alone, as it was found there."""
@@ -153,7 +156,7 @@ class _Search:
                 self.finals[f.variant.key] = f
 
     def _without(self, richer: Fitted, variant: Variant) -> Fitted | None:
-        """The variant without the last effect, from the numbers and the noise found with it.
+        """A simpler variant, from the numbers and the noise found with more effects.
 
         What is gained by an effect is told against the simpler machine at its own best, which a
         search from the data sheet may have missed.
@@ -242,12 +245,14 @@ class _Search:
             raise FitError(f"{f.variant.key}: no Kalman filter follows the whole of these records")
         return found
 
-    def _step(self, leader: Fitted, parts: bool) -> list[Fitted]:
-        """Every law beside the leader: screened, the best refitted, their noise estimated."""
+    def _step(
+        self, leader: Fitted, scored: tuple[list[Scored], list[Array]], parts: bool
+    ) -> list[Fitted]:
+        """Every law beside the leader: the best scores refitted, and their noise estimated."""
         grey = self.grey
         noise, point, gains = leader.noise, leader.point, leader.gains
         over = inflation(point)
-        found, columns = self._scores(leader)
+        found, columns = scored
         refits: list[Point] = []
         chosen = self._chosen(found, parts)
         for k, s in enumerate(chosen, 1):
@@ -294,13 +299,16 @@ class _Search:
         return f.point if self.grey is self.whole else self._on_whole(f)[0]
 
     def _compared(self, points: Sequence[Point], noise: Noise) -> list[Fitted]:
-        """Laws, each under the noise that it leaves itself, and from the best one's numbers."""
+        """Laws, each under the noise that it leaves itself, and from the best one's numbers.
+
+        From the leader's noise: no law, of size nought at first, can come out less likely than it.
+        """
         found = []
         for point in points:
             if self.grey.counter.stop():
                 break
             self.tell(f"the noise beside {point.variant.key}")
-            final = self._final(point, replace(noise, torque=self.wide.torque))
+            final = self._likeliest(point.variant, point.theta, noise)
             if final is not None:
                 found.append(final)
         if len(found) < 2:
@@ -341,6 +349,11 @@ class _Search:
         wide = replace(noise, torque=self.wide.torque)
         found = part_refitted(grey, variant, start, len(point.theta), noise, wide)
         return found or replace(point, variant=variant, lost=True)
+
+
+def _speaks(found: Sequence[Scored]) -> bool:
+    """Whether any law's score would be a finding: innovations may be white and still know one."""
+    return any(s.gain - 2.0 * np.log(s.variant.looks) > threshold("gain") for s in found)
 
 
 def _one_each(points: Sequence[Point]) -> list[Point]:
