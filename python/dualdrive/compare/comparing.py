@@ -298,9 +298,17 @@ def _balance(
 
 
 def _apart(one: Residual, other: Residual) -> float:
-    """What noise alone leaves of an equation, RMS, where both residuals count."""
-    both = one.fitted & other.fitted
-    return floor_of_noise(one.residual, other.residual, both) if both.any() else float("nan")
+    """What noise alone leaves of an equation, RMS, where both residuals count.
+
+    Noise may move where a filter's ends are cut off, and the samples with it.
+    """
+    shaken, fitted = other.residual, other.fitted
+    if len(one.t) != len(other.t) or one.t[0] != other.t[0]:
+        within = (one.t >= other.t[0]) & (one.t <= other.t[-1])
+        nearest = np.searchsorted(0.5 * (other.t[1:] + other.t[:-1]), one.t)
+        shaken, fitted = np.interp(one.t, other.t, shaken), fitted[nearest] & within
+    both = one.fitted & fitted
+    return floor_of_noise(one.residual, shaken, both) if both.any() else float("nan")
 
 
 def _balance_situation(trace: Trace, own: Quantity) -> Situation:

@@ -51,8 +51,7 @@ def decide(core: Any, grey: GreyBox, found: Selection) -> Decision:
     left = missing_torque(core, grey, best)
     if not found.finished:
         return Decision("unfinished", ranked, (), missing, left)
-    gained = found.base.criterion - best.criterion
-    if white(found.base) and little(missing) and gained < threshold("gain"):
+    if white(found.base) and little(missing):
         others = [(f, 0.0) for f, _ in ranked if f is not found.base]
         return Decision(
             _of_numbers(grey, found.base), [(found.base, 1.0), *others], (), missing, missing

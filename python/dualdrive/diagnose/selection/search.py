@@ -82,6 +82,8 @@ class _Search:
             leader = self._on_all_samples()
             if not leader.variant.effects:
                 leader = self._forward(leader, parts=False)
+        if not self.screened and not stop():
+            self._scores(leader)
         own = (replace(f, criterion=self._criterion(f)) for f in self.finals.values())
         every = sorted(own, key=lambda f: f.criterion)
         order = sorted(self.screened, key=lambda s: -np.nan_to_num(s[1].gain, nan=-np.inf))
@@ -94,10 +96,9 @@ class _Search:
         for count in range(self.effort.most):
             if self.grey.counter.stop():
                 break
-            scored = self._scores(leader)
-            if leaves_noise(self.core, self.grey, leader) and not _speaks(scored[0]):
+            if leaves_noise(self.core, self.grey, leader):
                 break
-            found = self._step(leader, scored, parts=parts and count == 0)
+            found = self._step(leader, self._scores(leader), parts=parts and count == 0)
             self._keep(found)
             if found:
                 richer = min(found, key=self._criterion)
@@ -349,11 +350,6 @@ class _Search:
         wide = replace(noise, torque=self.wide.torque)
         found = part_refitted(grey, variant, start, len(point.theta), noise, wide)
         return found or replace(point, variant=variant, lost=True)
-
-
-def _speaks(found: Sequence[Scored]) -> bool:
-    """Whether any law's score would be a finding: innovations may be white and still know one."""
-    return any(s.gain - 2.0 * np.log(s.variant.looks) > threshold("gain") for s in found)
 
 
 def _one_each(points: Sequence[Point]) -> list[Point]:
