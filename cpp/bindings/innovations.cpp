@@ -71,7 +71,8 @@ void bind_innovations(nb::module_& m) {
             "phases", [](const KalmanGains& g, unsigned pattern) { return g.steady.at(pattern).sets.size(); },
             nb::arg("pattern"), "Samples after which the ticks of sampled loops repeat; each has gains of its own.")
         .def(
-            "K", [](const KalmanGains& g, unsigned pattern, std::size_t phase) { return g.steady.at(pattern)[phase].K; },
+            "K",
+            [](const KalmanGains& g, unsigned pattern, std::size_t phase) { return g.steady.at(pattern)[phase].K; },
             nb::arg("pattern"), nb::arg("phase") = 0, "Shape (states + torques + channels, channels).")
         .def(
             "whitening",
@@ -81,7 +82,9 @@ void bind_innovations(nb::module_& m) {
             nb::arg("pattern"), nb::arg("phase") = 0, "S^(-1/2), lower triangular, shape (channels, channels).")
         .def(
             "log_det",
-            [](const KalmanGains& g, unsigned pattern, std::size_t phase) { return g.steady.at(pattern)[phase].log_det; },
+            [](const KalmanGains& g, unsigned pattern, std::size_t phase) {
+                return g.steady.at(pattern)[phase].log_det;
+            },
             nb::arg("pattern"), nb::arg("phase") = 0)
         .def_prop_ro(
             "learned", [](const KalmanGains& g) { return g.first.size(); },

@@ -697,13 +697,18 @@ class KalmanGains:
     def patterns(self) -> list[int]:
         """Contact patterns: bit c is set where connection c carries."""
 
-    def K(self, pattern: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]:
+    def phases(self, pattern: int) -> int:
+        """
+        Samples after which the ticks of sampled loops repeat; each has gains of its own.
+        """
+
+    def K(self, pattern: int, phase: int = 0) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]:
         """Shape (states + torques + channels, channels)."""
 
-    def whitening(self, pattern: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]:
+    def whitening(self, pattern: int, phase: int = 0) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]:
         """S^(-1/2), lower triangular, shape (channels, channels)."""
 
-    def log_det(self, pattern: int) -> float: ...
+    def log_det(self, pattern: int, phase: int = 0) -> float: ...
 
     @property
     def learned(self) -> int:

@@ -11,9 +11,9 @@ from dualdrive.identify.result import Residual
 
 def residual(begin: float, count: int, noise: float) -> Residual:
     """A slow course, and what noise changes in it."""
-    t = begin + 0.004 * np.arange(count)
+    t = begin + 0.004 * np.arange(count, dtype=np.float64)
     course = np.sin(t) + noise * np.sin(40.0 * t)
-    return Residual(t, course, np.zeros(count), np.ones(count, dtype=bool))
+    return Residual(t, course, np.zeros(count, dtype=np.float64), np.ones(count, dtype=bool))
 
 
 def test_samples_that_lie_elsewhere_tell_the_same_noise() -> None:

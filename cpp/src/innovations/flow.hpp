@@ -24,7 +24,8 @@ struct Frozen {
     std::vector<double> step;        // [e^{A h}; C e^{A h}; G e^{A h}] of a substep, column-major, padded rows
     int rows = 0;                    // of `step`
     unsigned pattern = 0;            // contacts that carry
-    std::vector<std::vector<double>> guard_gain;  // by phase: G K of the steady gain, column-major; empty until asked for
+    std::vector<std::vector<double>>
+        guard_gain;  // by phase: G K of the steady gain, column-major; empty until asked for
 };
 
 class Flow final {
@@ -107,7 +108,8 @@ class Flow final {
     std::vector<double> y_, out_, terms_, trial_, n0_, n1_, slope_, g0_, g1_;
     Cell cell_;
     std::vector<long> ticks_, put_out_;
-    std::vector<Eigen::MatrixXd> jumps_;  // of every clock its waiting outputs, then of each its tick; empty until asked for
+    std::vector<Eigen::MatrixXd>
+        jumps_;  // of every clock its waiting outputs, then of each its tick; empty until asked for
     std::size_t phases_ = 1;
     bool spread_ = false;  // ticks do not repeat soon: their gains are those of ticks spread over time
     std::unique_ptr<DelayMemory> memory_;

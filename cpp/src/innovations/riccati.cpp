@@ -12,8 +12,8 @@ using Eigen::MatrixXd;
 
 namespace {
 
-constexpr std::size_t most_doublings = 40;      // a horizon of 10¹² samples
-constexpr double converged_at = 1e-11;  // relative change of P
+constexpr std::size_t most_doublings = 40;  // a horizon of 10¹² samples
+constexpr double converged_at = 1e-11;      // relative change of P
 
 }  // namespace
 

@@ -46,6 +46,22 @@ class Library:
                     found.append(variant)
         return found
 
+    def without(self, variant: Variant, effect: tuple[str, str]) -> Variant | None:
+        """A variant without one of its effects; None where the others can't be put in alone."""
+        found: Variant | None = Variant(self.core)
+        for own in variant.effects:
+            if own == effect or found is None:
+                continue
+            counted = _counted(own[0])
+            paths = [path for path in variant.fixed if path.endswith(f".{counted}")]
+            members = {own[1], *parts_of(self.core, own[1])}
+            order = next(
+                (variant.fixed[path] for path in paths if _place(path, own[0]) in members), None
+            )
+            [h] = [h for h in self.hypotheses if h.effects == (own,)]
+            found = self._beside(found, h, order if counted else None)
+        return found
+
     def _orders(
         self, h: Hypothesis, point: Point, known: dict[tuple[str, str], list[int]]
     ) -> list[float | None]:
@@ -138,6 +154,12 @@ def _counted(effect: str) -> str:
     """The number of an effect that is an order or a count of teeth; empty: it has none."""
     names = [p.path for p in _core.effect_type(effect).parameters]
     return next((n for n in ("order", "teeth") if n in names), "")
+
+
+def _place(path: str, effect: str) -> str:
+    """Where an effect's number stands, empty for another effect's."""
+    label = path.rpartition(".")[0]
+    return label.removeprefix(f"{effect}@") if label.startswith(f"{effect}@") else ""
 
 
 def _declared(effect: str, name: str) -> Any:

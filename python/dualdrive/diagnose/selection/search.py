@@ -109,8 +109,48 @@ class _Search:
             gained = self._criterion(leader) - self._criterion(best)
             if best is leader or gained < threshold("gain"):
                 break
-            leader = best
+            leader = self._eliminated(best)
             self.leader.judged(leader.variant.key, f"gain {gained:.3g}")
+        return self._swapped(leader)
+
+    def _swapped(self, leader: Fitted) -> Fitted:
+        """Every effect but the last taken out again, and others tried in its place."""
+        for effect in leader.variant.effects[:-1]:
+            rest = self.library.without(leader.variant, effect)
+            if rest is None or rest.key not in self.finals or self.grey.counter.stop():
+                continue
+            fewer = self.finals[rest.key]
+            self._keep(self._step(fewer, self._scores(fewer), parts=False))
+        best = min(self.finals.values(), key=self._criterion)
+        if self._criterion(leader) - self._criterion(best) < threshold("gain"):
+            return leader
+        self.leader.judged(best.variant.key, "instead")
+        return best
+
+    def _eliminated(self, leader: Fitted) -> Fitted:
+        """Backward elimination: what was first may stand for what came later.
+
+        (Draper, Smith, Applied Regression Analysis, 3rd ed., 15.)
+        """
+        while len(leader.variant.effects) > 1:
+            fewer = []
+            for effect in leader.variant.effects[:-1]:  # the last one has just proved itself
+                variant = self.library.without(leader.variant, effect)
+                if variant is None or self.grey.counter.stop():
+                    continue
+                self.tell(f"{variant.key} from the numbers of {leader.variant.key}")
+                known = dict(
+                    zip(_paths(leader.variant), leader.point.theta[self.grey.shared :], strict=True)
+                )
+                extra = [known.get(path, 0.0) for path in _paths(variant)]
+                theta = np.r_[leader.point.theta[: self.grey.shared], extra]
+                if (found := self._likeliest(variant, theta, leader.noise)) is not None:
+                    fewer.append(found)
+            self._keep(fewer)
+            best = min(fewer, key=self._criterion, default=leader)
+            if self._criterion(best) > self._criterion(leader):
+                break
+            leader = self.finals[best.variant.key]
         return leader
 
     def _on_all_samples(self) -> Fitted:
@@ -350,6 +390,10 @@ class _Search:
         wide = replace(noise, torque=self.wide.torque)
         found = part_refitted(grey, variant, start, len(point.theta), noise, wide)
         return found or replace(point, variant=variant, lost=True)
+
+
+def _paths(variant: Variant) -> list[str]:
+    return [p.path for p in variant.extra]
 
 
 def _one_each(points: Sequence[Point]) -> list[Point]:
