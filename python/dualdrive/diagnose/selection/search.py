@@ -125,7 +125,7 @@ class _Search:
         if self._criterion(leader) - self._criterion(best) < threshold("gain"):
             return leader
         self.leader.judged(best.variant.key, "instead")
-        return best
+        return self._eliminated(best)
 
     def _eliminated(self, leader: Fitted) -> Fitted:
         """Backward elimination: what was first may stand for what came later.
