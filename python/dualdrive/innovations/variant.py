@@ -37,9 +37,10 @@ class Variant:
 
     @property
     def key(self) -> str:
-        """Label with its counted numbers."""
-        counts = ", ".join(dict.fromkeys(f"{v:g}" for v in self.fixed.values()))
-        return f"{self.label} ({counts})" if counts else self.label
+        """What it holds, in whatever order: effects, and the numbers that are counted."""
+        counts = ", ".join(dict.fromkeys(f"{v:g}" for _, v in sorted(self.fixed.items())))
+        label = " + ".join(sorted(f"{e}@{p}" for e, p in self.effects)) or "nothing"
+        return f"{label} ({counts})" if counts else label
 
 
 @dataclass(frozen=True, eq=False)

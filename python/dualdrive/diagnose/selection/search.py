@@ -41,6 +41,7 @@ from dualdrive.innovations import (
 Array = NDArray[np.float64]
 
 _SCORINGS = 40  # most steps of an estimate of numbers and noise together
+_PAIR = 2  # effects, of which the first was chosen by what both leave together
 _AGAIN = (1.0, 0.1)  # of the wide torque, from which the base is searched anew
 
 
@@ -111,10 +112,12 @@ class _Search:
                 break
             leader = self._eliminated(best)
             self.leader.judged(leader.variant.key, f"gain {gained:.3g}")
-        return self._swapped(leader)
+            if len(leader.variant.effects) == _PAIR:
+                leader = self._swapped(leader)
+        return leader
 
     def _swapped(self, leader: Fitted) -> Fitted:
-        """Every effect but the last taken out again, and others tried in its place."""
+        """What came before the last effect taken out again, and others tried in its place."""
         for effect in leader.variant.effects[:-1]:
             rest = self.library.without(leader.variant, effect)
             if rest is None or rest.key not in self.finals or self.grey.counter.stop():
@@ -342,16 +345,18 @@ class _Search:
     def _compared(self, points: Sequence[Point], noise: Noise) -> list[Fitted]:
         """Laws, each under the noise that it leaves itself, and from the best one's numbers.
 
-        From the leader's noise: no law, of size nought at first, can come out less likely than it.
+        From the leader's noise, since no law, of size nought at first, can come out less likely
+        than it; and from much unknown torque, since what a law mends may have shaped that noise.
         """
         found = []
         for point in points:
             if self.grey.counter.stop():
                 break
             self.tell(f"the noise beside {point.variant.key}")
-            final = self._likeliest(point.variant, point.theta, noise)
-            if final is not None:
-                found.append(final)
+            wide = self._final(point, replace(noise, torque=self.wide.torque))
+            near = self._likeliest(point.variant, point.theta, noise)
+            finals = [f for f in (wide, near) if f is not None]
+            found += sorted(finals, key=lambda f: f.point.minus_two_log)[:1]
         if len(found) < 2:
             return found
         best = min(found, key=lambda f: f.point.minus_two_log)
