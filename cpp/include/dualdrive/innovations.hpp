@@ -85,8 +85,9 @@ class SampledRecord {
 };
 
 // Steady-state Kalman gains of a machine, one set per contact pattern (bit c: connection c carries), and those of the first
-// samples of a stretch, while the filter still learns where the state is, by the pattern that it begins in. Patterns that are
-// not there yet are worked out when a record meets them: of many drives most never occur.
+// samples of a stretch, while the filter still learns where the state is: as if the pattern had been the present one from
+// there on, so that no gain depends on the way there and residuals change smoothly with the numbers. Patterns that are not
+// there yet are worked out when a record meets them: of many drives most never occur.
 struct KalmanGains {
     struct Set {
         Eigen::MatrixXd K;          // (states + torques + channels, twice where zeros drift) × channels
@@ -102,12 +103,18 @@ struct KalmanGains {
         Phased sets;
         std::size_t end = 0;  // samples after the first: till there they serve
     };
-    using Begin = std::pair<unsigned, std::size_t>;  // pattern and phase of a stretch's first sample
+    struct First {
+        std::vector<Piece> pieces;
+        Eigen::MatrixXd P;     // covariance of the state before the sample `of`, where they go on
+        std::size_t of = 0;    // samples after the first
+        bool settled = false;  // the steady gains serve from their end on
+    };
+    using Begin = std::pair<unsigned, std::size_t>;  // pattern, and phase of a stretch's first sample
     NoiseModel noise;
     Eigen::VectorXd at_first;  // standard deviation of what is not known of each state at the first sample
     double speed = 0.0;        // table speed about which laws that are not affine are linearised, rad/s
     std::map<unsigned, Phased> steady;
-    std::map<Begin, std::vector<Piece>> first;
+    std::map<Begin, First> first;
 };
 
 // What is not known of the state at the first sample: where torques of unknown course of this size would take it, and, by

@@ -24,16 +24,14 @@ constexpr double unknown = 100.0;         // of that size: what is not known of 
 constexpr std::size_t one_by_one = 50;    // first samples with gains of their own
 constexpr int eighths = 3;                // of every octave, then: a power of two of pieces
 constexpr std::size_t most_pieces = 400;
-constexpr double settled_gain = 1e-3;  // relative difference of log det S per channel: the steady gain takes over
+constexpr double settled_gain = 1e-7;  // difference of log det S per channel: the steady gain takes over unnoticed
 constexpr double white_floor = 1e-3;   // of a sensor's drive: no reading is exact, and R has an inverse
 
 }  // namespace
 
 StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel& noise, unsigned pattern, double speed)
-    : StateSpace(flow.tangent(pattern, speed), flow, record, noise) {}
-
-StateSpace::StateSpace(const Frozen& frozen, Flow& flow, const SampledRecord& record, const NoiseModel& noise)
     : states_(flow.states()) {
+    const Frozen frozen = flow.tangent(pattern, speed);
     const auto states = static_cast<Eigen::Index>(flow.states()), torques = Eigen::Index{flow.torque_count()},
                n = states + torques, m = static_cast<Eigen::Index>(record.channels().size());
     const bool drifts = noise.drifts();
@@ -156,52 +154,30 @@ MatrixXd StateSpace::next(const MatrixXd& P, const KalmanGains::Set& set, std::s
     return 0.5 * (next + next.transpose());
 }
 
-FirstGains::FirstGains(Flow& flow, const SampledRecord& record, const NoiseModel& noise,
-                       std::vector<KalmanGains::Piece>& kept)
-    : flow_(flow), record_(record), noise_(noise), kept_(kept) {}
-
-FirstGains::Known& FirstGains::known() {
-    auto& found = known_[mode_];
-    if (!found) {
-        StateSpace space(*mode_, flow_, record_, noise_);
-        found = std::make_unique<Known>(Known{space, StateSpace::Later(space)});
-    }
-    return *found;
+FirstGains::FirstGains(const StateSpace& space, const VectorXd& deviation, std::size_t phase, KalmanGains::First& kept)
+    : space_(space), later_(space), phase_(phase), kept_(kept) {
+    if (kept_.P.size() == 0) kept_.P = space_.start(deviation);
 }
 
-void FirstGains::begin(std::size_t phase, const VectorXd& deviation) {
-    mode_ = &flow_.now();
-    first_phase_ = phase;
-    covariance_ = known().space.start(deviation);
-}
-
-void FirstGains::at(std::size_t sample, const KalmanGains::Phased& steady) {
-    const bool same = mode_ == &flow_.now();
-    if (!kept_.empty() && sample < kept_.back().end) {
-        if (same) return;
-        kept_.back().end = sample;
+void FirstGains::reach(std::size_t sample, const KalmanGains::Phased& steady) {
+    auto& pieces = kept_.pieces;
+    while (!kept_.settled && (pieces.empty() || pieces.back().end <= sample)) {
+        const std::size_t begin = pieces.empty() ? 0 : pieces.back().end;
+        const std::size_t length =
+            begin < one_by_one ? 1 : std::size_t{1} << (std::ilogb(static_cast<double>(begin)) - eighths);
+        const std::size_t middle = begin + length / 2, before = (phase_ + kept_.of) % space_.F.size();
+        if (middle == kept_.of + 1)
+            kept_.P = space_.next(kept_.P, pieces.back().sets[before], before);
+        else if (middle > kept_.of)
+            kept_.P = later_(kept_.P, before, middle - kept_.of);
+        kept_.of = middle;
+        const std::size_t phase = (phase_ + middle) % space_.F.size();
+        auto sets = length == 1 ? KalmanGains::Phased{{space_.gain(kept_.P)}} : space_.gains(kept_.P, phase);
+        const double away = std::abs(sets[phase].log_det - steady[phase].log_det);
+        // the machine's tangent may grow beyond numbers
+        kept_.settled = !(away > settled_gain * static_cast<double>(space_.C.rows())) || pieces.size() >= most_pieces;
+        if (std::isfinite(away)) pieces.push_back({std::move(sets), begin + length});
     }
-    const std::size_t length =
-        sample < one_by_one ? 1 : std::size_t{1} << (std::ilogb(static_cast<double>(sample)) - eighths);
-    const std::size_t middle = sample + length / 2;
-    const std::size_t before = (first_phase_ + of_) % flow_.phases();
-    if (middle == of_ + 1)  // in the mode till now
-        covariance_ = known().space.next(covariance_, kept_.back().sets[before], before);
-    else if (middle > of_)
-        covariance_ = known().later(covariance_, before, middle - of_);
-    of_ = std::max(of_, middle);
-    mode_ = &flow_.now();
-    const std::size_t phase = (first_phase_ + of_) % flow_.phases();
-    const StateSpace& space = known().space;
-    kept_.push_back({length == 1 ? KalmanGains::Phased{{space.gain(covariance_)}} : space.gains(covariance_, phase),
-                     sample + length});
-    if (!std::isfinite(kept_.back().sets[phase].log_det)) {  // the machine's tangent grows there beyond numbers
-        kept_.pop_back();
-        done_ = true;
-        return;
-    }
-    const double away = std::abs(kept_.back().sets[phase].log_det - steady[phase].log_det);
-    done_ = kept_.size() >= most_pieces || !(away > settled_gain * static_cast<double>(record_.channels().size()));
 }
 
 KalmanGains::Phased steady_gain(Flow& flow, const SampledRecord& record, const NoiseModel& noise, unsigned pattern,

@@ -15,7 +15,6 @@ struct StateSpace {
     Eigen::MatrixXd Q, C, R;
 
     StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel& noise, unsigned pattern, double speed);
-    StateSpace(const Frozen& frozen, Flow& flow, const SampledRecord& record, const NoiseModel& noise);
 
     Eigen::VectorXd scale() const;                          // typical size of each state within a short while
     KalmanGains::Set gain(const Eigen::MatrixXd& P) const;  // from the covariance before a measurement
@@ -47,32 +46,21 @@ struct StateSpace {
     double step_;           // s
 };
 
-// The gains of the first samples of a stretch, worked out as it is replayed: one by one, then eight of every octave, each
-// that of the middle of the samples which it serves.
+// The gains of a contact pattern for the first samples of a stretch: one by one, then eight of every octave, each that of the
+// middle of the samples which it serves.
 class FirstGains {
   public:
-    FirstGains(Flow& flow, const SampledRecord& record, const NoiseModel& noise, std::vector<KalmanGains::Piece>& kept);
-    void begin(std::size_t phase, const Eigen::VectorXd& deviation);
-    // At a sample, counted from the first; `steady`: what they approach.
-    void at(std::size_t sample, const KalmanGains::Phased& steady);
-    bool done() const { return done_; }
+    // deviation: of the machine's states at first; phase: of the first sample; kept: where the gains stand.
+    FirstGains(const StateSpace& space, const Eigen::VectorXd& deviation, std::size_t phase, KalmanGains::First& kept);
+    // Works them out until one serves the sample, counted from the first, or `steady` does.
+    void reach(std::size_t sample, const KalmanGains::Phased& steady);
+    const KalmanGains::First& kept() const { return kept_; }
 
   private:
-    struct Known {
-        StateSpace space;
-        StateSpace::Later later;  // many samples
-    };
-    Known& known();
-
-    Flow& flow_;
-    const SampledRecord& record_;
-    const NoiseModel& noise_;
-    std::vector<KalmanGains::Piece>& kept_;
-    std::map<const Frozen*, std::unique_ptr<Known>> known_;
-    const Frozen* mode_ = nullptr;
-    Eigen::MatrixXd covariance_;  // of the state before the sample `of_`
-    std::size_t of_ = 0, first_phase_ = 0;
-    bool done_ = false;
+    StateSpace space_;
+    StateSpace::Later later_;
+    std::size_t phase_;
+    KalmanGains::First& kept_;
 };
 
 // Of one contact pattern. Throws std::domain_error.

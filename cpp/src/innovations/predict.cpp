@@ -5,7 +5,7 @@
 #include "../solvers/exact/generator.hpp"
 #include "dualdrive/effects.hpp"
 #include "dualdrive/recorder.hpp"
-#include "gains.hpp"
+#include "gain_schedule.hpp"
 
 namespace dualdrive {
 
@@ -85,20 +85,8 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
         throw std::invalid_argument("predict: more initial states than stretches");
     const std::map<std::string, double> at_zero;
     Vector noise = Vector::Zero(m), drift = Vector::Zero(m), e(m), r(m), output(m), correction(size);
-    std::unique_ptr<innovations::Flow> tangents;  // apart from the flow, whose state it would disturb
-    std::map<unsigned, KalmanGains::Phased> met;
-    const auto steady = [&](unsigned pattern) -> const KalmanGains::Phased& {
-        const auto known = gains.steady.find(pattern);
-        if (known != gains.steady.end()) return known->second;
-        auto& more = options.learn_first ? gains.steady : met;
-        if (const auto found = more.find(pattern); found != more.end()) return found->second;
-        if (!tangents) tangents = std::make_unique<innovations::Flow>(machine, record, options.substeps, bodies);
-        auto own = innovations::steady_gain(*tangents, record, gains.noise, pattern, gains.speed);
-        return more.emplace(pattern, std::move(own)).first->second;
-    };
-    std::vector<KalmanGains::Piece>* first = nullptr;
-    std::unique_ptr<innovations::FirstGains> learning;
-    std::size_t piece = 0, stretch = 0, begin = 0, end = 0;
+    innovations::GainSchedule schedule(machine, record, gains, options.learn_first);
+    std::size_t stretch = 0, begin = 0, end = 0;
     for (std::size_t k = 0; k < samples; ++k) {
         if (k == end) {
             begin = k;
@@ -106,16 +94,7 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
             noise.setZero();
             drift.setZero();
             end = ++stretch < record.starts().size() ? record.starts()[stretch] : samples;
-            const KalmanGains::Begin begins{flow.now().pattern, flow.phase(k)};
-            const auto known = gains.first.find(begins);
-            first = known != gains.first.end() ? &known->second : nullptr;
-            piece = 0;
-            learning.reset();
-            if (options.learn_first && !first) {
-                first = &gains.first[begins];
-                learning = std::make_unique<innovations::FirstGains>(flow, record, gains.noise, *first);
-                learning->begin(begins.second, gains.at_first);
-            }
+            schedule.begin(flow.phase(k));
         }
         innovations::Frozen* now = &flow.now();
         flow.outputs(output.data());
@@ -131,21 +110,12 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
             const std::size_t row = k + readings[static_cast<std::size_t>(j)].shift();
             e(j) = row < end ? record.measured(row)[j] - offsets(j) - output(j) - noise(j) - drift(j) : 0.0;
         }
-        const KalmanGains::Phased& approached = steady(now->pattern);
-        const std::size_t phase = flow.phase(k);
-        const KalmanGains::Set* set = &approached[phase];
-        if (learning) {
-            learning->at(k - begin, approached);
-            if (learning->done()) learning.reset();
-        }
-        while (first && piece < first->size() && k - begin >= (*first)[piece].end) ++piece;
-        const bool early = first && piece < first->size();
-        if (early) set = &(*first)[piece].sets[phase];
-        r.noalias() = set->whitening * e;
+        const auto [set, steady] = schedule.at(now->pattern, k - begin, flow.phase(k));
+        r.noalias() = set.whitening * e;
         // what is not known of the state at first costs a model with more states more: that is not held against it
         const bool counts = k - begin >= static_cast<std::size_t>(options.given);
-        if (counts) out.log_det += set->log_det;
-        correction.noalias() = set->K * e;
+        if (counts) out.log_det += set.log_det;
+        correction.noalias() = set.K * e;
         for (Eigen::Index j = 0; j < m; ++j) {
             const double value = r(j);
             if (!std::isfinite(value)) {
@@ -160,7 +130,7 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
             if (drifts) drift(j) = sensor.drift.memory * (drift(j) + correction(n + m + j));
         }
         for (Eigen::Index j = 0; j < torques; ++j) flow.torques()[j] += correction(states + j);
-        flow.correct(k, set->K, e.data(), correction.data(), !early);
+        flow.correct(k, set.K, e.data(), correction.data(), steady);
         if (options.states) {
             const auto row = static_cast<std::ptrdiff_t>(k);
             std::copy_n(flow.y(), states, out.trajectory.begin() + row * states);
