@@ -41,8 +41,8 @@ from dualdrive.innovations import (
 Array = NDArray[np.float64]
 
 _SCORINGS = 40  # most steps of an estimate of numbers and noise together
+_AGAIN = (0.1, 0.01)  # of the wide torque, from which the base is searched anew
 _PAIR = 2  # effects, of which the first was chosen by what both leave together
-_AGAIN = (1.0, 0.1)  # of the wide torque, from which the base is searched anew
 
 
 def select(
@@ -177,12 +177,7 @@ class _Search:
         else:
             self.finals.clear()
         self._keep(found)
-        leader = min(self.finals.values(), key=self._criterion)
-        if leader.variant.effects and not self.grey.counter.stop():
-            if simpler := self._without(leader, base.variant):
-                self._keep([simpler])
-            leader = min(self.finals.values(), key=self._criterion)
-        return leader
+        return min(self.finals.values(), key=self._criterion)
 
     def _replayed_on_all_samples(self, base: Fitted) -> None:
         """Of a search that was stopped on stretches: the base alone, as it was found there."""
@@ -267,7 +262,7 @@ class _Search:
         # stretches that begin from where the refitted machine has them
         self.grey = self._some(found)
         found = self._likeliest(nothing, found.point.theta, found.noise) or found
-        # the first guess of the sensors was rough: again from much unknown torque, with theirs
+        # a record that begins within the play has a valley for each flank that may be meant
         for lower in _AGAIN:
             if whole.counter.stop():
                 break
@@ -343,32 +338,19 @@ class _Search:
         return f.point if self.grey is self.whole else self._on_whole(f)[0]
 
     def _compared(self, points: Sequence[Point], noise: Noise) -> list[Fitted]:
-        """Laws, each under the noise that it leaves itself, and from the best one's numbers.
+        """Laws, each under the noise that it leaves itself.
 
         From the leader's noise, since no law, of size nought at first, can come out less likely
-        than it; and from much unknown torque, since what a law mends may have shaped that noise.
+        than it.
         """
         found = []
         for point in points:
             if self.grey.counter.stop():
                 break
             self.tell(f"the noise beside {point.variant.key}")
-            wide = self._final(point, replace(noise, torque=self.wide.torque))
-            near = self._likeliest(point.variant, point.theta, noise)
-            finals = [f for f in (wide, near) if f is not None]
-            found += sorted(finals, key=lambda f: f.point.minus_two_log)[:1]
-        if len(found) < 2:
-            return found
-        best = min(found, key=lambda f: f.point.minus_two_log)
-        known = self.grey.shared
-        for k, f in enumerate(found):
-            if f is best or self.grey.counter.stop():
-                continue
-            self.tell(f"{f.variant.key} from the noise of {best.variant.key}")
-            theta = np.r_[best.point.theta[:known], f.point.theta[known:]]
-            again = self._likeliest(f.variant, theta, best.noise)
-            if again and again.point.minus_two_log < f.point.minus_two_log:
-                found[k] = again
+            own = self._likeliest(point.variant, point.theta, noise)
+            if own is not None:
+                found.append(own)
         return found
 
     def _chosen(self, found: Sequence[Scored], parts: bool) -> list[Scored]:
