@@ -127,6 +127,24 @@ def test_the_noise_found_is_as_likely_as_the_true_one(loop: str) -> None:
     assert point.minus_two_log < there[0].minus_two_log + 20.0
 
 
+def test_the_likelihood_has_no_jumps() -> None:
+    """Gains of first samples that gave way to the steady ones sooner or later made it jump by 200."""
+    machine = Machine.load("bench")
+    machine.add("coulomb", "table", torque=0.8)
+    core = core_of(machine)
+    seen = trace(core, 0.0, coloured(np.random.default_rng(3), SAMPLES))
+    [whole] = predictable(core, records(machine, {"record": seen}, start="rest"))
+    at = 2200
+    begins = [{}, {"theta_m": float(seen["theta_m"][at])}]
+    own = GreyBox(core, [whole.stretches([(0, 500), (at, 500)], begins)], [])
+    nothing, wide = Variant(core), first_noise(core, [whole], 0.1)
+    places = [(own.start(nothing), wide.with_torque(x)) for x in np.geomspace(1e-3, 1e-1, 200)]
+    found = own.likelihoods(nothing, places)
+    values = np.array([f[0].minus_two_log for f in found if f])
+    assert len(values) == len(places)
+    assert np.abs(np.diff(values, 2)).max() < 3.0
+
+
 def test_gains_repeat_with_the_ticks() -> None:
     """1.37 ms and samples of 1 ms meet too late: those ticks are spread."""
     phases = {}

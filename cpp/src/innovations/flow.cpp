@@ -305,12 +305,13 @@ void Flow::outputs(double* out) const {
     }
 }
 
-void Flow::correct(std::size_t sample, const Eigen::MatrixXd& K, const double* e, const double* moved, bool steady) {
+void Flow::correct(std::size_t sample, const Eigen::MatrixXd& K, const double* e, const double* moved, bool holds,
+                   bool steady) {
     for (int i = 0; i < states(); ++i) y_[static_cast<std::size_t>(i)] += moved[i];
-    for (const int element : sticks_)  // friction holds what rests
-        if (modes_[static_cast<std::size_t>(element)] == stick::stuck) y_[resting(element)] = 0.0;
+    for (const int element : sticks_)
+        if (holds && modes_[static_cast<std::size_t>(element)] == stick::stuck) y_[resting(element)] = 0.0;
     const auto count = guard_count();
-    if (steady && at_end_ && affine_) {
+    if (steady && holds && at_end_ && affine_) {
         now_->guard_gain.resize(phases_);
         auto& gain = now_->guard_gain[phase(sample)];
         if (gain.empty()) {
@@ -325,13 +326,13 @@ void Flow::correct(std::size_t sample, const Eigen::MatrixXd& K, const double* e
         double* g = out_.data() + n_ + outputs_;
         for (int j = 0; j < outputs_; ++j)
             for (std::size_t k = 0; k < count; ++k) g[k] += gain[static_cast<std::size_t>(j) * count + k] * e[j];
-        bool holds = true;
-        for (std::size_t k = 0; k < count; ++k) holds = holds && !(g[k] < 0.0);
-        if (!holds) settle(sample);
+        bool stand = true;
+        for (std::size_t k = 0; k < count; ++k) stand = stand && !(g[k] < 0.0);
+        if (!stand) settle(sample);
         return;
     }
     all_guards(record_.times()[sample], y_.data(), g0_.data());
-    if (std::any_of(g0_.begin(), g0_.end(), [](double g) { return g < 0.0; })) settle(sample);
+    if (!holds || std::any_of(g0_.begin(), g0_.end(), [](double g) { return g < 0.0; })) settle(sample);
 }
 
 }  // namespace dualdrive::innovations

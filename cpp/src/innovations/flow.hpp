@@ -53,9 +53,11 @@ class Flow final {
     void start(std::size_t sample, const std::map<std::string, double>& initial);
     // From sample k to the next one; false where numbers are lost.
     bool flow(std::size_t sample);
-    // The state moved by K e at a sample, what rests excepted: friction holds it. Modes that no longer hold there are found anew. `steady`: K is that of the
-    // pattern and the phase, whose effect on the guards is kept.
-    void correct(std::size_t sample, const Eigen::MatrixXd& K, const double* e, const double* moved, bool steady);
+    // The state moved by K e at a sample. Modes that no longer hold there are found anew.
+    // holds: friction holds what rests; else a correction may set it moving, as where a record begins in the midst of a
+    // motion. steady: K is that of the pattern and the phase, whose effect on the guards is kept.
+    void correct(std::size_t sample, const Eigen::MatrixXd& K, const double* e, const double* moved, bool holds,
+                 bool steady);
     // The tangent for gains: given contacts carry, bodies slide at table speed `speed`, limiters are linear.
     Frozen tangent(unsigned pattern, double speed);
     unsigned patterns() const { return 1u << contacts_.size(); }

@@ -21,7 +21,6 @@ namespace {
 constexpr std::size_t short_while = 100;  // samples within which a state's typical size is reached
 constexpr double forgotten = 100.0;       // s: see steady()
 constexpr double unknown = 100.0;         // of that size: what is not known of the first state
-constexpr std::size_t one_by_one = 50;    // first samples with gains of their own
 constexpr int eighths = 3;                // of every octave, then: a power of two of pieces
 constexpr std::size_t most_pieces = 400;
 constexpr double settled_gain = 1e-7;  // difference of log det S per channel: the steady gain takes over unnoticed

@@ -46,6 +46,8 @@ struct StateSpace {
     double step_;           // s
 };
 
+constexpr std::size_t one_by_one = 50;  // first samples with gains of their own
+
 // The gains of a contact pattern for the first samples of a stretch: one by one, then eight of every octave, each that of the
 // middle of the samples which it serves.
 class FirstGains {

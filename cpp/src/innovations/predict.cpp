@@ -130,7 +130,7 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
             if (drifts) drift(j) = sensor.drift.memory * (drift(j) + correction(n + m + j));
         }
         for (Eigen::Index j = 0; j < torques; ++j) flow.torques()[j] += correction(states + j);
-        flow.correct(k, set.K, e.data(), correction.data(), steady);
+        flow.correct(k, set.K, e.data(), correction.data(), k - begin >= innovations::one_by_one, steady);
         if (options.states) {
             const auto row = static_cast<std::ptrdiff_t>(k);
             std::copy_n(flow.y(), states, out.trajectory.begin() + row * states);
