@@ -88,7 +88,11 @@ def compared(
     found = evaluate(m, traces) if mode == "closed_loop" else None
     c = of_evaluation(m, found) if found is not None else compare(m, traces, mode)
     situations = situations_of(c, found, traces)
-    flanks = {r.record.name: r.flanks for r in found.replays} if found is not None else {}
+    replays = found.replays if found is not None else []
+    flanks = {
+        r.record.name: {k: v for k, v in r.flanks.items() if m.core.kind(k) != "rigid"}
+        for r in replays
+    }
     store: dict[str, Any] = {}
     for q in c.quantities:
         t, own = store.setdefault(q.record, (q.t, {}))

@@ -24,12 +24,13 @@ function where(side, shade) {
   const seen = side.where.filter((c) => c.kind !== "order" && c.excess > 1).sort((a, b) => b.significant - a.significant || b.excess - a.excess).slice(0, 10);
   const sure = seen.filter((c) => c.significant).length;
   const key = (c) => `${c.kind}|${c.condition}`;
+  const swatch = (c) => (shade.chosen.has(key(c)) ? h("i", { class: `swatch cause-${shade.chosen.get(key(c))}`, "aria-hidden": "true" }) : null);
   return [
     h("p", { class: "fine" }, sure ? "The error is larger here than elsewhere, beyond chance. Tick a condition to shade its stretches." : "Nowhere is the error larger beyond chance: what is wrong is wrong all over. Tick a condition to shade its stretches."),
     h("table", { class: "where" }, h("caption", { class: "unseen" }, "Residual by condition"),
       h("thead", {}, h("tr", {}, ["condition", "× average", "of the time"].map((t, k) => h("th", { scope: "col", class: k ? "number" : null }, t)))),
       h("tbody", {}, seen.map((c, k) => h("tr", { class: c.significant ? "marked" : null },
-        h("th", { scope: "row" }, h("label", { class: "check" }, h("input", { type: "checkbox", id: `shade-${k}`, checked: shade.chosen.has(key(c)), onchange: (event) => shade.toggle(key(c), event.target.checked) }), c.condition)),
+        h("th", { scope: "row" }, h("label", { class: "check" }, h("input", { type: "checkbox", id: `shade-${k}`, checked: shade.chosen.has(key(c)), onchange: (event) => shade.toggle(key(c), event.target.checked) }), c.condition, swatch(c))),
         h("td", { class: "number" }, digits(c.excess)), h("td", { class: "number" }, percent(c.time)))))),
     side.orders.slice(0, 3).map((o) => h("p", { class: "fine" }, `${o.channel}: ripple of ${digits(o.amplitude)} ${o.unit} per turn, ${percent(o.share)} of the residual's square`)),
   ];
