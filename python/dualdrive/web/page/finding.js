@@ -33,8 +33,8 @@ function sentence(state, step, fit, diagnosis) {
   if (unread) return `${unread.name} can't be read yet: say which column is which.`;
   if (!step) return "There are recordings. Drop a machine file, or choose a preset.";
   if (step.status === "failed") return `The model can't be held against the recordings: ${step.message}.`;
-  if (!fit) return "Holding the model against the recordings …";
   if (diagnosis && state.diagnosis.step === step.id) return diagnosis.headline;
+  if (!fit) return "Holding the model against the recordings …";
   const misses = `${step.label === "nominal" ? "As described" : `With ${step.label.replace(/^\+ /, "")}`} the model misses what was recorded by ${percent(fit.headline)}`;
   if (fit.noise_floor === null) return `${misses}.`;
   const times = fit.headline / fit.noise_floor;
