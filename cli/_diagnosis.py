@@ -149,7 +149,7 @@ def _errors(d: Diagnosis) -> Table:
     table = Table(title="Error (RMS residual / RMS signal)", title_justify="left")
     table.add_column("machine")
     table.add_column("fitted", justify="right")
-    table.add_column("held out", justify="right")
+    table.add_column("cross-validated", justify="right")
     rows = [("as given", "nominal", ""), ("refitted", "refitted", "held_out_refitted")]
     if d.best is not None:
         rows.append((f"with {d.best.label}", "best", "held_out_best"))
@@ -173,7 +173,7 @@ def _candidates(d: Diagnosis) -> Table:
     for head, side in (
         ("effect", "left"),
         ("probability", "right"),
-        ("held out", "right"),
+        ("cross-validated", "right"),
         ("explains", "right"),
         ("gain", "right"),
         ("size", "left"),

@@ -18,9 +18,9 @@ __all__ = ["errors", "overlays", "shapes", "where"]
 _ERRORS = {
     "nominal": "as given",
     "refitted": "numbers refitted",
-    "held_out_refitted": "numbers refitted, on samples held out",
+    "held_out_refitted": "numbers refitted, cross-validated",
     "best": "with the best explanation",
-    "held_out_best": "with the best explanation, on samples held out",
+    "held_out_best": "with the best explanation, cross-validated",
     "noise_floor": "noise floor: what the sensors alone leave",
 }
 _OF_THE_BEST = ("best", "held_out_best")

@@ -60,12 +60,12 @@ def in_order(d: Diagnosis) -> list[Candidate]:
 def _refitted(shown: Sequence[Candidate], *, stopped: bool) -> Html:
     """Explanations that were added to the machine, everything else refitted beside them."""
     words = (
-        "Each of these was added to the machine and everything refitted. Held out: headline error "
-        "on samples the refit did not see. Explains: what it removes of the error that an "
-        "arbitrary torque could remove; explanations overlap, and these do not add up. Gain: twice "
-        "the log likelihood it wins over the refitted machine."
+        "Each of these was added to the machine and everything refitted. Cross-validated: headline "
+        "error on parts of the fitted records that the refit did not see. Explains: what it "
+        "removes of the error that an arbitrary torque could remove; explanations overlap, and "
+        "these do not add up. Gain: twice the log likelihood it wins over the refitted machine."
     )
-    head = ("explanation", "probability", "held out", "explains", "gain", "what it takes")
+    head = ("explanation", "probability", "cross-validated", "explains", "gain", "what it takes")
     rows = [
         (
             c.label,

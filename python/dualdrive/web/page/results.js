@@ -56,7 +56,7 @@ function candidate(c, k, d, connection, current) {
       h("button", { id: `add-${k}`, class: k === 0 && !d.unjudged ? "primary add" : "add", disabled: !current, onclick: () => connection.do("add", { label: c.label }) }, "Add", h("span", { class: "unseen" }, ` ${c.label}`))),
     judged ? h("div", { class: "track", "aria-hidden": "true" }, h("i", { class: "fitted", style: { width: `${100 * c.probability}%` } })) : null,
     h("p", { class: "fine" }, c.resolved
-      ? `${judged ? `probability ${c.probability < 5e-4 ? "< 0.001" : digits(c.probability)}; ` : ""}held out ${percent(c.held_out)}; explains ${percent(c.explained)} of what is missing; gain ${gain}`
+      ? `${judged ? `probability ${c.probability < 5e-4 ? "< 0.001" : digits(c.probability)}; ` : ""}cross-validated ${percent(c.held_out)}; explains ${percent(c.explained)} of what is missing; gain ${gain}`
       : `gain ${d.unjudged ? "so far" : "expected"} ${gain}${c.note ? "" : "; screened only"}`),
     c.sizes.length ? h("ul", {}, c.sizes.map((line) => h("li", {}, line))) : null,
     c.note ? h("p", { class: "fine" }, c.note) : null,
