@@ -164,8 +164,7 @@ def test_a_diagnosis_tells_of_its_progress_and_is_cancelled(seen: Seen) -> None:
     begun = time.monotonic()
     seen.click(".job .cancel")
     seen.wait_gone(".job")
-    # between two steps of the search; other work beside it may well hold that up
-    assert time.monotonic() - begun < 30.0
+    assert time.monotonic() - begun < 1.0 * max(1.0, os.getloadavg()[0] / 2)
     seen.wait(".message", "cancelled; nothing was changed")
 
 
