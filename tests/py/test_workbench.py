@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -23,6 +24,7 @@ from dualdrive.workbench.series import Store, nearest, reduced, write_store
 from dualdrive.workbench.shown import shown
 from dualdrive.workbench.story import Story
 from dualdrive.workbench.worker import Progress
+from dualdrive_cli.report import command as report
 from recorded import DEMO
 from workbench_server import running, wait_for
 
@@ -254,6 +256,28 @@ def test_what_was_read_stands_in_the_units_of_the_axis(tmp_path: Path) -> None:
             assert [c["unit"] for c in found["x"]["channels"]] == units
         words = seen["records"]["x"]["channels"][1]["long_name"]
         assert words == ("force of motor 1" if units[1] == "N" else "torque of motor 1")
+
+
+def test_a_report_names_the_command_that_rebuilds_it(tmp_path: Path) -> None:
+    """What was fitted, held out, how it was judged; a mapping of the page is in no file."""
+    story = Story(Project(tmp_path / "project"))
+    now = story.project.now
+    now["traces"] = [
+        {"path": f"traces/{role}/x y.csv", "map": None, "parts": None, "role": role}
+        for role in ("fit", "held_out", "ignored")
+    ]
+    now["steps"] = [{"id": "s1", "file": "models/m1.toml"}, {"id": "s2", "file": "models/m2.toml"}]
+    now["diagnosis"] = {"job": 1, "step": "s1", "effort": "quick", "mode": "balance"}
+    command, then = story.commands()
+    assert then == "python story.py"
+    known = {option for p in report.params for option in p.opts}
+    assert {word for word in shlex.split(command) if word.startswith("--")} <= known
+    assert command == (
+        "dualdrive report models/m1.toml 'traces/fit/x y.csv' --held-out 'traces/held_out/x y.csv' "
+        "--effort quick --mode balance --output rebuilt.html"
+    )
+    now["traces"][0]["map"] = {"columns": {}}
+    assert story.commands() == ["python story.py"]
 
 
 def test_two_servers_do_not_share_a_project(tmp_path: Path) -> None:

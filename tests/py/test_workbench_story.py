@@ -139,6 +139,7 @@ def saved_files(seen: Seen, server: Running, browser: object, tmp_path: Path) ->
         seen.saved("[id='save-story.py']", tmp_path / "story.py").read_bytes()
     )
     subprocess.run([sys.executable, server.project / "story.py"], check=True, capture_output=True)
+    assert "coulomb@table" in (server.project / "rebuilt.html").read_text("utf-8")
     rebuilt = Machine.load(server.project / "rebuilt.toml")
     assert {p.path: p.value for p in rebuilt.parameters()} == {
         p.path: p.value for p in machine.parameters()

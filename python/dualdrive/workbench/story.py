@@ -247,10 +247,10 @@ class Story:
         self.start("report", "Drawing the report", {
             "diagnosis": self._of_diagnosis(), "traces": p.told_of_traces(), "steps": steps,
             "held": held_out or "nothing", "stopped": "that is where the workbench stands",
-            "commands": self._commands(),
+            "commands": self.commands(),
         })  # fmt: skip
 
-    def _commands(self) -> list[str]:
+    def commands(self) -> list[str]:
         """What to type in the project's folder for the same."""
         now, script = self.project.now, "python story.py"
         used = [t for t in now["traces"] if t["role"] != "ignored"]
