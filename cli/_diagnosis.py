@@ -14,11 +14,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from dualdrive.compare import Condition
-from dualdrive.diagnose import VERDICTS, Candidate, Diagnosis, Experiment, Interval, Ladder
+from dualdrive.diagnose import VERDICTS, Diagnosis, Experiment, Ladder
 from dualdrive.diagnose.selection import EFFORTS
 from dualdrive.files import write_atomically
 from dualdrive.machine import Machine
-from dualdrive.units import human
+from dualdrive.readable import interval
+from dualdrive.report.remedies import in_order, sizes
 from dualdrive_cli._motion import motion_of
 from dualdrive_cli._numbers import Real
 from dualdrive_cli._shared import FAILED, STOPPED, command_line, console, give_up
@@ -139,7 +140,7 @@ def show(d: Diagnosis) -> None:
     screen.print(f"{d.paragraph or VERDICTS[d.verdict]}\n", markup=False)
     screen.print(_errors(d))
     if d.candidates:
-        screen.print(_candidates(d.candidates[:_MOST]))
+        screen.print(_candidates(d))
     for line in _remarks(d):
         screen.print(line, markup=False)
 
@@ -148,7 +149,7 @@ def _errors(d: Diagnosis) -> Table:
     table = Table(title="Error (RMS residual / RMS signal)", title_justify="left")
     table.add_column("machine")
     table.add_column("fitted", justify="right")
-    table.add_column("held out", justify="right")
+    table.add_column("cross-validated", justify="right")
     rows = [("as given", "nominal", ""), ("refitted", "refitted", "held_out_refitted")]
     if d.best is not None:
         rows.append((f"with {d.best.label}", "best", "held_out_best"))
@@ -165,21 +166,24 @@ def _errors(d: Diagnosis) -> Table:
     return table
 
 
-def _candidates(shown: Sequence[Candidate]) -> Table:
-    table = Table(title="What could explain it", title_justify="left")
+def _candidates(d: Diagnosis) -> Table:
+    stopped = d.verdict == "unfinished"
+    title = f"What could explain it{', none of it judged yet' if stopped else ''}"
+    table = Table(title=title, title_justify="left")
     for head, side in (
         ("effect", "left"),
         ("probability", "right"),
-        ("held out", "right"),
+        ("cross-validated", "right"),
         ("explains", "right"),
+        ("gain", "right"),
         ("size", "left"),
     ):
         table.add_column(head, justify=side)  # type: ignore[arg-type]
-    for c in shown:
-        sizes = (f"{path.rpartition('.')[2]} {_interval(p)}" for path, p in c.parameters.items())
-        size = next(sizes, "")
-        shares = (f"{c.probability:.2f}", _share(c.held_out), _share(c.explained))
-        table.add_row(escape(c.label), *shares, escape("; ".join(filter(None, (size, c.note)))))
+    for c in in_order(d)[:_MOST]:
+        chance = f"{c.probability:.2f}" if c.resolved and not stopped else "–"
+        shares = (chance, _share(c.held_out), _share(c.explained), f"{c.gain:.0f}")
+        size = escape("; ".join(filter(None, (*sizes(c)[:1], c.note))))
+        table.add_row(escape(c.label), *shares, size)
     return table
 
 
@@ -194,7 +198,10 @@ def _remarks(d: Diagnosis) -> list[str]:
         found = "; ".join(f"{c.condition} ×{c.excess:.2g}" for c in worst)
         lines.append(f"where it fails most: {found}")
     if d.moved:
-        found = "; ".join(f"{path} {_interval(v)}" for path, v in list(d.moved.items())[:_MOST])
+        found = "; ".join(
+            f"{path} {interval(v.value, v.low, v.high, v.unit)}"
+            for path, v in list(d.moved.items())[:_MOST]
+        )
         lines.append(f"numbers that moved: {found}")
     if d.next_experiment is not None:
         lines += _experiment(d.next_experiment)
@@ -229,12 +236,6 @@ def show_ladder(found: Ladder) -> None:
 
 def _share(value: float) -> str:
     return f"{value:.2%}" if math.isfinite(value) else "–"
-
-
-def _interval(v: Interval) -> str:
-    if v.low == v.high:  # counted, not fitted
-        return human(v.value, v.unit)
-    return f"{human(v.value, v.unit)} [{human(v.low, v.unit)} .. {human(v.high, v.unit)}]"
 
 
 # --- files ----------------------------------------------------------------------------------------

@@ -18,6 +18,7 @@ if TYPE_CHECKING:  # for editors and type checkers: what _HOMES says; a test com
     from dualdrive import demo as demo
     from dualdrive import describe as describe
     from dualdrive import diagnose as diagnose
+    from dualdrive import display as display
     from dualdrive import distributed as distributed
     from dualdrive import echo as echo
     from dualdrive import ensembles as ensembles
@@ -97,6 +98,7 @@ _PARTS = (
     "demo",
     "describe",
     "diagnose",
+    "display",
     "distributed",
     "echo",
     "ensembles",

@@ -24,6 +24,7 @@ __all__ = [
     "effect",
     "effects",
     "html",
+    "linear_words",
     "machine",
     "meaning",
     "reading",
@@ -123,10 +124,13 @@ def reading(p: Parameter) -> str:
 def meaning(m: Machine, p: Parameter) -> str:
     """What the declaration says of a number, in the words of this axis: mass for kg."""
     member = m.core.members(p.path)[0]
-    text = p.doc
-    if m.core.parameter(member).unit != p.unit:
-        for rotary, linear in _LINEAR_WORDS:
-            text = text.replace(rotary, linear)
+    return p.doc if m.core.parameter(member).unit == p.unit else linear_words(p.doc)
+
+
+def linear_words(text: str) -> str:
+    """What a rotary declaration says, in the words of a linear axis: force for torque."""
+    for rotary, linear in _LINEAR_WORDS:
+        text = text.replace(rotary, linear)
     return text
 
 

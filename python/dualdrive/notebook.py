@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from dualdrive.compare import Comparison
     from dualdrive.diagnose import Diagnosis, Ladder
 
-__all__ = ["comparison_dataset", "diagnosis", "fit", "ladder"]
+__all__ = ["comparison_dataset", "diagnosis", "fit", "ladder", "pictured"]
 
 
 def diagnosis(d: Diagnosis) -> str:
@@ -66,6 +66,22 @@ def fit(found: Any) -> str:
     errors = found.error if isinstance(found.error, Mapping) else {"refitted": found.error}
     words = ", ".join(f"{name} {percent(value)}" for name, value in errors.items())
     return tag("div", tag("p", f"Error: {words}"), table(head, rows, caption, numbers=(1, 4)))
+
+
+def pictured(found: Any, picture: str) -> str:
+    """A result by the picture that :mod:`dualdrive.plots` has of it, its table beneath.
+
+    Args:
+        found: the result; its ``table()`` is plain text, where it has one.
+        picture: the name of the function that draws it.
+
+    """
+    from dualdrive import plots
+    from dualdrive.report.pictures import Gallery
+
+    kind = type(found).__name__
+    drawn = Gallery().hang(getattr(plots, picture)(found), kind, f"{kind}, as it is plotted")
+    return tag("div", drawn, tag("pre", found.table()) if hasattr(found, "table") else None)
 
 
 def comparison_dataset(c: Comparison, record: str | None = None) -> xr.Dataset:

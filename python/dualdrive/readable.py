@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dualdrive.units import conversion
+from dualdrive.units import conversion, human
 
-__all__ = ["Scale", "ladder", "scale"]
+__all__ = ["Scale", "interval", "ladder", "scale"]
 
 Array = NDArray[np.float64]
 
@@ -40,6 +41,8 @@ _READABLE: Final[dict[str, tuple[tuple[float, str], ...]]] = {
     "s": ((0.5, "ms"), (np.inf, "s")),
 }
 
+_MOST_DIGITS: Final = 8  # of the ends of an interval, however narrow
+
 
 def scale(unit: str, values: ArrayLike = (), prefer: str | None = None) -> Scale:
     """The unit in which values read best: arc seconds for small angles, ms for short times.
@@ -57,6 +60,24 @@ def ladder(unit: str) -> list[tuple[float, Scale]]:
     """Every unit in which values of an SI unit are read, after the peak up to which it is."""
     rungs = _READABLE.get(unit, ((np.inf, unit),))
     return [(top, scale(unit, prefer=name)) for top, name in rungs]
+
+
+def interval(value: float, low: float, high: float, unit: str = "", *, digits: int = 4) -> str:
+    """A value and where it lies, all in one unit: ``0.998 mm [0.95 .. 1.05 mm]``.
+
+    The largest of the three chooses the unit. A narrow interval has as many digits more as it
+    takes to tell its ends apart; what was counted or held (low = high) has none.
+    """
+    if not math.isfinite(value):
+        return "–"
+    if low == high:
+        return human(value, unit, digits=digits)
+    ends = [abs(x) for x in (value, low, high) if math.isfinite(x)]
+    largest, width = max(ends, default=0.0), high - low
+    if 0.0 < width < largest:
+        digits = max(digits, min(math.floor(math.log10(largest / width)) + 2, _MOST_DIGITS))
+    one, first, last = (human(x, unit, digits=digits, like=largest) for x in (value, low, high))
+    return f"{one} [{first.partition(' ')[0]} .. {last}]"
 
 
 def _printed(unit: str) -> str:

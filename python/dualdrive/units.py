@@ -359,22 +359,30 @@ def parse_values(
     return np.linspace(start, stop, count)
 
 
-def human(value: float, unit: str = "", *, digits: int = 4, prefer: str | None = None) -> str:
+def human(
+    value: float,
+    unit: str = "",
+    *,
+    digits: int = 4,
+    prefer: str | None = None,
+    like: float | None = None,
+) -> str:
     """Return a short text for an SI value: ``22.69 arcsec``, ``1.1 mrad``, ``1.5 kN·m``.
 
     Angles below 1 mrad are given in arc seconds, other units get the prefix that leaves one to
-    three digits before the point. `prefer` names the unit to use instead ("rpm", "arcmin").
-    What comes out can be read back by `parse`.
+    three digits before the point. `prefer` names the unit to use instead ("rpm", "arcmin"), `like`
+    is an SI value that is to have the same unit. What comes out can be read back by `parse`.
     """
     if prefer is not None:
         scale, offset = conversion(prefer, unit)
         return _join((value - offset) / scale, prefer, digits)
-    if not math.isfinite(value) or value == 0 or unit.startswith(("kg", "1/", "K")) or not unit:
+    size = abs(value if like is None else like)
+    if not math.isfinite(size) or size == 0 or unit.startswith(("kg", "1/", "K")) or not unit:
         return _join(value, unit, digits)
-    if unit == "rad" and abs(value) < 1e-3:
+    if unit == "rad" and size < 1e-3:
         return _join(value / (math.pi / 648000), "arcsec", digits)
     ceiling = 1.0 if re.match(r"(rad|s)(?!\w)", unit) else 1e9  # no kiloseconds
-    rounded = abs(float(f"{value:.{digits}g}"))
+    rounded = float(f"{size:.{digits}g}")
     fitting = (p for p in _PREFIXES if p[0] <= ceiling and rounded >= p[0])
     factor, prefix = next(fitting, _PREFIXES[-1])
     return _join(value / factor, prefix + unit, digits)

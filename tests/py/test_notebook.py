@@ -11,6 +11,7 @@ import pytest
 
 import dualdrive
 from diagnosed import NASTY, diagnosis, ladder
+from dualdrive import cycles, identify, indexing, linear, optimise, tune
 from dualdrive.compare import Comparison
 from dualdrive.demo import records, sheet
 from dualdrive.identify import fit
@@ -60,6 +61,25 @@ def test_a_fit_shows_its_numbers() -> None:
     shown = Closed(found._repr_html_())
     assert "table.J" in shown.words
     assert f"{found.parameters['table.J'].value:.6g}" in shown.words
+
+
+def test_results_that_have_a_picture_show_it() -> None:
+    """A response and a positioning test as they are; of the others, that their picture is there."""
+    f = np.linspace(1.0, 100.0, 50)
+    results = (
+        linear.FrequencyResponse(f, (1.0 / (1.0 + 0.1j * f)).astype(complex), "in", "out"),
+        indexing.evaluate([0.0, 1.0], [[1e-5, 2e-5], [1.0, 1.00001]], unit="rad"),
+    )
+    for result in results:
+        shown = Closed(result._repr_html_())
+        assert shown.open == []
+        assert type(result).__name__ in shown.words
+    for kind in (
+        cycles.Branch, cycles.Orbit, cycles.Survey, identify.PlayEstimate, indexing.Iso230,
+        linear.DriveComparison, linear.FrequencyResponse, optimise.Front, tune.Tuning,
+    ):  # fmt: skip
+        assert callable(getattr(dualdrive.plots, kind._picture))
+        assert callable(kind._repr_html_)
 
 
 @pytest.fixture(scope="module")

@@ -63,7 +63,7 @@ def test_candidates_are_bars_of_probability_and_groups_are_marked() -> None:
     first, twin, other, failed = (bar.get_facecolor() for bar in axes.patches)
     assert first == twin != other
     assert np.asarray(failed)[3] == 0.0  # hollow: its refit failed
-    assert "held out 3.3 %" in words(figure)
+    assert "cross-validated 3.3 %" in words(figure)
     assert len(candidates(d, most=2).axes[0].patches) == 2
     with pytest.raises(PlotError, match="names none"):
         candidates(replace(d, candidates=[]))

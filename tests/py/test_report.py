@@ -129,7 +129,7 @@ def test_figures_are_those_of_the_diagnosis() -> None:
     for shown in (
         "41\N{NO-BREAK SPACE}%",
         "3.3\N{NO-BREAK SPACE}%",
-        "2.01 kN·m (1.95 kN·m … 2.07 kN·m)",
+        "2.01 kN·m [1.95 .. 2.07 kN·m]",
         "0.610",
         "controller.T_ten = 0",
         "93\N{NO-BREAK SPACE}%",
@@ -191,6 +191,23 @@ def test_what_was_not_refitted_stands_apart_from_what_was() -> None:
     assert [row[0] for row in screened[1:]] == ["wear@ring"]
     words = " ".join(Outline(text).words)
     assert "Each of these was added to the machine and everything refitted." in words
+
+
+def test_explanations_of_a_search_that_was_stopped_are_not_judged() -> None:
+    """No bar, no probability, nothing set off; in the order of what they gain so far."""
+    first, second, *rest = diagnosis().candidates
+    waiting = [replace(first, resolved=False, gain=9.0), replace(second, resolved=False, gain=90.0)]
+    cut = replace(diagnosis(), verdict="unfinished", candidates=[*waiting, rest[0]])
+    cut = replace(cut, groups=[], improved=None, after=None)
+    text = page(cut)
+    words = " ".join(Outline(text).words)
+    assert "none of these is judged" in words
+    assert "Probability of every explanation" not in words
+    assert [row[0] for row in rows_of(text, "Explanations that wait for their turn")] == [
+        "explanation", "stribeck@table", "coulomb@table",
+    ]  # fmt: skip
+    assert [row[1] for row in rows_of(text, "Refitted until then")[1:]] == ["–"]
+    assert "with the best explanation" not in words
 
 
 @pytest.mark.parametrize(

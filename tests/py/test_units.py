@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dualdrive import units
+from dualdrive.readable import interval
 from dualdrive.units import Conversion, UnitError, conversion, human, is_unit, parse, parse_values
 
 ARCSEC = math.pi / 180 / 3600
@@ -170,6 +171,30 @@ def test_human(value: float, unit: str, text: str) -> None:
 def test_human_prefers() -> None:
     assert human(1500 * RPM, "rad/s", prefer="rpm") == "1500 rpm"
     assert human(300 * ARCSEC, "rad", prefer="arcmin") == "5 arcmin"
+
+
+def test_human_takes_the_unit_of_another() -> None:
+    assert human(950e-6, "m", like=1.05e-3) == "0.95 mm"
+    assert human(0.0, "m", like=1.05e-3) == "0 mm"
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "unit", "text"),
+    [
+        (998e-6, 950e-6, 1.05e-3, "m", "0.998 mm [0.95 .. 1.05 mm]"),
+        (12001.0, 11999.0, 12004.0, "N*m", "12.001 kN·m [11.999 .. 12.004 kN·m]"),
+        (0.9e-3, 0.8e-3, 1.1e-3, "rad", "0.9 mrad [0.8 .. 1.1 mrad]"),
+        (2e-6, -5e-3, 5e-3, "m", "0.002 mm [-5 .. 5 mm]"),
+        (4e-3, 4e-3, math.inf, "s", "4 ms [4 .. inf ms]"),
+        (0.0, -0.5, 0.5, "", "0 [-0.5 .. 0.5]"),
+        (3.0, 3.0, 3.0, "", "3"),
+        (math.nan, math.nan, math.nan, "m", "–"),
+    ],
+)
+def test_an_interval_stands_in_one_unit(
+    value: float, low: float, high: float, unit: str, text: str
+) -> None:
+    assert interval(value, low, high, unit) == text
 
 
 UNITS = ["rad", "rad/s", "N*m", "N*m/rad", "kg*m^2", "N*m*s/rad", "1/s", "s", "A", "ohm", "H", "m"]

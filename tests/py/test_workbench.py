@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -16,11 +17,14 @@ from dualdrive.demo import records, sheet
 from dualdrive.diagnose.work import Clock, Work, misfit_left
 from dualdrive.files import FileError
 from dualdrive.identify import evaluate
-from dualdrive.workbench import keep
+from dualdrive.workbench import keep, views
 from dualdrive.workbench.project import Project, key_of
 from dualdrive.workbench.script import script
 from dualdrive.workbench.series import Store, nearest, reduced, write_store
+from dualdrive.workbench.shown import shown
+from dualdrive.workbench.story import Story
 from dualdrive.workbench.worker import Progress
+from dualdrive_cli.report import command as report
 from recorded import DEMO
 from workbench_server import running, wait_for
 
@@ -206,6 +210,76 @@ def test_keys_are_those_of_their_inputs() -> None:
     assert key_of("a", {"x": 1}) != key_of("a", {"x": 2}) != key_of("b", {"x": 2})
 
 
+def test_models_are_held_against_recordings_as_the_diagnosis_judged(tmp_path: Path) -> None:
+    """One measure on the page; undoing the diagnosis finds the results of before again."""
+    story = Story(Project(tmp_path / "project"))
+    step = {"id": "s1", "label": "nominal", "file": "models/m1.toml", "how": "given"}
+    before = story.compare_key(step)
+    with story.project.change("diagnosis") as now:
+        now["steps"] = [step]
+        now["diagnosis"] = {"job": 1, "step": "s1", "effort": "quick", "mode": "balance"}
+    assert story.mode == "balance"
+    assert story.compare_key(step) != before
+    story.project.undo()
+    assert story.compare_key(step) == before
+
+
+def test_a_comparison_is_by_the_mode_that_is_asked_for(tmp_path: Path) -> None:
+    fitting = records()[0].between(0, 4)
+    by_itself = views.compared(sheet(), {"fit": fitting}, tmp_path / "loop")
+    balance = views.compared(sheet(), {"fit": fitting}, tmp_path / "balance", "balance")
+    assert (by_itself["mode"], balance["mode"]) == ("closed_loop", "balance")
+    expected = compare(sheet(), fitting, "balance").error["headline"]
+    assert balance["error"]["headline"] == pytest.approx(expected)
+
+
+def test_what_was_read_stands_in_the_units_of_the_axis(tmp_path: Path) -> None:
+    """A linear axis is read as a rotary one of 1 m radius, and nobody wants its degrees."""
+    story = Story(Project(tmp_path / "project"))
+    told = {"id": "t1", "name": "x", "path": "x.csv", "map": None, "role": "fit", "parts": None}
+    channels = [
+        {"name": "theta_m", "unit": "rad", "long_name": "angle of the table", "peak": 0.2},
+        {"name": "T_1", "unit": "N*m", "long_name": "torque of motor 1", "peak": 9.0},
+        {"name": "I_1", "unit": "A", "long_name": "current of motor 1", "peak": 1.0},
+    ]
+    result = {"ok": True, "job": 1, "records": {"x": {"channels": channels}}}
+    story.project.results = {story.read_key(told): result, "preview:t1": result}
+    story.project.now["traces"] = [told]
+    for axis, train, units in (
+        ("rotary", "gear", ["rad", "N*m", "A"]),
+        ("linear", "rigid", ["m", "N", "A"]),
+        ("linear", "gear", ["m", "N*m", "A"]),
+    ):
+        story.project.now["machine"] = {"axis": axis, "drive_train": train}
+        [seen] = shown(story)["traces"]
+        for found in (seen["records"], seen["preview"]["records"]):
+            assert [c["unit"] for c in found["x"]["channels"]] == units
+        words = seen["records"]["x"]["channels"][1]["long_name"]
+        assert words == ("force of motor 1" if units[1] == "N" else "torque of motor 1")
+
+
+def test_a_report_names_the_command_that_rebuilds_it(tmp_path: Path) -> None:
+    """What was fitted, held out, how it was judged; a mapping of the page is in no file."""
+    story = Story(Project(tmp_path / "project"))
+    now = story.project.now
+    now["traces"] = [
+        {"path": f"traces/{role}/x y.csv", "map": None, "parts": None, "role": role}
+        for role in ("fit", "held_out", "ignored")
+    ]
+    now["steps"] = [{"id": "s1", "file": "models/m1.toml"}, {"id": "s2", "file": "models/m2.toml"}]
+    now["diagnosis"] = {"job": 1, "step": "s1", "effort": "quick", "mode": "balance"}
+    command, then = story.commands()
+    assert then == "python story.py"
+    known = {option for p in report.params for option in p.opts}
+    assert {word for word in shlex.split(command) if word.startswith("--")} <= known
+    assert command == (
+        "dualdrive report models/m1.toml 'traces/fit/x y.csv' --held-out 'traces/held_out/x y.csv' "
+        "--effort quick --mode balance --output rebuilt.html"
+    )
+    now["traces"][0]["map"] = {"columns": {}}
+    assert story.commands() == ["python story.py"]
+
+
 def test_two_servers_do_not_share_a_project(tmp_path: Path) -> None:
     with running(tmp_path / "p"):
         command = [sys.executable, "-m", "dualdrive_cli", "workbench", "--no-browser"]
@@ -231,7 +305,7 @@ def test_the_command_line_brings_machine_and_recordings(tmp_path: Path) -> None:
 
 
 def test_the_script_of_an_empty_project_runs() -> None:
-    compile(script({"traces": [], "steps": []}), "story.py", "exec")
+    compile(script({"traces": [], "steps": [], "diagnosis": None}), "story.py", "exec")
 
 
 # --- what the page shows of a comparison ----------------------------------------------------------

@@ -11,10 +11,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dualdrive import traces
 from workbench_page import Seen, chromium, needs_chromium
 from workbench_server import Running
 
 pytestmark = needs_chromium
+#: what is drawn on top of the first panel, at a share of its width
+PIXEL = """(share) => {
+  const panel = document.querySelector(".panel"), ratio = devicePixelRatio;
+  const over = panel.querySelector(".u-over"), x = over.offsetLeft + share * over.clientWidth;
+  const drawn = panel.querySelector("canvas").getContext("2d");
+  return [...drawn.getImageData(x * ratio, (over.offsetTop + 2) * ratio, 1, 1).data].slice(0, 3);
+}"""
 
 
 @pytest.fixture(scope="module")
@@ -94,6 +102,23 @@ def test_a_condition_is_shaded_and_effects_are_switched_off_for_a_look(seen: See
     seen.wait_gone(".panel .key:has-text('without')")
 
 
+def test_every_cause_is_shaded_in_a_look_of_its_own(seen: Seen) -> None:
+    """Two ticked conditions: two swatches, and two colours in the plot where they hold alone."""
+    ticked = seen.page.locator("table.where input:checked")
+    while ticked.count():
+        ticked.first.click()
+        seen.page.wait_for_timeout(200)
+    rows, colours = seen.page.locator("table.where tbody tr"), []
+    for name, at in (("4.5 .. 6 s", 5.25), ("15 .. 16.5 s", 15.75)):
+        rows.filter(has_text=name).locator("input").click()
+        seen.page.wait_for_timeout(200)
+        colours.append(seen.page.evaluate(PIXEL, at / 18.0))
+    looks = {s.get_attribute("class") for s in seen.page.locator("table.where .swatch").all()}
+    assert looks == {"swatch cause-0", "swatch cause-1"}
+    assert colours[0] != colours[1]
+    assert [255, 255, 255] not in colours
+
+
 def test_plots_are_taken_away_as_table_and_picture(seen: Seen, tmp_path: Path) -> None:
     table = seen.saved("#save-csv", tmp_path / "plots.csv").read_text()
     assert '"following error, measured [arcsec]"' in table
@@ -139,8 +164,7 @@ def test_a_diagnosis_tells_of_its_progress_and_is_cancelled(seen: Seen) -> None:
     begun = time.monotonic()
     seen.click(".job .cancel")
     seen.wait_gone(".job")
-    # between two steps of the search; other work beside it may well hold that up
-    assert time.monotonic() - begun < 30.0
+    assert time.monotonic() - begun < 1.0 * max(1.0, os.getloadavg()[0] / 2)
     seen.wait(".message", "cancelled; nothing was changed")
 
 
@@ -219,6 +243,32 @@ def test_axe_finds_nothing_serious_in_the_mapping_of_a_foreign_file(
     seen.wait_gone("dialog[open]")
     seen.click("#undo")
     seen.wait_gone("article[data-trace='axis 3']")
+
+
+def test_a_mapping_made_in_the_page_is_taken_away(seen: Seen, tmp_path: Path) -> None:
+    """Beside its recording the file does the same for every other verb."""
+    t = np.arange(400) * 1e-2
+    lines = ["Zeit;Pos_ist", *(f"{a:.3f};{b:.5f}" for a, b in zip(t, np.sin(t), strict=True))]
+    (tmp_path / "Achse ä.csv").write_text("\n".join(lines), "utf-8")
+    seen.upload(tmp_path / "Achse ä.csv")
+    seen.click("article[data-trace='Achse ä'] button:has-text('Map its columns')")
+    row = seen.page.locator("tr[data-column='Pos_ist'] input")
+    for k, text in enumerate(("theta_m", "deg")):
+        row.nth(k).fill(text)
+        row.nth(k).press("Tab")
+    seen.page.locator("#map-rows").evaluate("rows => { rows.open = true; }")
+    seen.page.fill("#time-column", "Zeit")
+    seen.page.fill("#time-unit", "s")
+    seen.wait("#preview-said", "400 samples")
+    seen.click("#map-go")
+    seen.wait("article[data-trace='Achse ä'][data-status=ready]")
+    seen.saved("[data-file='Achse ä.map.toml']", tmp_path / "Achse ä.map.toml")
+    read = traces.read(tmp_path / "Achse ä.csv")
+    np.testing.assert_allclose(read["theta_m"], np.radians(np.sin(t)), atol=1e-6)
+    for _ in range(2):
+        seen.click("#undo")
+        seen.page.wait_for_timeout(300)
+    seen.wait_gone("article[data-trace='Achse ä']")
 
 
 def test_nothing_is_left_running(seen: Seen, server: list[Running]) -> None:

@@ -48,6 +48,10 @@ def test_a_diagnosis_that_is_stopped_hands_over_what_it_knows(seen: Seen) -> Non
     seen.wait("#sentence", "The search was stopped before every effect had its turn: ")
     assert "friction at the table gains most so far" in seen.text("#sentence")
     assert not seen.page.locator("article.candidate.named").count(), "what leads has no name yet"
+    assert "none of these is judged" in seen.text("#unjudged")
+    assert not seen.page.locator("article.candidate .primary, article.candidate .track").count()
+    gains = re.findall(r"gain so far (\d+)", seen.page.locator("#part-candidates").inner_text())
+    assert [int(gain) for gain in gains] == sorted(map(int, gains), reverse=True) != []
     assert rungs(seen) == 1
     seen.click("#undo")
     seen.wait_gone("article.candidate")

@@ -17,6 +17,7 @@ from dualdrive.cycles.errors import CycleError
 from dualdrive.cycles.flow import Flow
 from dualdrive.cycles.orbit import Orbit, describe
 from dualdrive.cycles.shooting_method import scales
+from dualdrive.display import Displayed
 
 __all__ = ["Branch", "branch"]
 
@@ -30,7 +31,7 @@ _DIFFERENCE = 1e-5  # of the parameter's range
 
 
 @dataclass(frozen=True, eq=False)
-class Branch:
+class Branch(Displayed, picture="cycle_branch"):
     """Orbits along a curve, in the order in which they were followed.
 
     path:    the parameter, values: its value at each orbit, shape (n,), SI

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from dualdrive.cycles.errors import CycleError
 from dualdrive.cycles.orbit import Orbit
 from dualdrive.cycles.shooting_method import shooting
+from dualdrive.display import Displayed
 from dualdrive.machine import Machine
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Survey:
+class Survey(Displayed, picture="cycle_map"):
     """Cycles by grid point, None where none was found.
 
     axes:    path -> values, SI, in the order of the grid's dimensions

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.cycles.flow import Flow
+from dualdrive.display import Displayed
 from dualdrive.machine import Machine
 
 __all__ = ["Orbit", "describe", "half_range"]
@@ -20,7 +21,7 @@ _POINTS = 2000
 
 
 @dataclass(frozen=True, eq=False)
-class Orbit:
+class Orbit(Displayed, picture="cycle"):
     """An exact periodic orbit of the machine at standstill; SI.
 
     period:       s

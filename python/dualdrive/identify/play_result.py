@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.display import Displayed
 from dualdrive.identify.contact import Episode
 
 Array = NDArray[np.float64]
@@ -32,7 +33,7 @@ class Cloud:
 
 
 @dataclass(frozen=True)
-class PlayEstimate:
+class PlayEstimate(Displayed, picture="play"):
     """The play of one mesh, in rad of its drive's pinion; ``full`` is twice the half gap Δ.
 
     Attributes:

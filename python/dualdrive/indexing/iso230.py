@@ -21,6 +21,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dualdrive.display import Displayed
+
 from .rules import IndexingError, evaluated_once, remarks
 
 __all__ = ["FIGURES", "Iso230", "TargetRow", "evaluate"]
@@ -61,7 +63,7 @@ class TargetRow:
 
 
 @dataclass(frozen=True, eq=False)
-class Iso230:
+class Iso230(Displayed, picture="indexing"):
     """A test as evaluated.
 
     targets:  shape (m,), increasing;  up, down: deviations x_ij, shape (m, n), `down` None where

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualdrive import _core
 from dualdrive.assembly import core_of
+from dualdrive.display import Displayed
 from dualdrive.linear.contacts import Modes
 from dualdrive.linear.errors import LinearError
 from dualdrive.linear.frequency import frequency_response
@@ -25,7 +26,7 @@ _FLOOR_DB = -40.0  # where both answer less, a difference is of no consequence
 
 
 @dataclass(frozen=True, eq=False)
-class DriveComparison:
+class DriveComparison(Displayed, picture="drives"):
     """Two drives' responses and where they part.
 
     master, slave:   response of each, on the same frequencies

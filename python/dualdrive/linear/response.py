@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dualdrive.display import Displayed
 from dualdrive.linear.errors import LinearError
 
 __all__ = ["FrequencyResponse", "Margins", "margins_of"]
@@ -52,7 +53,7 @@ class Margins:
 
 
 @dataclass(frozen=True, eq=False)
-class FrequencyResponse:
+class FrequencyResponse(Displayed, picture="bode"):
     """Output over input at frequencies; SI.
 
     frequency_hz:  increasing, shape (n,)

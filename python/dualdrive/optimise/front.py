@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dualdrive.display import Displayed
 from dualdrive.machine import Machine
 from dualdrive.motion import Motion
 from dualdrive.optimise.duty import duty_cycle
@@ -39,7 +40,7 @@ _GAINS = (0.5, 0.75, 1.0, 1.25, 1.5)
 
 
 @dataclass(frozen=True, eq=False)
-class Front:
+class Front(Displayed, picture="pareto"):
     """What was tried, and the best trades in it.
 
     designs:   all, in the order of the grid

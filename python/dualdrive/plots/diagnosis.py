@@ -104,7 +104,7 @@ def candidates(diagnosis: Diagnosis, *, most: int = _MOST, axes: Axes | None = N
         full = colour if c.resolved else "none"
         axes.barh(row, c.probability, color=full, edgecolor=colour, height=0.7)
         text = (
-            f"held out {100 * c.held_out:.3g} %"
+            f"cross-validated {100 * c.held_out:.3g} %"
             if c.resolved and np.isfinite(c.held_out)
             else c.note
         )

@@ -18,11 +18,12 @@ __all__ = ["errors", "overlays", "shapes", "where"]
 _ERRORS = {
     "nominal": "as given",
     "refitted": "numbers refitted",
-    "held_out_refitted": "numbers refitted, on samples held out",
+    "held_out_refitted": "numbers refitted, cross-validated",
     "best": "with the best explanation",
-    "held_out_best": "with the best explanation, on samples held out",
+    "held_out_best": "with the best explanation, cross-validated",
     "noise_floor": "noise floor: what the sensors alone leave",
 }
+_OF_THE_BEST = ("best", "held_out_best")
 _MOST = 12  # rows of a table
 _TELLING = 0.05  # share of what is missing from which a coordinate says something of it
 
@@ -31,6 +32,8 @@ def errors(d: Diagnosis) -> Html | None:
     """The headline error of every stage beside the noise floor."""
     floor = d.error.get("noise_floor", math.nan)
     known = {**_ERRORS, **{name: name for name in d.error if name not in _ERRORS}}
+    if d.best is None:  # what stands there is the refit without one
+        known = {name: text for name, text in known.items() if name not in _OF_THE_BEST}
     rows = [
         (text, percent(d.error[name]), _times(d.error[name], floor))
         for name, text in known.items()

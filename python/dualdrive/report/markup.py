@@ -7,9 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from html import escape
 
-from dualdrive.units import human
-
-__all__ = ["Html", "held", "join", "number", "percent", "table", "tag"]
+__all__ = ["Html", "held", "join", "percent", "table", "tag"]
 
 _EMPTY = ("meta", "br")
 #: the space between a number and its unit
@@ -76,11 +74,6 @@ def table(
         tag("tbody", *body),
     )
     return tag("div", whole, class_="scroll", tabindex="0", role="region", aria_label=caption)
-
-
-def number(value: float, unit: str = "") -> str:
-    """Four digits and a unit as people read it."""
-    return human(value, unit) if math.isfinite(value) else "–"
 
 
 def percent(share: float, form: str = ".3g") -> str:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dualdrive.diagnose.result import Candidate, Diagnosis, Interval
-from dualdrive.report.markup import Html, join, number, percent, table, tag
+from dualdrive.diagnose.result import Candidate, Diagnosis
+from dualdrive.readable import interval
+from dualdrive.report.markup import Html, join, percent, table, tag
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -13,7 +14,13 @@ if TYPE_CHECKING:
     from dualdrive.diagnose.ladder import Ladder
     from dualdrive.report.pictures import Gallery
 
-__all__ = ["candidates", "experiment", "ladder", "moved"]
+__all__ = ["UNJUDGED", "candidates", "experiment", "in_order", "ladder", "moved", "sizes"]
+
+#: what stands above the explanations of a search that was stopped
+UNJUDGED = (
+    "The search was stopped: none of these is judged, and what gains most so far may yet lose "
+    "to another."
+)
 
 _MOST = 15  # rows of a table
 _TELLS_APART = 11.0
@@ -23,37 +30,46 @@ def candidates(d: Diagnosis, hung: Gallery) -> Html | None:
     """Every explanation tried, with its evidence, and which can't be told apart."""
     from dualdrive.plots import candidates as draw
 
-    if not d.candidates:
+    shown = in_order(d)[:_MOST]
+    if not shown:
         return None
-    shown = list(d.candidates)[:_MOST]
     refitted = [c for c in shown if c.resolved]
     screened = [c for c in shown if not c.resolved]
-    best = d.candidates[0]
+    stopped = d.verdict == "unfinished"
+    best = shown[0]
     alt = f"Bars of each explanation's probability; {best.label}: {best.probability:.2f}."
     caption = "Probability of every explanation; filled blue: not told from the best."
     return join(
         [
+            tag("p", UNJUDGED) if stopped else None,
             _groups(d),
-            hung.hang(draw(d), caption, alt),
-            _refitted(refitted) if refitted else None,
-            _screened(screened) if screened else None,
+            hung.hang(draw(d), caption, alt) if refitted and not stopped else None,
+            _refitted(refitted, stopped=stopped) if refitted else None,
+            _screened(screened, stopped=stopped) if screened else None,
         ]
     )
 
 
-def _refitted(shown: Sequence[Candidate]) -> Html:
+def in_order(d: Diagnosis) -> list[Candidate]:
+    """Explanations as they are listed: those judged as they rank, then the rest by their gain."""
+    judged = [c for c in d.candidates if c.resolved]
+    rest = [c for c in d.candidates if not c.resolved]
+    return judged + sorted(rest, key=lambda c: -c.gain)
+
+
+def _refitted(shown: Sequence[Candidate], *, stopped: bool) -> Html:
     """Explanations that were added to the machine, everything else refitted beside them."""
     words = (
-        "Each of these was added to the machine and everything refitted. Held out: headline error "
-        "on samples the refit did not see. Explains: what it removes of the error that an "
-        "arbitrary torque could remove; explanations overlap, and these do not add up. Gain: twice "
-        "the log likelihood it wins over the refitted machine."
+        "Each of these was added to the machine and everything refitted. Cross-validated: headline "
+        "error on parts of the fitted records that the refit did not see. Explains: what it "
+        "removes of the error that an arbitrary torque could remove; explanations overlap, and "
+        "these do not add up. Gain: twice the log likelihood it wins over the refitted machine."
     )
-    head = ("explanation", "probability", "held out", "explains", "gain", "what it takes")
+    head = ("explanation", "probability", "cross-validated", "explains", "gain", "what it takes")
     rows = [
         (
             c.label,
-            f"{c.probability:.3f}" if c.probability >= 1e-3 else "< 0.001",
+            "–" if stopped else f"{c.probability:.3f}" if c.probability >= 1e-3 else "< 0.001",
             percent(c.held_out),
             percent(c.explained),
             _gain(c),
@@ -61,19 +77,22 @@ def _refitted(shown: Sequence[Candidate]) -> Html:
         )
         for c in shown
     ]
-    caption = "Explanations refitted, the best first"
-    return join([tag("p", words), table(head, rows, caption, numbers=(1, 2, 3, 4), marked=0)])
+    caption = "Explanations refitted, the best first" if not stopped else "Refitted until then"
+    marked = None if stopped else 0
+    return join([tag("p", words), table(head, rows, caption, numbers=(1, 2, 3, 4), marked=marked)])
 
 
-def _screened(shown: Sequence[Candidate]) -> Html:
+def _screened(shown: Sequence[Candidate], *, stopped: bool) -> Html:
     """Explanations that their score, or a refit that was cut, left behind."""
     words = (
         "These were not refitted to the end: their score, the slope of the likelihood where the "
         "effect is still zero, or their first steps promised less."
     )
     rows = [(c.label, _gain(c), _sizes(c) or "screened only") for c in shown]
-    head = ("explanation", "gain expected", "remark")
-    return join([tag("p", words), table(head, rows, "Explanations screened only", numbers=(1,))])
+    head = ("explanation", "gain so far" if stopped else "gain expected", "remark")
+    caption = "Explanations that wait for their turn" if stopped else "Explanations screened only"
+    written = table(head, rows, caption, numbers=(1,))
+    return written if stopped else join([tag("p", words), written])
 
 
 def _gain(c: Candidate) -> str:
@@ -90,16 +109,15 @@ def _groups(d: Diagnosis) -> Html | None:
 
 
 def _sizes(c: Candidate) -> str:
-    sizes = "; ".join(
-        f"{path.rpartition('.')[2]} {_interval(v)}" for path, v in c.parameters.items()
-    )
-    return "; ".join(filter(None, (sizes, c.note)))
+    return "; ".join(filter(None, (*sizes(c), c.note)))
 
 
-def _interval(v: Interval) -> str:
-    if v.low == v.high:  # counted, not fitted
-        return number(v.value, v.unit)
-    return f"{number(v.value, v.unit)} ({number(v.low, v.unit)} … {number(v.high, v.unit)})"
+def sizes(c: Candidate) -> list[str]:
+    """What an explanation takes, a line each: ``torque 12 kN·m [11.9 .. 12.1 kN·m]``."""
+    return [
+        f"{path.rpartition('.')[2]} {interval(v.value, v.low, v.high, v.unit)}"
+        for path, v in c.parameters.items()
+    ]
 
 
 def _steps(found: Ladder) -> Html | None:
@@ -125,9 +143,10 @@ def ladder(found: Ladder | None, hung: Gallery) -> Html | None:
     )
     caption = "Error after each step, on fitted and on held-out records, down to the noise floor."
     head = ("step", "fitted", "held out", "noise floor")
+    drawn = hung.hang(draw(steps, noise_floor=floor), caption, alt) if len(steps) > 1 else None
     return join(
         [
-            hung.hang(draw(steps, noise_floor=floor), caption, alt),
+            drawn,
             table(head, rows, "The ladder", numbers=(1, 2, 3), marked=len(rows) - 1),
             tag("p", f"Held out: {found.held}. It stopped there: {found.stopped}."),
             _steps(found),
@@ -170,8 +189,6 @@ def moved(d: Diagnosis) -> Html | None:
     """Nominal numbers that the refit moved, with intervals."""
     if not d.moved:
         return None
-    rows = [
-        (path, number(v.value, v.unit), f"{number(v.low, v.unit)} … {number(v.high, v.unit)}")
-        for path, v in d.moved.items()
-    ]
-    return table(("number", "refitted", "95 % interval"), rows, "Refitted numbers", numbers=(1, 2))
+    rows = [(path, interval(v.value, v.low, v.high, v.unit)) for path, v in d.moved.items()]
+    head = ("number", "refitted [95 % interval]")
+    return table(head, rows, "Refitted numbers", numbers=(1,))

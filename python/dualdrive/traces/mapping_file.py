@@ -20,7 +20,7 @@ from .atomic import write_atomically
 from .log import TraceError
 from .mapping import ColumnRule, FileLayout, RowRule, SplitRule, TimeRule, TraceMap
 
-__all__ = ["find_mapping", "mapping_from", "read_mapping", "write_mapping"]
+__all__ = ["find_mapping", "mapping_from", "mapping_text", "read_mapping", "write_mapping"]
 
 SUFFIX: Final = ".map.toml"
 
@@ -221,6 +221,14 @@ def write_mapping(mapping: TraceMap, path: str | Path) -> Path:
 
     Raises TraceError where it cannot be written; then nothing is left behind.
     """
+    path = Path(path)
+    with write_atomically(path) as temporary:
+        temporary.write_text(mapping_text(mapping), encoding="utf-8")
+    return path
+
+
+def mapping_text(mapping: TraceMap) -> str:
+    """What `write_mapping` writes."""
     import tomlkit
 
     document = tomlkit.document()
@@ -228,7 +236,4 @@ def write_mapping(mapping: TraceMap, path: str | Path) -> Path:
         document.add(tomlkit.comment(note))
     for name, table in mapping.as_dict().items():
         document.add(name, tomlkit.item(table))
-    path = Path(path)
-    with write_atomically(path) as temporary:
-        temporary.write_text(tomlkit.dumps(document), encoding="utf-8")
-    return path
+    return tomlkit.dumps(document)

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.display import Displayed
 from dualdrive.machine import Machine
 from dualdrive.motion import Motion
 from dualdrive.run import Run
@@ -115,7 +116,7 @@ class Step:
 
 
 @dataclass(frozen=True, eq=False)
-class Tuning:
+class Tuning(Displayed, picture="tuning"):
     """The outcome.
 
     machine:  tuned as far as the procedure came; a changed copy

@@ -19,8 +19,8 @@ __all__ = ["Live", "Series", "units"]
 #: numbers of all plots of a page; 8 MB of text. Beyond it a plot stays a still picture
 MOST: Final = 1_500_000
 _MODULES: Final = (
-    "dom.js", "plot.js", "readout.js", "reduce.js", "report.js", "source.js", "stack.js",
-    "timeline.js", "units.js", "keys.js",
+    "dom.js", "plot.js", "readout.js", "reduce.js", "report.js", "shade.js", "source.js",
+    "stack.js", "timeline.js", "units.js", "keys.js",
 )  # fmt: skip
 _START: Final = 'import "dd/report.js";'
 

@@ -11,6 +11,8 @@ from dualdrive.traces import Trace
 
 __all__ = ["added"]
 
+_MOST = 1000  # simulations of a refit, as `fit` takes them by itself
+
 
 def added(
     diagnosis: Diagnosis,
@@ -49,11 +51,11 @@ def added(
     def tell(now: Progress) -> None:
         first.append(now.best)
         if progress is not None:
-            words = f"refitting with {label}: simulation {now.simulations}"
+            words = f"refitting with {label}: simulation {now.simulations} (at most {_MOST})"
             progress(words, best=now.best / first[0] if first[0] > 0 else 1.0)
 
     try:
-        found: Any = fit(machine, traces, mode=diagnosis.mode, progress=tell)
+        found: Any = fit(machine, traces, mode=diagnosis.mode, max_simulations=_MOST, progress=tell)
     except (FitError, ValueError) as failure:
         if not candidate.resolved:
             raise

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any, Final
 
 from dualdrive.files import FileError, read_text
 from dualdrive.machine import presets
+from dualdrive.traces.mapping_file import SUFFIX, mapping_from, mapping_text
 from dualdrive.workbench.script import script
 from dualdrive.workbench.story import Story
 
@@ -116,8 +118,6 @@ class Commands:
 
     def _mapping(self, told: Told) -> dict[str, Any]:
         """A mapping whose every key and value is known; TraceError else."""
-        from dualdrive.traces.mapping_file import mapping_from
-
         return mapping_from(told["map"], "mapping").as_dict()
 
     def role(self, told: Told) -> None:
@@ -158,11 +158,19 @@ def downloads(story: Story) -> dict[str, Callable[[], bytes]]:
     if p.now["steps"]:
         found["machine.toml"] = lambda: p.path(p.step["file"]).read_bytes()
         found["story.py"] = lambda: script(p.now).encode()
+    for trace in p.now["traces"]:
+        if trace["map"]:
+            found[trace["name"] + SUFFIX] = partial(_mapping, trace["map"])
     if (p.folder / "report.html").is_file():
         found["report.html"] = lambda: p.path("report.html").read_bytes()
     if p.now["diagnosis"] and _experiment(story):
         found["next-experiment.csv"] = lambda: _motion(story).encode()
     return found
+
+
+def _mapping(told: Told) -> bytes:
+    """A mapping as a file to put beside its recording."""
+    return mapping_text(mapping_from(told, "mapping")).encode()
 
 
 def _experiment(story: Story) -> dict[str, Any] | None:

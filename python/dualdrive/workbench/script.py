@@ -44,28 +44,37 @@ def script(now: dict[str, Any]) -> str:
     lines += [
         "",
         f"machine = dualdrive.Machine.load(HERE / {steps[0]['file']!r})",
-        "print(dualdrive.compare.compare(machine, fit).table())",
+        'mode = "auto"  # of comparisons: as the last diagnosis judged',
+        "print(dualdrive.compare.compare(machine, fit, mode).table())",
     ]
     for step in steps[1:]:
         lines += _rung(step)
+    diagnosis = now["diagnosis"]
+    looked = diagnosis is not None and diagnosis["step"] == steps[-1]["id"]
+    if looked and not steps[-1]["how"].startswith("improve: "):
+        lines += _diagnosed(diagnosis["effort"])
     lines += [
         "",
         "if held_out:",
-        "    print(dualdrive.compare.compare(machine, held_out).table())",
+        "    print(dualdrive.compare.compare(machine, held_out, mode).table())",
         'machine.save(HERE / "rebuilt.toml", overwrite=True)',
     ]
     return "\n".join([*lines, ""])
 
 
+def _diagnosed(effort: str) -> list[str]:
+    return [
+        "",
+        f"found = dualdrive.diagnose.diagnose(machine, fit, effort={effort!r})",
+        "print(found.paragraph)",
+        '(HERE / "rebuilt.html").write_text(dualdrive.report.page(found), "utf-8")',
+    ]
+
+
 def _rung(step: dict[str, Any]) -> list[str]:
     effort = step["effort"]
     if step["how"] == "refitted":
-        return [
-            "",
-            f"found = dualdrive.diagnose.diagnose(machine, fit, effort={effort!r})",
-            "print(found.paragraph)",
-            "machine = found.refitted",
-        ]
+        return [*_diagnosed(effort), "machine, mode = found.refitted, found.mode"]
     if step["how"].startswith("improve: "):
         return [
             "",
@@ -76,5 +85,6 @@ def _rung(step: dict[str, Any]) -> list[str]:
     return [
         "",
         f"machine = added(found, {step['how']!r}, fit)",
-        f"print({step['label']!r}, dualdrive.compare.compare(machine, fit).error['headline'])",
+        "compared = dualdrive.compare.compare(machine, fit, mode)",
+        f"print({step['label']!r}, compared.error['headline'])",
     ]

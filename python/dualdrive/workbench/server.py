@@ -23,6 +23,7 @@ import subprocess
 from collections.abc import AsyncIterator, Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
+from urllib.parse import quote
 
 import numpy as np
 import uvicorn
@@ -189,7 +190,7 @@ class Workbench:
         if make is None:
             return PlainTextResponse(f"{name}: nothing of that name is saved\n", 404)
         body = make()
-        head = {"Content-Disposition": f'attachment; filename="{name}"'}
+        head = {"Content-Disposition": f"attachment; filename*=UTF-8''{quote(name)}"}
         return Response(body, media_type="application/octet-stream", headers=head)
 
 

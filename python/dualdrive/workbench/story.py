@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -38,7 +39,17 @@ class Story:
             for t in self.project.now["traces"]
             if t["role"] != "ignored"
         ]
-        return key_of("compare", step["file"], without, traces)
+        return key_of("compare", step["file"], without, traces, self.mode)
+
+    @property
+    def mode(self) -> str:
+        """How models are held against the recordings: as the diagnosis judged, where one has.
+
+        A sentence that counts in the torque balance above a ladder of simulated loops would
+        contradict it, although both are right.
+        """
+        told = self.project.now["diagnosis"]
+        return str(told.get("mode", "auto")) if told else "auto"
 
     def result(self, key: str) -> dict[str, Any] | None:
         """What is known under a key, None where nothing is yet."""
@@ -83,7 +94,7 @@ class Story:
             key = self.compare_key(step, without)
             if self.result(key) is None:
                 label = " without ".join([step["label"], *without])
-                arguments = {**self._inputs(step), "without": list(without)}
+                arguments = {**self._inputs(step), "without": list(without), "mode": self.mode}
                 found.append(("compare", f"Comparing: {label}", key, arguments))
         return found
 
@@ -143,7 +154,7 @@ class Story:
 
     def _take_diagnose(self, job: Job, told: Mapping[str, Any], done: Mapping[str, Any]) -> None:
         with self.project.change("diagnosis") as now:
-            now["diagnosis"] = {"job": job.number, "step": told["step"], "effort": told["effort"]}
+            now["diagnosis"] = _kept(job, told["step"], told, done)
 
     def _take_add(self, job: Job, told: Mapping[str, Any], done: Mapping[str, Any]) -> None:
         rungs = [("refitted", "refitted.toml", "refitted")]
@@ -162,7 +173,7 @@ class Story:
             self._climbed(now, job, rungs, told["effort"])
             if done["diagnosed"] and now["steps"]:
                 last = now["steps"][-1]["id"]
-                now["diagnosis"] = {"job": job.number, "step": last, "effort": told["effort"]}
+                now["diagnosis"] = _kept(job, last, told, done)
         self.project.tell(f"Improved: {done['stopped']}")
 
     def _climbed(
@@ -236,13 +247,21 @@ class Story:
         self.start("report", "Drawing the report", {
             "diagnosis": self._of_diagnosis(), "traces": p.told_of_traces(), "steps": steps,
             "held": held_out or "nothing", "stopped": "that is where the workbench stands",
-            "commands": self._commands(),
+            "commands": self.commands(),
         })  # fmt: skip
 
-    def _commands(self) -> list[str]:
-        """What to type for the same."""
-        traces = " ".join(Path(t["path"]).name for t in self.project.now["traces"])
-        return [f"dualdrive diagnose machine.toml {traces}", "python story.py"]
+    def commands(self) -> list[str]:
+        """What to type in the project's folder for the same."""
+        now, script = self.project.now, "python story.py"
+        used = [t for t in now["traces"] if t["role"] != "ignored"]
+        if any(t["map"] or t["parts"] for t in used):
+            return [script]  # mappings made in the page stand in the script alone
+        fit, held = ([t["path"] for t in used if t["role"] == r] for r in ("fit", "held_out"))
+        words = ["dualdrive", "report", now["steps"][0]["file"], *fit]
+        words += [word for path in held for word in ("--held-out", path)]
+        words += ["--effort", now["diagnosis"]["effort"]]
+        words += ["--mode", self.mode] if self.mode != "auto" else []
+        return [shlex.join([*words, "--output", "rebuilt.html"]), script]
 
     def variant(self, without: list[str]) -> None:
         """Switch effects of the model off, for a look beside it; none switches the look off."""
@@ -276,3 +295,8 @@ class Story:
         for told in self.project.open.values():
             if told["kind"] in (*_CHANGING, *also):
                 raise FileError(f"{told['title']}: still under way; wait for it, or cancel it")
+
+
+def _kept(job: Job, step: str, told: Mapping[str, Any], done: Mapping[str, Any]) -> dict[str, Any]:
+    """What a project keeps of a diagnosis: where it lies, of which rung it is, how it judged."""
+    return {"job": job.number, "step": step, "effort": told["effort"], "mode": done["mode"]}

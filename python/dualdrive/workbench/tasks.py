@@ -86,20 +86,28 @@ def compare(folder: Path, request: Request, tell: Tell) -> dict[str, Any]:
         traces = records_of(request, role)
         if traces:
             tell(f"simulating {', '.join(traces)}" if len(traces) < 4 else "simulating")
-            found[role] = views.compared(m, traces, folder / role)
+            found[role] = views.compared(m, traces, folder / role, request["mode"])
     _write_json(folder / "view.json", found)
-    return {"error": {role: found[role]["error"] for role in ("fit", "held_out") if role in found}}
+    roles = [role for role in ("fit", "held_out") if role in found]
+    return {
+        "error": {role: found[role]["error"] for role in roles},
+        "mode": found[roles[0]]["mode"] if roles else request["mode"],
+    }
 
 
 def diagnose(folder: Path, request: Request, tell: Tell) -> dict[str, Any]:
     """Say what is missing; see :func:`dualdrive.diagnose.diagnose`."""
     from dualdrive.diagnose import diagnose as diagnosed
 
-    m = machine_of(request)
-    found = diagnosed(m, records_of(request, "fit"), effort=request["effort"], progress=tell)
+    m, traces = machine_of(request), records_of(request, "fit")
+    found = diagnosed(m, traces, effort=request["effort"], progress=tell)
     keep.save(found, folder, "diagnosis")
     _write_json(folder / "view.json", views.diagnosis(found, m))
-    return {"verdict": found.verdict, "paragraph": found.paragraph}
+    return {
+        "verdict": found.verdict,
+        "paragraph": found.paragraph,
+        "mode": _judged(m, traces, found),
+    }
 
 
 def add(folder: Path, request: Request, tell: Tell) -> dict[str, Any]:
@@ -151,8 +159,9 @@ def climb(folder: Path, request: Request, tell: Tell) -> dict[str, Any]:
     from dualdrive.diagnose import improve
 
     held = records_of(request, "held_out")
+    m = machine_of(request)
     found = improve(
-        machine_of(request),
+        m,
         records_of(request, "fit"),
         held or None,
         effort=request["effort"],
@@ -164,8 +173,14 @@ def climb(folder: Path, request: Request, tell: Tell) -> dict[str, Any]:
         steps.append({"label": step.label, "file": f"step{k}.toml"})
     if found.diagnoses:
         keep.save(found.diagnoses[-1], folder, "diagnosis")
-        _write_json(folder / "view.json", views.diagnosis(found.diagnoses[-1], machine_of(request)))
-    return {"steps": steps, "stopped": found.stopped, "diagnosed": bool(found.diagnoses)}
+        _write_json(folder / "view.json", views.diagnosis(found.diagnoses[-1], m))
+    last = found.diagnoses[-1] if found.diagnoses else None
+    return {
+        "steps": steps,
+        "stopped": found.stopped,
+        "diagnosed": last is not None,
+        "mode": _judged(m, records_of(request, "fit"), last) if last is not None else "auto",
+    }
 
 
 # --- what tasks share -----------------------------------------------------------------------------
@@ -198,6 +213,13 @@ def records_of(request: Request, role: str) -> dict[str, Trace]:
 
 def _columns(part: Trace) -> tuple[Any, dict[str, tuple[Any, str, str]]]:
     return part.t, {n: (part[n], part.units[n], part.long_names[n]) for n in part}
+
+
+def _judged(m: Machine, traces: Mapping[str, Trace], found: Any) -> str:
+    """The mode of a diagnosis; ``auto`` where it is the one that a comparison takes by itself."""
+    from dualdrive.identify import which_mode
+
+    return "auto" if found.mode == which_mode(m.core, traces, None) else str(found.mode)
 
 
 def _warnings(path: str | None, parts: Mapping[str, Trace]) -> list[str]:

@@ -11,7 +11,7 @@ import numpy as np
 from dualdrive import describe
 from dualdrive.machine import Machine, MachineError
 from dualdrive.plain import plain
-from dualdrive.readable import scale
+from dualdrive.readable import interval, scale
 from dualdrive.traces import CHANNELS, Proposal, Trace
 from dualdrive.workbench.limits import MOST_STRETCHES
 from dualdrive.workbench.series import write_store
@@ -71,7 +71,9 @@ def machine(m: Machine) -> dict[str, Any]:
     }
 
 
-def compared(m: Machine, traces: Mapping[str, Trace], folder: Path) -> dict[str, Any]:
+def compared(
+    m: Machine, traces: Mapping[str, Trace], folder: Path, mode: str = "auto"
+) -> dict[str, Any]:
     """Hold a machine against recordings: series into a store, the rest as JSON."""
     from dualdrive.compare import (
         compare,
@@ -82,11 +84,15 @@ def compared(m: Machine, traces: Mapping[str, Trace], folder: Path) -> dict[str,
     )
     from dualdrive.identify import evaluate, which_mode
 
-    closed = which_mode(m.core, traces, None) == "closed_loop"
-    found = evaluate(m, traces) if closed else None
-    c = of_evaluation(m, found) if found is not None else compare(m, traces)
+    mode = which_mode(m.core, traces, None) if mode == "auto" else mode
+    found = evaluate(m, traces) if mode == "closed_loop" else None
+    c = of_evaluation(m, found) if found is not None else compare(m, traces, mode)
     situations = situations_of(c, found, traces)
-    flanks = {r.record.name: r.flanks for r in found.replays} if found is not None else {}
+    replays = found.replays if found is not None else []
+    flanks = {
+        r.record.name: {k: v for k, v in r.flanks.items() if m.core.kind(k) != "rigid"}
+        for r in replays
+    }
     store: dict[str, Any] = {}
     for q in c.quantities:
         t, own = store.setdefault(q.record, (q.t, {}))
@@ -147,11 +153,16 @@ def _quantity(q: Any) -> dict[str, Any]:
 def diagnosis(d: Diagnosis, m: Machine) -> dict[str, Any]:
     """A diagnosis with what the library knows of its candidates."""
     from dualdrive.diagnose import headline
+    from dualdrive.report.remedies import UNJUDGED, in_order, sizes
 
+    figures, listed = d.figures(), in_order(d)
+    told = {c.label: figure for c, figure in zip(d.candidates, figures["candidates"], strict=True)}
     return dict(
         plain(
             {
-                **d.figures(),
+                **figures,
+                "candidates": [{**told[c.label], "sizes": sizes(c)} for c in listed],
+                "unjudged": UNJUDGED if d.verdict == "unfinished" else "",
                 "headline": headline(d),
                 "named": d.best.label if d.best else None,
                 "where": [{**vars(c), "significant": c.significant} for c in d.where],
@@ -160,7 +171,9 @@ def diagnosis(d: Diagnosis, m: Machine) -> dict[str, Any]:
                     for effect in dict.fromkeys(e for c in d.candidates for e, _ in c.effects)
                 },
                 "shapes": [_shape(s) for s in d.shapes],
-                "moved": {path: vars(v) for path, v in d.moved.items()},
+                "moved": [
+                    [path, interval(v.value, v.low, v.high, v.unit)] for path, v in d.moved.items()
+                ],
                 "axis": m.axis,
             }
         )

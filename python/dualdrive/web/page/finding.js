@@ -16,7 +16,7 @@ export function finding(element, state, diagnosis, connection, effort) {
       h("button", { id: "climb", disabled: !state.ready || !step || busy, onclick: () => connection.do("climb", { effort: effort.value }) }, "Improve until nothing is left"),
       h("label", {}, "effort ", effortChoice(effort))),
     h("div", { id: "jobs" }, state.jobs.map((job) => progress(job, connection))),
-    state.steps.length ? ladder(state.steps) : null);
+    state.steps.length ? ladder(state.steps, JUDGED[state.steps.findLast((s) => s.mode)?.mode ?? "closed_loop"]) : null);
 }
 
 function effortChoice(effort) {
@@ -33,8 +33,8 @@ function sentence(state, step, fit, diagnosis) {
   if (unread) return `${unread.name} can't be read yet: say which column is which.`;
   if (!step) return "There are recordings. Drop a machine file, or choose a preset.";
   if (step.status === "failed") return `The model can't be held against the recordings: ${step.message}.`;
-  if (!fit) return "Holding the model against the recordings …";
   if (diagnosis && state.diagnosis.step === step.id) return diagnosis.headline;
+  if (!fit) return "Holding the model against the recordings …";
   const misses = `${step.label === "nominal" ? "As described" : `With ${step.label.replace(/^\+ /, "")}`} the model misses what was recorded by ${percent(fit.headline)}`;
   if (fit.noise_floor === null) return `${misses}.`;
   const times = fit.headline / fit.noise_floor;
@@ -53,13 +53,19 @@ function progress(job, connection) {
     h("button", { id: `cancel-${job.number}`, class: "cancel", onclick: () => connection.do("cancel", { number: job.number }) }, "Cancel"));
 }
 
+// What the error is a share of, which depends on how the model is held against the recordings.
+const JUDGED = {
+  closed_loop: "RMS residual over RMS signal",
+  balance: "by torque balance, RMS of what the equations of motion leave over RMS torque",
+};
+
 // A rung per row: bars to one scale, a line at the noise floor, numbers beside them.
-export function ladder(steps) {
+function ladder(steps, judged) {
   const errors = steps.map((s) => [s.error?.fit?.headline, s.error?.held_out?.headline, s.error?.fit?.noise_floor]);
   const most = Math.max(...errors.flat().filter((x) => x !== undefined && x !== null), 1e-9) * 1.05;
   const share = (x) => `${100 * (x ?? 0) / most}%`;
   return h("table", { class: "ladder", id: "ladder" },
-    h("caption", {}, "How the error falls: RMS residual over RMS signal, down to the noise floor"),
+    h("caption", {}, `How the error falls: ${judged}, down to the noise floor`),
     h("thead", {}, h("tr", {}, ["model", "", "fitted", "held out", "noise floor"].map((t, k) => h("th", { scope: "col", class: k > 1 ? "number" : null }, t || h("span", { class: "unseen" }, "bar"))))),
     h("tbody", {}, steps.map((s, k) => {
       const [fit, held, floor] = errors[k];

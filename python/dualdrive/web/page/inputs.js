@@ -29,6 +29,7 @@ function recording(t, connection, map) {
     [...new Set(records.flatMap(([, r]) => r.log))].slice(0, 4).map((line) => h("p", { class: "fine" }, line)),
     h("div", { class: "actions" }, role,
       h("button", { id: `map-${t.id}`, onclick: () => map(t.id) }, t.status === "unread" ? "Map its columns" : "Columns"),
+      t.map ? h("button", { id: `save-map-${t.id}`, "data-file": `${t.name}.map.toml` }, "Save mapping") : null,
       h("button", { id: `remove-${t.id}`, "aria-label": `Remove ${t.name}`, onclick: () => connection.do("remove", { trace: t.id }) }, "Remove")));
 }
 

@@ -14,6 +14,7 @@ import { inputs, take } from "dd/inputs.js";
 import { MappingEditor } from "dd/mapping.js";
 import { results } from "dd/results.js";
 import { copyPicture, csv, download, saveFile } from "dd/save.js";
+import { look } from "dd/shade.js";
 
 const $ = (id) => document.getElementById(id);
 const connection = new Connection();
@@ -22,11 +23,11 @@ const source = new ServerSource(connection);
 const effort = { value: sessionStorage.getItem("effort") ?? "normal" };
 const choice = { record: null, show: "both", all: false, custom: [], hidden: {}, ...JSON.parse(sessionStorage.getItem("choice") ?? "{}") };
 const shade = {
-  chosen: new Set(),
+  chosen: new Map(), // condition -> how it looks
   touched: false,
   toggle(key, on) {
     shade.touched = true;
-    if (on) shade.chosen.add(key);
+    if (on) shade.chosen.set(key, look(shade.chosen));
     else shade.chosen.delete(key);
     update();
   },
@@ -137,8 +138,9 @@ function span(state) {
 // Until somebody chooses, what stands out is shaded: what is beyond chance.
 function shadeBy(view) {
   const found = [...(view?.fit?.stretches ?? []), ...(view?.held_out?.stretches ?? [])];
-  if (!shade.touched) shade.chosen = new Set(found.filter((s) => s.sure).slice(0, 1).map((s) => `${s.kind}|${s.condition}`));
-  stack.stretches = found.filter((s) => s.record === choice.record && shade.chosen.has(`${s.kind}|${s.condition}`)).flatMap((s) => s.intervals);
+  const key = (s) => `${s.kind}|${s.condition}`;
+  if (!shade.touched) shade.chosen = new Map(found.filter((s) => s.sure).slice(0, 1).map((s) => [key(s), 0]));
+  stack.shaded = found.filter((s) => s.record === choice.record && shade.chosen.has(key(s))).map((s) => [shade.chosen.get(key(s)), s.intervals]);
   stack.redraw();
 }
 

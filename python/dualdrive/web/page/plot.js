@@ -3,6 +3,7 @@
 
 import uPlot from "uplot";
 import { readable, short } from "dd/units.js";
+import { shadeAs } from "dd/shade.js";
 import { name } from "dd/source.js";
 
 // Tones are roles of the style sheet, told apart by every kind of colour vision, and by their dash.
@@ -136,15 +137,16 @@ export class Panel {
     const { ctx, bbox } = this.plot;
     const [from, to] = this.timeline.range;
     ctx.save();
-    ctx.fillStyle = tone("shade");
-    ctx.beginPath(); // one path: where stretches meet within a pixel nothing is shaded twice
-    for (const [start, stop] of this.shaded()) {
-      if (stop < from || start > to) continue;
-      const left = Math.max(this.plot.valToPos(start, "x", true), bbox.left);
-      const right = Math.min(this.plot.valToPos(stop, "x", true), bbox.left + bbox.width);
-      ctx.rect(left, bbox.top, Math.max(right - left, 1), bbox.height);
+    for (const [cause, stretches] of this.shaded()) {
+      ctx.beginPath(); // one path: where stretches meet within a pixel nothing is shaded twice
+      for (const [start, stop] of stretches) {
+        if (stop < from || start > to) continue;
+        const left = Math.max(this.plot.valToPos(start, "x", true), bbox.left);
+        const right = Math.min(this.plot.valToPos(stop, "x", true), bbox.left + bbox.width);
+        ctx.rect(left, bbox.top, Math.max(right - left, 1), bbox.height);
+      }
+      shadeAs(ctx, cause, tone);
     }
-    ctx.fill();
     ctx.restore();
   }
 

@@ -13,6 +13,7 @@ export function results(element, state, view, diagnosis, connection, shade) {
     diagnosis ? details("part-candidates", "What could explain it", own || followed, own || followed ? null : h("p", { class: "fine" }, "found for an earlier model"), candidates(diagnosis, connection, own || followed, own)) : null,
     diagnosis?.shapes.length ? details("part-missing", "What is missing", true, shapes(diagnosis)) : null,
     side ? details("part-where", "Where it fails", true, where(side, shade)) : null,
+    diagnosis?.moved.length ? details("part-moved", "Numbers that moved", false, table("Numbers that the refit moved", ["number", "refitted [95 % interval]"], diagnosis.moved)) : null,
     diagnosis?.next_experiment ? details("part-next", "What to measure next", true, next(diagnosis)) : null,
     side ? details("part-fit", "Fit of every channel", false, fits(view)) : null,
     side ? details("part-residuals", "Residual correlations", false, correlations(side)) : null,
@@ -23,12 +24,13 @@ function where(side, shade) {
   const seen = side.where.filter((c) => c.kind !== "order" && c.excess > 1).sort((a, b) => b.significant - a.significant || b.excess - a.excess).slice(0, 10);
   const sure = seen.filter((c) => c.significant).length;
   const key = (c) => `${c.kind}|${c.condition}`;
+  const swatch = (c) => (shade.chosen.has(key(c)) ? h("i", { class: `swatch cause-${shade.chosen.get(key(c))}`, "aria-hidden": "true" }) : null);
   return [
     h("p", { class: "fine" }, sure ? "The error is larger here than elsewhere, beyond chance. Tick a condition to shade its stretches." : "Nowhere is the error larger beyond chance: what is wrong is wrong all over. Tick a condition to shade its stretches."),
     h("table", { class: "where" }, h("caption", { class: "unseen" }, "Residual by condition"),
       h("thead", {}, h("tr", {}, ["condition", "× average", "of the time"].map((t, k) => h("th", { scope: "col", class: k ? "number" : null }, t)))),
       h("tbody", {}, seen.map((c, k) => h("tr", { class: c.significant ? "marked" : null },
-        h("th", { scope: "row" }, h("label", { class: "check" }, h("input", { type: "checkbox", id: `shade-${k}`, checked: shade.chosen.has(key(c)), onchange: (event) => shade.toggle(key(c), event.target.checked) }), c.condition)),
+        h("th", { scope: "row" }, h("label", { class: "check" }, h("input", { type: "checkbox", id: `shade-${k}`, checked: shade.chosen.has(key(c)), onchange: (event) => shade.toggle(key(c), event.target.checked) }), c.condition, swatch(c))),
         h("td", { class: "number" }, digits(c.excess)), h("td", { class: "number" }, percent(c.time)))))),
     side.orders.slice(0, 3).map((o) => h("p", { class: "fine" }, `${o.channel}: ripple of ${digits(o.amplitude)} ${o.unit} per turn, ${percent(o.share)} of the residual's square`)),
   ];
@@ -36,29 +38,27 @@ function where(side, shade) {
 
 function candidates(d, connection, current, own) {
   return [
+    d.unjudged ? h("p", { class: "groups", id: "unjudged" }, d.unjudged) : null,
     d.groups.map((group) => h("p", { class: "groups" }, `This recording can't tell apart: ${group.join(", ")}.`)),
     own ? h("div", { class: "candidate" }, h("div", { class: "row" }, h("span", {}, "the same model, numbers refitted: ", h("strong", {}, percent(d.error.refitted))), h("button", { id: "add-refit", onclick: () => connection.do("add", { label: "" }) }, "Take these numbers"))) : null,
     d.candidates.slice(0, 3).map((c, k) => candidate(c, k, d, connection, current)),
-    d.candidates.length > 3 ? h("details", { id: "more-candidates" }, h("summary", {}, `${d.candidates.length - 3} less likely ones`), d.candidates.slice(3, 12).map((c, k) => candidate(c, k + 3, d, connection, current))) : null,
+    d.candidates.length > 3 ? h("details", { id: "more-candidates" }, h("summary", {}, `${d.candidates.length - 3} ${d.unjudged ? "more" : "less likely ones"}`), d.candidates.slice(3, 12).map((c, k) => candidate(c, k + 3, d, connection, current))) : null,
     d.candidates.length ? null : h("p", {}, "No effect was tried."),
   ];
 }
 
 function candidate(c, k, d, connection, current) {
   const about = d.about[c.effect] ?? {};
-  const sizes = Object.entries(c.parameters).map(([path, v]) => {
-    const shown = (x) => human(x, v.unit, Math.abs(v.value));
-    return h("li", {}, `${path.split(".").pop()} ${shown(v.value)}`, v.low === v.high ? "" : h("span", { class: "fine" }, ` (${shown(v.low)} … ${shown(v.high)})`));
-  });
+  const judged = c.resolved && !d.unjudged;
   const gain = c.gain === null ? "–" : digits(Math.round(c.gain), 6).replace(/\.0+$/, "");
   return h("article", { class: `candidate ${c.label === d.named ? "named" : ""}`, "data-candidate": c.label },
     h("div", { class: "row" }, h("h3", {}, c.label),
-      h("button", { id: `add-${k}`, class: k === 0 ? "primary add" : "add", disabled: !current, onclick: () => connection.do("add", { label: c.label }) }, "Add", h("span", { class: "unseen" }, ` ${c.label}`))),
-    h("div", { class: "track", "aria-hidden": "true" }, h("i", { class: "fitted", style: { width: `${100 * c.probability}%` } })),
+      h("button", { id: `add-${k}`, class: k === 0 && !d.unjudged ? "primary add" : "add", disabled: !current, onclick: () => connection.do("add", { label: c.label }) }, "Add", h("span", { class: "unseen" }, ` ${c.label}`))),
+    judged ? h("div", { class: "track", "aria-hidden": "true" }, h("i", { class: "fitted", style: { width: `${100 * c.probability}%` } })) : null,
     h("p", { class: "fine" }, c.resolved
-      ? `probability ${c.probability < 5e-4 ? "< 0.001" : digits(c.probability)}; held out ${percent(c.held_out)}; explains ${percent(c.explained)} of what is missing; gain ${gain}`
-      : `gain expected ${gain}${c.note ? "" : "; screened only"}`),
-    sizes.length ? h("ul", {}, sizes) : null,
+      ? `${judged ? `probability ${c.probability < 5e-4 ? "< 0.001" : digits(c.probability)}; ` : ""}cross-validated ${percent(c.held_out)}; explains ${percent(c.explained)} of what is missing; gain ${gain}`
+      : `gain ${d.unjudged ? "so far" : "expected"} ${gain}${c.note ? "" : "; screened only"}`),
+    c.sizes.length ? h("ul", {}, c.sizes.map((line) => h("li", {}, line))) : null,
     c.note ? h("p", { class: "fine" }, c.note) : null,
     about.equation ? h("details", { id: `about-${k}` }, h("summary", {}, "equation, rivals"), h("p", { class: "equation" }, about.equation), h("p", { class: "fine" }, `confused with: ${about.confused_with.join(", ") || "nothing"}. ${about.source}`)) : null);
 }

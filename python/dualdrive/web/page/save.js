@@ -4,7 +4,7 @@ import { h } from "dd/dom.js";
 import { tone } from "dd/plot.js";
 
 export async function saveFile(name) {
-  const answer = await fetch(`file/${name}`);
+  const answer = await fetch(`file/${encodeURIComponent(name)}`);
   if (answer.ok) download(await answer.blob(), name);
   return answer.ok;
 }

@@ -11,7 +11,7 @@ export class Stack {
     this.source = source;
     this.timeline = timeline;
     this.panels = [];
-    this.stretches = [];
+    this.shaded = []; // [look of a cause, its stretches of time]
     this.busy = this.again = false;
     timeline.addEventListener("range", () => this.moved());
     timeline.addEventListener("cursor", () => this.redraw());
@@ -24,7 +24,7 @@ export class Stack {
     if (text === this.specs) return;
     this.specs = text;
     this.panels.forEach((panel) => panel.plot?.destroy());
-    this.panels = specs.map((spec, k) => new Panel(spec, this.timeline, { shaded: () => this.stretches, last: k === specs.length - 1 }));
+    this.panels = specs.map((spec, k) => new Panel(spec, this.timeline, { shaded: () => this.shaded, last: k === specs.length - 1 }));
     this.element.replaceChildren(...this.panels.map((panel) => panel.element));
     this.drawAll();
     this.fetch();
