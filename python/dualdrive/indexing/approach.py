@@ -8,6 +8,7 @@ up between its pinions keeps it, and its targets never meet.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import pairwise
@@ -113,7 +114,7 @@ def _since() -> Floats:
 
 @cache
 def _to_and_fro() -> tuple[_core.Waveform, Floats, tuple[float, ...]]:
-    """The command; (target, begin, end) of its dwells; when runs may be joined, first and last."""
+    """The command; (target, begin, end) of its dwells; begin, pauses and end of the run, s."""
     moves, stops, rests, place = [], [], [START], 0.0
     for turn in [-FROM, *[0.0, FROM, 0.0, -FROM] * REPEATS]:
         # each move adds its own way to all those before it
@@ -122,13 +123,13 @@ def _to_and_fro() -> tuple[_core.Waveform, Floats, tuple[float, ...]]:
         rests.append(arrived + (_TURN if turn else DWELL))
         if not turn:
             stops.append((0.0, arrived, rests[-1]))
-    return _core.sum(moves), np.array(stops), (0.0, *rests[1:3], rests[-1])
+    return _core.sum(moves), np.array(stops), (0.0, *rests[1:3], stops[-1][2])
 
 
 def _ticks(machine: Machine, times: Sequence[float]) -> list[float]:
-    """The last ticks of the position loop up to these times: there a run may be taken up again."""
+    """These times at ticks of the position loop, where a run may be taken up again."""
     sample = machine.get("controller.position_sample")
-    return [sample * int(time / sample) for time in times]
+    return [sample * math.ceil(time / sample) for time in times]
 
 
 def _met(states: Sequence[Mapping[str, float]]) -> list[list[int]]:
