@@ -10,7 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dualdrive.linear import FrequencyResponse, differ, frequency_response, read_response
+from dualdrive.linear import (
+    FrequencyResponse,
+    differ,
+    frequency_response,
+    read_response,
+)
 from dualdrive.linear.contacts import closed
 from dualdrive.machine import Machine
 from dualdrive.motion import parse_motion
