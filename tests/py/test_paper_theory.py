@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import runpy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -85,3 +86,14 @@ def function(text: str, symbol: str) -> str:
     )
     assert found, symbol
     return found[0]
+
+
+def test_a_newcomer_s_look_ups_are_those_of_the_review() -> None:
+    """docs/paper-review.md shows what the tool prints, and every equation is found by it."""
+    tool = runpy.run_path(str(ROOT / "tools" / "lookups.py"))
+    review = (ROOT / "docs" / "paper-review.md").read_text("utf-8")
+    shown = review.partition("$ python tools/lookups.py\n")[2].partition("```")[0]
+    assert "\n".join(tool["looked_up"]()) == shown.strip()
+    assert tool["looked_up"](range(1, 24))[-1].startswith("found 23 of 23; ")
+    for path in re.findall(r"(?:benchmarks|tools|tests/py)/\w+\.py", review):
+        assert (ROOT / path).is_file(), path
