@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from dualdrive import Machine
-from dualdrive.indexing import IndexingError, crossed, verdicts
+from dualdrive.indexing import IndexingError, approach, crossed, verdicts
+from dualdrive.indexing.approach import DELAYS, REPEATS
 from dualdrive.indexing.error_budget import BUDGET, INSTRUMENT, draw, geometry, mechanics
-from dualdrive.indexing.experiment import DELAYS, DRAWS, GAPS, GRADES, PAIR, SENSORS, Cell, Crossed
+from dualdrive.indexing.experiment import DRAWS, GAPS, GRADES, PAIR, SENSORS, Cell, Crossed
 from dualdrive.indexing.gear_grades import Gear, add_pitch_errors, cumulative_pitch, single_pitch
+from dualdrive.indexing.printed import loaded
+from dualdrive.run import Run
 from dualdrive.simulation import simulate
 
 ARCSEC = math.pi / 648000
@@ -32,6 +35,8 @@ def test_factors_and_ranges_are_those_written_down() -> None:
     assert GRADES == (5.0, 8.0)
     assert SENSORS == ("table", "motor")
     assert DRAWS == 10
+    assert "eight targets, three cycles in both directions" in PAGE
+    assert REPEATS == 3
     written = {
         "in-position window": (3.6 * ARCSEC, 7.2 * ARCSEC, "3.6 to 7.2″"),
         "mesh stiffness": (0.7, 1.4, "× 0.7 to 1.4"),
@@ -67,16 +72,38 @@ def test_a_draw_is_the_same_for_every_table_and_lies_in_its_ranges() -> None:
 # --- gears ----------------------------------------------------------------------------------------
 
 
-def test_tolerances_of_iso_1328() -> None:
-    """By hand: d 400 mm, m 10 mm, grade 5: F_p 30.8, f_p 9.4 um; two grades on, twice that."""
-    gear = Gear(0.2, 0.01, 5)
-    assert cumulative_pitch(gear) == pytest.approx((0.8 + 0.55 * 20 + 7 + 12) * 1e-6)
-    assert single_pitch(gear) == pytest.approx(9.4e-6)
-    assert cumulative_pitch(replace(gear, grade=7)) == pytest.approx(2 * cumulative_pitch(gear))
-    assert gear.teeth == pytest.approx(40)
-    for wrong, word in ((Gear, "grade = 12"), (Gear, "diameter = 20000 mm")):
-        with pytest.raises(IndexingError, match=word):
-            wrong(0.2, 0.01, 12) if "grade" in word else wrong(10.0, 0.01, 5)
+@pytest.mark.parametrize(
+    ("diameter", "module", "grade", "single", "cumulative"),
+    [
+        # worked values in the tests of two public gear programs that quote formulas 5 and 6
+        (100.0, 2.0, 5, 6.0, 19.0),
+        (120.0, 3.0, 6, 9.0, 29.0),
+        # by hand: 0.4 + 4 + 5 = 9.4; 0.8 + 11 + 7 + 12 = 30.8; two grades on, twice that
+        (400.0, 10.0, 5, 9.5, 31.0),
+        (400.0, 10.0, 7, 19.0, 62.0),
+    ],
+)
+def test_tolerances_of_iso_1328(
+    diameter: float, module: float, grade: float, single: float, cumulative: float
+) -> None:
+    """Micrometres, rounded as 5.2.3 has it: whole ones above 10, halves above 5."""
+
+    def rounded(tolerance: float) -> float:
+        um = 1e6 * tolerance
+        return float(round(um)) if um > 10 else round(2 * um) / 2
+
+    gear = Gear(diameter / 2e3, module / 1e3, grade)
+    assert (rounded(single_pitch(gear)), rounded(cumulative_pitch(gear))) == (single, cumulative)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "word"),
+    [((0.2, 0.01, 12), "grade = 12"), ((10.0, 0.01, 5), "diameter = 20000 mm"),
+     ((4.0, 0.004, 5), "teeth = 2000"), ((0.2, 0.08, 5), "module = 80 mm")],
+)  # fmt: skip
+def test_gears_beyond_the_standard_are_refused(numbers: tuple[float, ...], word: str) -> None:
+    with pytest.raises(IndexingError, match=word):
+        Gear(*numbers)
 
 
 def test_harmonics_span_the_tolerance_on_the_wheel_that_has_them() -> None:
@@ -119,6 +146,27 @@ def test_what_the_approach_left_is_gone_when_the_reading_waits(small: Crossed) -
     early, late = (float(small.values(c, "double motors", "B")[0]) for c in cells)
     assert late < early
     assert late < 1.0
+
+
+def test_targets_that_have_met_are_simulated_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two motors forget with what twist a mesh began; a wound shaft does not. 85 s a target."""
+    spent = []
+
+    def counted(machine: Machine, *, start: float, end: float, **rest: Any) -> Run:
+        spent.append(end - start)
+        return simulate(machine, start=start, end=end, **rest)
+
+    monkeypatch.setattr(approach, "simulate", counted)
+    starts = [{"mesh_1.twist": x, "mesh_2.twist": -x} for x in (0.0, 1e-4, 2e-4)]
+    for column, most in (("double motors", 100.0), ("traditional", 260.0)):
+        machine = loaded(PAIR[column], "empty")
+        spent.clear()
+        together = approach.readings(machine, draw(0), starts)
+        assert sum(spent) == pytest.approx(most, abs=10.0)
+        for k, start in enumerate(starts):
+            alone = approach.readings(machine, draw(0), [start])
+            for delay in DELAYS:
+                np.testing.assert_allclose(together[delay][k], alone[delay][0], atol=1e-3 * ARCSEC)
 
 
 def test_one_thread_or_two_make_no_difference(small: Crossed) -> None:

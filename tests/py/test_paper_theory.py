@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import runpy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -60,6 +61,7 @@ def test_every_erratum_names_tests_that_are_there_or_says_that_it_is_notation() 
 
 
 def test_every_equation_is_where_the_page_says_and_found_by_its_number() -> None:
+    """In the function that computes it, its comment above included; else in the file of a type."""
     rows = [line for line in PAGE.partition("## Errata")[0].splitlines() if line.startswith("| (")]
     seen = []
     for row in rows:
@@ -67,7 +69,31 @@ def test_every_equation_is_where_the_page_says_and_found_by_its_number() -> None
         file, symbol = re.findall(r"\]\(\.\./\.\./([^)]+)\) `([^`]+)`", row)[0]
         text = (ROOT / file).read_text()
         assert re.search(rf"\b{re.escape(symbol)}\b", text), f"{file}: no {symbol}"
+        if "::" in symbol:
+            text = function(text, symbol)
         for number in numbers:
-            assert re.search(rf"Eq\. {number}\b", text), f"{file} does not say Eq. {number}"
+            assert re.search(rf"Eq\. {number}\b", text), f"{file}: {symbol}: no Eq. {number}"
         seen += numbers
     assert sorted(seen) == list(range(1, 24))
+
+
+def function(text: str, symbol: str) -> str:
+    """Its definition and the comment above it."""
+    found = re.search(
+        rf"(?:^//[^\n]*\n)*^template[^\n]*\n^[^\n]*\b{re.escape(symbol)}\(.*?^\}}",
+        text,
+        re.M | re.S,
+    )
+    assert found, symbol
+    return found[0]
+
+
+def test_a_newcomer_s_look_ups_are_those_of_the_review() -> None:
+    """docs/paper-review.md shows what the tool prints, and every equation is found by it."""
+    tool = runpy.run_path(str(ROOT / "tools" / "lookups.py"))
+    review = (ROOT / "docs" / "paper-review.md").read_text("utf-8")
+    shown = review.partition("$ python tools/lookups.py\n")[2].partition("```")[0]
+    assert "\n".join(tool["looked_up"]()) == shown.strip()
+    assert tool["looked_up"](range(1, 24))[-1].startswith("found 23 of 23; ")
+    for path in re.findall(r"(?:benchmarks|tools|tests/py)/\w+\.py", review):
+        assert (ROOT / path).is_file(), path

@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from dualdrive.linear import FrequencyResponse, differ, frequency_response, read_response
+from dualdrive.linear import (
+    FrequencyResponse,
+    differ,
+    frequency_response,
+    read_response,
+)
 from dualdrive.linear.contacts import closed
 from dualdrive.machine import Machine
 from dualdrive.motion import parse_motion
-from dualdrive.tune import drive_parameters, set_drive_parameters, tune
+from dualdrive.run import Run
+from dualdrive.simulation import simulate
+from dualdrive.tune import drive_parameters, set_drive_parameters, standstill, tune
 from dualdrive.tune.assess import usual_motion
 from dualdrive.tune.filters import Filter, asked_for, from_response, peak_of
 from dualdrive.tune.hold import hold
@@ -58,6 +67,34 @@ def test_what_forbids_a_tension_is_said_and_can_be_repeated() -> None:
     still = restless(found.machine, [found.failure.trial], engine="cvode")
     assert still is not None
     assert still.size == pytest.approx(found.failure.size, rel=0.2)
+
+
+def test_a_run_that_its_engine_can_t_finish_is_no_unstable_loop(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Friction that one engine can't settle is left to another; what none can is said as it is."""
+    preset = heavy("empty")
+    (trial,) = trials(preset, usual_motion(preset), loads=(1.0,), steps=(1e-4,), speeds=())
+    asked = []
+
+    def stopping(machine: Machine, motion: Any, *, engine: str, energy: bool) -> Run:
+        asked.append(engine)
+        run = simulate(machine, motion, engine=engine, energy=energy)
+        if engine not in broken:
+            return run
+        said = "friction of c2 switches without end"
+        return replace(run, status="chattering", message=said)
+
+    broken = {"cvode"}
+    monkeypatch.setattr(standstill, "simulate", stopping)
+    assert restless(preset, [trial], engine="cvode") is None
+    assert asked == ["cvode", "explicit"]
+    broken = {"cvode", "explicit"}
+    found = restless(preset, [trial], engine="cvode")
+    assert found is not None
+    assert found.text == (
+        "after a step of 0.1 mrad the simulation ends early: friction of c2 switches without end"
+    )
 
 
 # --- filters --------------------------------------------------------------------------------------

@@ -63,8 +63,8 @@ void Model<S>::set_parameters(const S* values) {
     }
     delay_.clear();
     for (const DelayLine& line : layout_.delays) delay_.push_back(values[line.slot]);
-    // ω_body = ratio · ω_group: J_n = i² J_d + J_c and b_n = i² b_d + b_c of Eq. 11 follow from this sum, which is Eq. 9
-    // (torques at the motor) times i, Eq. 10.
+    // ω_body = ratio · ω_group, θ_n = i θ_cn (Eq. 4): J_n = i² J_d + J_c and b_n = i² b_d + b_c of Eq. 11 follow from this
+    // sum, which is Eq. 9 (torques at the motor) times i, Eq. 10.
     std::fill(ratio_.begin(), ratio_.end(), S(1.0));
     for (const auto& s : layout_.steps) {
         const auto c = static_cast<std::size_t>(s.connection);

@@ -40,8 +40,9 @@ void Model<S>::add_torque(int body, const S& torque) {
     body_torque_[static_cast<std::size_t>(body)] += torque;
 }
 
-// T = K dz(x; Δ) by the frozen mode: the flank's side s in {−1, 0, 1} is selector, |s| (Eq. 18, Eq. 20), and offset,
-// β = s Δ (Eq. 19, Eq. 21), of both meshes; all corrected. The torque is that of Eq. 22.
+// x = θ_c − i_m θ_m, the twist (Eq. 6, Eq. 16), and T = K dz(x; Δ) (Eq. 15) by the frozen mode: the flank's side s in
+// {−1, 0, 1} is selector, |s| (Eq. 18, Eq. 20), and offset, β = s Δ (Eq. 19, Eq. 21), of both meshes; all corrected. The
+// torque is that of Eq. 22; the driving body gets −T, the driven one the ratio times T, which sums to M_m (Eq. 8).
 template <class S>
 void Model<S>::connection_torques() {
     const auto& at = layout_.at;
@@ -286,6 +287,8 @@ void Model<S>::friction(const S& t) {
     }
 }
 
+// J ω̇ = Σ torques − b ω of the motor (Eq. 3), the driving gear (Eq. 5) and the table (Eq. 7), or of all that the reducer
+// joins rigidly (Eq. 11); then the twists, and the currents.
 template <class S>
 void Model<S>::rates(const S* z) {
     const auto& at = layout_.at;
@@ -319,7 +322,7 @@ void Model<S>::rates(const S* z) {
     for (std::size_t r = 0; r < layout_.roots.size(); ++r)
         rate_[static_cast<std::size_t>(layout_.root_angle[r])] =
             signal_[static_cast<std::size_t>(at.speed[static_cast<std::size_t>(layout_.roots[r])])];
-    for (std::size_t k = 0; k < motor_.size(); ++k)  // L İ + R I + C_e ω = U   (Eq. 1 corrected)
+    for (std::size_t k = 0; k < motor_.size(); ++k)  // L İ + R I + C_e ω = U   (Eq. 1; Eq. 12, Eq. 13 with ω = i ω_c)
         if (const int s = layout_.current[k]; s >= 0) {
             const S& speed =
                 signal_[static_cast<std::size_t>(at.speed[static_cast<std::size_t>(machine_.motors()[k].body)])];

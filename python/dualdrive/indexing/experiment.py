@@ -3,7 +3,7 @@
 The experiment of docs/adr/0010-tables-by-an-experiment-that-can-fail.md, whose ranges were fixed
 before it ran. Each target is approached from both sides by itself, with the pitch errors that the
 two meshes have there: an error that is constant while the table stops is a twist that a mesh
-starts with. What geometry then adds to the table at rest is put on top:
+starts with (`approach`). What geometry then adds to the table at rest is put on top:
 
     table's encoder    - a cos(theta + phi)     the loop follows its grating's error
     motor's encoder    + offset_1 / i_m         the ring follows the pitch error of mesh 1
@@ -17,7 +17,6 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
 from itertools import product
 from typing import Final
 
@@ -25,6 +24,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
+from dualdrive.indexing.approach import (
+    DELAYS,
+    DWELL,
+    FROM,
+    LIMITS,
+    REPEATS,
+    START,
+    looks,
+    read,
+    readings,
+)
 from dualdrive.indexing.error_budget import Draw, draw, geometry, mechanics
 from dualdrive.indexing.iso230 import evaluate
 from dualdrive.indexing.printed import ARCSEC, LOADS, loaded
@@ -55,16 +65,9 @@ PAIR: Final[Mapping[str, str]] = {
 SENSORS: Final = ("table", "motor")
 GAPS: Final = (0.5, 1.0, 2.0)
 GRADES: Final = (5.0, 8.0)
-#: s from in position to the reading
-DELAYS: Final = (0.5, 1.0, 1.5, 2.0, 3.0, 5.0)
 DRAWS: Final = 10
 
-_DWELL, _STEP, _WINDOW = 6.0, 0.1, 0.2  # s: at every target; between looks; averaged per reading
-_COUNT, _REPEATS = 8, 2  # targets round the circle; cycles in both directions
-_FROM: Final = 0.03  # rad: from where a target is approached
-_TURN, _START = 0.5, 1.5  # s: of rest where it turns back; before the first move
-_LIMITS: Final = (0.05, 0.01, 0.05)  # rad/s, rad/s^2, rad/s^3
-_RTOL = 1e-7
+_COUNT: Final = 8  # targets round the circle
 
 
 @dataclass(frozen=True)
@@ -150,12 +153,13 @@ def _one(
     drawn = draw(number)
     machine = _machine(drawn, load, sensor, gap, column)
     targets = _targets(drawn)
+    placed = [_geometry(machine, drawn, grade, targets) for grade in grades]
+    seen = readings(machine, drawn, [twists for pitch, _ in placed for twists in pitch])
     rows = {}
-    for grade in grades:
-        pitch, static = _geometry(machine, drawn, grade, targets)
-        seen = [_readings(machine, drawn, twists) for twists in pitch]
-        for delay in DELAYS:
-            at = np.array([one[delay] for one in seen]) + static[:, None, None]
+    for k, grade in enumerate(grades):
+        _, static = placed[k]
+        for delay, stood in seen.items():
+            at = stood[k * _COUNT : (k + 1) * _COUNT] + static[:, None, None]
             rows[Cell(load, sensor, gap, grade, delay)] = _figures(targets, at, drawn)
     return rows
 
@@ -204,75 +208,12 @@ def _offsets(core: _core.Machine, angle: float) -> dict[str, float]:
     return found
 
 
-def _readings(machine: Machine, drawn: Draw, twists: Mapping[str, float]) -> dict[float, Floats]:
-    """Delay -> deviation from one target, rad, shape (cycles, 2): upwards, downwards."""
-    waveform, stops = _to_and_fro()
-    found = _stood(machine, waveform, stops, drawn, initial=twists)
-    return {delay: seen.reshape(_REPEATS, 2) for delay, seen in found.items()}
-
-
-@cache
-def _to_and_fro() -> tuple[_core.Waveform, Floats]:
-    """One target from both sides: the command, and (target, begin, end) of its dwells."""
-    moves, stops, now, place = [], [], _START, 0.0
-    turns = [-_FROM, *[0.0, _FROM, 0.0, -_FROM] * _REPEATS]
-    for turn in turns:
-        # each move adds its own way to all those before it
-        one = _core.jerk_limited_move(turn - place, *_LIMITS, start=now)
-        begin = one.end()
-        now, place = begin + (_TURN if turn else _DWELL), turn
-        moves.append(one)
-        if not turn:
-            stops.append((0.0, begin, now))
-    return _core.sum(moves), np.array(stops)
-
-
-def _stood(
-    machine: Machine,
-    waveform: _core.Waveform,
-    stops: Floats,
-    drawn: Draw,
-    initial: Mapping[str, float] | None = None,
-) -> dict[float, Floats]:
-    """Delay after in position -> deviation in each dwell, rad; NaN where it came too late.
-
-    stops:  (target, begin, end) of the dwells that are read, shape (n, 3)
-    """
-    looks = np.arange(0.0, _DWELL - 1e-9, _STEP)
-    times = stops[:, 1][:, None] + looks
-    run = simulate(
-        machine,
-        inputs={"theta_ref": waveform},
-        end=float(stops[-1, 2]),
-        signals=["theta_m", "sensed.table"],
-        times=times.ravel(),
-        energy=False,
-        rtol=_RTOL,
-        initial=initial,
-    )
-    if not run.ok:
-        return {delay: np.full(len(stops), np.nan) for delay in DELAYS}
-    true, sensed = (
-        run[name].reshape(times.shape) - stops[:, :1] for name in ("theta_m", "sensed.table")
-    )
-    within = np.abs(sensed) <= drawn["in-position window"]
-    arrived = np.where(within.any(axis=1), looks[within.argmax(axis=1)], np.inf)
-    found = {}
-    for delay in DELAYS:
-        begin = (arrived + delay)[:, None]
-        rows = (looks >= begin - 1e-9) & (looks < begin + _WINDOW - 1e-9)
-        in_time = begin[:, 0] + _WINDOW <= _DWELL + 1e-9
-        mean = (true * rows).sum(axis=1) / np.maximum(rows.sum(axis=1), 1)
-        found[delay] = np.where(in_time, mean, np.nan)
-    return found
-
-
 def _figures(targets: Floats, seen: Floats, drawn: Draw) -> Floats:
     """A, R and B, arcsec, of deviations of shape (targets, cycles, 2); NaN where one is missing."""
     if np.isnan(seen).any():
         return np.full(3, np.nan)
     # in the order of the test: upwards through all targets, then back, cycle by cycle
-    errors = drawn.instrument(seen.size).reshape(_REPEATS, 2, targets.size)
+    errors = drawn.instrument(seen.size).reshape(REPEATS, 2, targets.size)
     up = targets[:, None] + seen[:, :, 0] + errors[:, 0].T
     down = targets[:, None] + seen[:, :, 1] + errors[:, 1, ::-1].T
     figures = evaluate(targets, up, down, unit="rad", name="crossed").figures()
@@ -301,19 +242,30 @@ def check(grade: float = 8.0, number: int = 0, load: str = "100t") -> Iterator[C
     for column, sensor in product(PAIR, SENSORS):
         machine = _machine(drawn, load, sensor, 1.0, column)
         pitch, static = _geometry(machine, drawn, grade, targets)
-        parts = np.array([_readings(machine, drawn, twists)[3.0][-1] for twists in pitch])
-        parts += static[:, None]
+        parts = readings(machine, drawn, pitch)[3.0][:, -1] + static[:, None]
         whole = machine.copy()
         geometry(whole, drawn, grade=grade)
-        turns = [targets[0] - _FROM, *targets, targets[-1] + _FROM, *targets[::-1]]
-        timing = (*_LIMITS, _DWELL, _START, 1)
-        stops = np.delete(
-            np.asarray(_core.dwells_of_cycle(turns, *timing)), [0, _COUNT + 1], axis=0
-        )
-        round_it = _core.cycle_of_moves(turns, *timing)
-        stood = _stood(whole, round_it, stops, drawn)[3.0].reshape(2, _COUNT)
+        stood = _round(whole, drawn, targets)
         apart = np.stack([stood[0], stood[1, ::-1]], axis=1) - parts
         apart -= apart.mean()
         yield Check(
             column, sensor, float(np.abs(apart).max()) / ARCSEC, float(np.ptp(parts)) / ARCSEC
         )
+
+
+def _round(machine: Machine, drawn: Draw, targets: Floats) -> Floats:
+    """Where a machine stands at every target of a turn forth and back, rad, shape (2, targets)."""
+    turns = [targets[0] - FROM, *targets, targets[-1] + FROM, *targets[::-1]]
+    timing = (*LIMITS, DWELL, START, 1)
+    stops = np.delete(np.asarray(_core.dwells_of_cycle(turns, *timing)), [0, _COUNT + 1], axis=0)
+    run = simulate(
+        machine,
+        inputs={"theta_ref": _core.cycle_of_moves(turns, *timing)},
+        end=float(stops[-1, 2]),
+        signals=["theta_m", "sensed.table"],
+        times=looks(stops).ravel(),
+        energy=False,
+        rtol=1e-7,
+    )
+    true, sensed = (run[name].reshape(len(stops), -1) for name in ("theta_m", "sensed.table"))
+    return read(true, sensed, stops, drawn)[3.0].reshape(2, _COUNT)

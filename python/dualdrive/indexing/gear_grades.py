@@ -1,9 +1,12 @@
-"""Pitch errors of a gear by its grade: ISO 1328-1:2013, 5.3, and a wheel that has them.
+"""Pitch errors of a gear by its grade, and a wheel that has them.
 
-    F_p = (0.002 d + 0.55 sqrt(d) + 0.7 m + 12) 2^((A - 5)/2) um     total cumulative pitch
-    f_p = (0.001 d + 0.4 m + 5) 2^((A - 5)/2) um                     single pitch
+ISO 1328-1:2013 (second edition), formulas 5 and 6 in 5.3.1 and 5.3.2, before rounding by 5.2.3:
 
-with reference diameter d and normal module m in mm and grade A from 1 to 11.
+    f_p = (0.001 d + 0.4 m + 5) sqrt(2)^(A - 5) um                     single pitch
+    F_p = (0.002 d + 0.55 sqrt(d) + 0.7 m + 12) sqrt(2)^(A - 5) um     total cumulative pitch
+
+with reference diameter d and normal module m in mm and grade (flank tolerance class) A from 1 to
+11. The first edition, of 1995, had other formulas and took d and m by steps.
 """
 
 from __future__ import annotations
@@ -39,6 +42,7 @@ class Gear:
             ("grade", self.grade, 1.0, 11.0, ""),
             ("diameter", 2e3 * self.radius, 5.0, 15000.0, " mm"),
             ("module", 1e3 * self.module, 0.5, 70.0, " mm"),
+            ("teeth", self.teeth, 5.0, 1000.0, ""),
         )
         for name, value, low, high, unit in ranges:
             if not low <= value <= high:

@@ -1,4 +1,4 @@
-"""Measured frequency responses: read from the text tables that drives and analysers export."""
+"""Measured frequency responses: read from what drives, controls and analysers export."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from dualdrive.files import refuse_existing, write_atomically
 from dualdrive.linear.errors import LinearError
 from dualdrive.linear.response import FrequencyResponse
+from dualdrive.linear.sinumerik import is_measurement, read_measurement
 from dualdrive.traces import TraceError
 from dualdrive.traces.csv_file import read_csv
 from dualdrive.traces.log import Recorder
@@ -49,6 +50,8 @@ def read_response(
 ) -> FrequencyResponse:
     """Read a table of frequency, magnitude and phase, with coherence where there is a column of it.
 
+    Or a frequency measurement as a SINUMERIK control saves it; columns and units are for tables.
+
     columns:  quantity (frequency, magnitude, phase, coherence) -> column; default: by their names
     units:    of frequency (Hz, kHz, rad/s), magnitude (dB, abs), phase (deg, rad); default: as the
               header says: ``magnitude [dB]``, ``phase_deg``. A frequency without unit is in Hz.
@@ -58,6 +61,8 @@ def read_response(
     """
     path = Path(path)
     try:
+        if is_measurement(path):
+            return read_measurement(path, input=input, output=output)
         table = read_csv(path, FileLayout(), Recorder(path, strict=False))
     except OSError as error:
         raise LinearError(f"{path}: cannot be read: {error.strerror}") from None

@@ -79,7 +79,7 @@ def _exhibit(name: str, title: str, data: Tables, claimed: str) -> Exhibit:
             "crossed: position loop closed on the table's or the master motor's encoder; half, "
             "once "
             "and twice the presets' gaps; gears of ISO 1328-1 grade 5 and 8; read 0.5 to 5 s after "
-            "the control says in position",
+            "the control says in position; three cycles in both directions",
             f"{data.result.draws} draws of one error budget, the same for both trains: target "
             "phases, "
             "window, stiffness, friction, single gaps, shift and tilt of the table under its "

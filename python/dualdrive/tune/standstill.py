@@ -35,6 +35,7 @@ _STEP_IN: Final = {"rad": "mrad", "m": "mm"}
 _STILL = 0.02  # of the play: less is no hunting from flank to flank
 _LEAST = 1e-9  # rad, where there is no play
 _LONGER = 4.0  # times: a motion that dies out is given that much more rest before it is judged
+_DIVERGED = "not_finite"  # the one status of a failed run that speaks of the loop
 _RESTS, _LAGS = 2.0, 20.0  # times the usual time to settle, times the slowest integral
 
 
@@ -47,28 +48,36 @@ class Trial:
     load: float
 
     def on(self, machine: Machine, *, engine: str = "auto") -> Run:
-        """The trial simulated."""
-        return simulate(_loaded(machine, self.load), self.motion, energy=False, engine=engine)
+        """The trial simulated; where that engine can't settle a friction, by the explicit one."""
+        loaded = _loaded(machine, self.load)
+        run = simulate(loaded, self.motion, energy=False, engine=engine)
+        if run.status == "chattering":  # the engine's end, not the loop's
+            run = simulate(loaded, self.motion, energy=False, engine="explicit")
+        return run
 
 
 @dataclass(frozen=True)
 class Restless:
     """A trial after which the table does not stand still.
 
-    size:  peak to peak of the following error at rest, rad or m; inf where the run fails
-    hertz: of it; 0 where nothing turns back
+    size:    peak to peak of the following error at rest, rad or m; inf where the run fails
+    hertz:   of it; 0 where nothing turns back
+    stopped: what ended the run, where that tells nothing of the loop
     """
 
     trial: Trial
     size: float
     hertz: float
     unit: str
+    stopped: str = ""
 
     @property
     def text(self) -> str:
         """One line in words."""
         load = {1.0: "", 0.8: " with 20 % less inertia", 1.2: " with 20 % more inertia"}
         where = f"after {self.trial.text}{load.get(self.trial.load, '')}"
+        if self.stopped:
+            return f"{where} the simulation ends early: {self.stopped}"
         if not math.isfinite(self.size):
             return f"{where} the loop is unstable"
         rate = f" at {self.hertz:.2g} Hz" if self.hertz else ""
@@ -88,12 +97,15 @@ def restless(machine: Machine, tests: Sequence[Trial], *, engine: str = "auto") 
     """The first trial after which the table does not stand still; None where it always does."""
     limit = max(_STILL * play(machine), _LEAST)
     for trial in tests:
-        size, hertz = _left(trial.on(machine, engine=engine), trial)
+        run = trial.on(machine, engine=engine)
+        size, hertz = _left(run, trial)
         if limit < size < math.inf:  # hunting stays, settling does not
             later = _longer(trial)
-            size, hertz = _left(later.on(machine, engine=engine), later)
+            run = later.on(machine, engine=engine)
+            size, hertz = _left(run, later)
         if size > limit:
-            return Restless(trial, size, hertz, machine.unit_of("e", "rad"))
+            stopped = "" if run.ok or run.status == _DIVERGED else run.message
+            return Restless(trial, size, hertz, machine.unit_of("e", "rad"), stopped)
     return None
 
 
