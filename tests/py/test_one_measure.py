@@ -68,6 +68,29 @@ def test_a_coarse_encoder_neither_takes_inertia_away_nor_makes_a_delay() -> None
     assert not any("sensor_delay" in c.label for c in d.candidates)
 
 
+def test_fit_prints_the_floor_of_compare_and_diagnose(tmp_path: Path) -> None:
+    machine, _ = lorenz()
+    machine.add("coulomb", "table")
+    machine.save(tmp_path / "m.toml")
+    path = measured_file("lorenz_friction/lor_S1_5.txt")
+    line = [str(path), "--map", str(path.parent / "lorenz.map.toml"), "--mode=balance"]
+    fitted = str(tmp_path / "fitted.toml")
+    done = CliRunner().invoke(main, ["fit", str(tmp_path / "m.toml"), *line, "-o", fitted])
+    assert done.exit_code == 0, done.output
+    floor = compare(Machine.load(fitted), lorenz()[1], "balance").error["noise_floor"]
+    assert f"noise floor: {floor:.2%}, what the sensors alone leave" in done.output
+    assert found("lorenz").error["noise_floor"] == pytest.approx(floor, rel=0.05)
+
+
+def test_a_fit_within_tolerances_ends_where_the_data_sheet_is_far_off() -> None:
+    """It went to and fro between the sheet, whose error counted as noise, and the record."""
+    machine = Machine.load(EXAMPLES / "kuka.toml")
+    machine.add("coulomb", "table")
+    path = measured_file("kuka_kr300/derived_rec_B.csv")
+    record = read(path, EXAMPLES / "kuka_axis1.map.toml")
+    assert fit(machine, record, mode="balance").error < 0.2
+
+
 def test_the_filter_knows_what_the_encoder_bears() -> None:
     """White noise of 1e-6 rad on a slow swing: a wide band leaves noise alone."""
     t = 1e-3 * np.arange(20000.0)
