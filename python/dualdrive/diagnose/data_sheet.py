@@ -1,8 +1,8 @@
 """Whether a record can have been made by a machine whose numbers are as well known as usual.
 
 Tolerances that nobody gave are those of drawings and catalogues. Where a number was a guess, what
-it leaves counts as noise, and so much noise hides every law. The record says so itself: with nothing
-added it is foretold far better once the numbers may go where they like.
+it leaves counts as noise, and so much noise hides every law. The record says so itself: with
+nothing added it is foretold far better once the numbers may go where they like.
 """
 
 from __future__ import annotations
