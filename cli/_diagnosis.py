@@ -162,7 +162,9 @@ def _errors(d: Diagnosis) -> Table:
         label = f"with {first.label}, not named"
         table.add_row(escape(label), _share(first.fitted), _share(first.held_out))
     if "noise_floor" in d.error:
-        table.add_row("noise floor", _share(d.error["noise_floor"]), "")
+        # noise of an angle counts as often as the machine's inertia multiplies it
+        whose = f"with {d.best.label}" if d.best is not None else "refitted"
+        table.add_row(escape(f"noise floor, {whose}"), _share(d.error["noise_floor"]), "")
     return table
 
 

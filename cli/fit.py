@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +12,7 @@ import click
 from dualdrive.compare import compare
 from dualdrive.identify import Fit, FitError, Progress, fit
 from dualdrive.machine import Machine
+from dualdrive.traces import Trace
 from dualdrive_cli._files import MACHINE, OUTPUT, TRACE
 from dualdrive_cli._keys import KEY
 from dualdrive_cli._numbers import Real, Whole
@@ -115,16 +118,21 @@ def command(
             fitted = found.machine if isinstance(found, Fit) else found.model.machine
             known = {name: own[name] for name in unseen if name in own}
             test = compare(fitted, unseen, mode, settings=known, **options) if unseen else None
+            floor = None if isinstance(found, Fit) else _floor(fitted, recorded, own, options)
         except FitError as error:
             give_up(f"{m.name}: {error}", FAILED)
     figures = found.figures()
     if test:
         figures["error"]["held_out"] = test.error["headline"]
+    if floor is not None:
+        figures["error"]["noise_floor"] = floor
     if output:
         _save(fitted, output, ", ".join(recorded), overwrite=overwrite)
     write_json(json_to, figures)
     if json_to != "-":
         click.echo(found.table())
+        if floor is not None:
+            click.echo(f"noise floor: {floor:.2%}, what the sensors alone leave")
         if test:
             click.echo(f"held out: {test.error['headline']:.2%} on {', '.join(unseen)}")
         if output:
@@ -133,6 +141,18 @@ def command(
         give_up(
             f"{found.status}: {found.message}", STOPPED if found.status == "interrupted" else FAILED
         )
+
+
+def _floor(
+    machine: Any,
+    traces: Mapping[str, Trace],
+    settings: Mapping[str, Mapping[str, float]],
+    options: Mapping[str, Any],
+) -> float | None:
+    """What the sensors alone leave of a torque balance, as `compare` and `diagnose` say it."""
+    own = {name: settings[name] for name in traces if name in settings}
+    floor = compare(machine, traces, "balance", settings=own, **options).error["noise_floor"]
+    return floor if math.isfinite(floor) else None
 
 
 def _save(machine: Machine, path: Path, records: str, *, overwrite: bool) -> None:

@@ -47,7 +47,10 @@ from dualdrive_cli._shared import (
     "--sensitivity", "sensitivities", type=KEY, multiple=True, help="Derivatives by a parameter."
 )
 @click.option("--signal", "signals", multiple=True, help="Record these signals only.")
-@click.option("--output-step", default="1ms", show_default=True, help="Time between samples.")
+@click.option(
+    "--output-step",
+    help="Time between samples; unless given 1ms, in a long run what makes a million of them.",
+)
 @click.option("--rtol", type=Real(), help="Relative tolerance of the integrator.")
 @engine_option
 @method_option
@@ -63,7 +66,7 @@ def command(
     initial: tuple[str, ...],
     sensitivities: tuple[str, ...],
     signals: tuple[str, ...],
-    output_step: str,
+    output_step: str | None,
     rtol: float | None,
     engine: str,
     method: str,
@@ -90,7 +93,7 @@ def command(
             initial={state: parse(value, key=state) for state, value in pairs(initial)},
             sensitivities=sensitivities,
             signals=signals,
-            output_step=parse(output_step, "s", key="--output-step"),
+            output_step=_step(output_step),
             rtol=rtol,
             engine=engine,
             method=method,
@@ -106,6 +109,10 @@ def command(
 
 def _load(m: Machine, text: str | None) -> float | None:
     return parse(text, m.unit_of("T_load", "N*m"), key="--load") if text is not None else None
+
+
+def _step(text: str | None) -> float | None:
+    return parse(text, "s", key="--output-step") if text is not None else None
 
 
 def _draw(run: Run, path: Path) -> None:

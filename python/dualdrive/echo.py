@@ -67,5 +67,6 @@ def _joined(lines: list[str], names: list[str]) -> str:
     others = list(dict.fromkeys(names[1:]))
     if not others or not names[0]:
         return lines[0]
-    listed = ", ".join(others[:_LISTED]) + (", ..." if len(others) > _LISTED else "")
+    more = len(others) - _LISTED
+    listed = ", ".join(others[:_LISTED]) + (f" and {more} more" if more > 0 else "")
     return f"{lines[0].rstrip('.')}. The same, with numbers of their own, in {listed}"

@@ -57,7 +57,6 @@ class Run:
     status:         success, or what stopped the integration; `message` says what to try
     motion:         what was commanded, or None
     gradient_parameters: what `gradient` derives by; empty unless asked for
-    gradient_parameters: those of `gradient`
     """
 
     t: Floats

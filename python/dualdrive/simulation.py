@@ -16,9 +16,12 @@ from dualdrive.motion import Motion, default_motion
 from dualdrive.recorder import AsRecorded, delays, own_paths, reading_times
 from dualdrive.run import Run
 
-__all__ = ["Signal", "driven", "simulate"]
+__all__ = ["Signal", "driven", "simulate", "usual_step"]
 
 Array = NDArray[np.float64]
+
+_MOST = 10**6  # samples of a run, unless more were asked for: half a gigabyte of a dual drive
+_WORK = 8  # numbers a sample that the balance of energy and the modes take besides the signals
 
 #: what an input may be: a signal, a motion, a constant, or (times, values)
 Signal = _core.Waveform | Motion | float | tuple[ArrayLike, ArrayLike]
@@ -36,7 +39,7 @@ def simulate(
     sensitivities: Sequence[str] = (),
     gradient: Sequence[str] = (),
     start: float = 0.0,
-    output_step: float = 1e-3,
+    output_step: float | None = None,
     times: ArrayLike | None = None,
     engine: str = "auto",
     rtol: float | None = None,
@@ -59,6 +62,7 @@ def simulate(
     gradient:       the same, backward: Run.gradient then gives d cost / d parameter of any cost of
                     the signals for about the price of one more run; exact engine
     times:          output times in s, increasing; else every output_step from start to end
+    output_step:    s; unless given `usual_step`
     engine:         exact (between switches; every effect affine in its modes), explicit, cvode, or
                     auto, which takes exact wherever it can (docs/theory/engines.md)
     rtol, method:   of explicit and cvode; a method (adams, bdf) asks for cvode
@@ -72,8 +76,11 @@ def simulate(
     points = [] if times is None else np.asarray(times, float).tolist()
     if end is None:
         end = points[-1] if points else _end_of(motion)
+    if output_step is None:
+        output_step = usual_step(end - start)
     late = delays(machine.core)
     width = (1 + len(signals or machine.core.signals())) * (1 + len(sensitivities))
+    width += _WORK if energy else 0
     _refuse_excess(machine, len(points), end - start, output_step, width)
     if signals:
         late = {name: delay for name, delay in late.items() if name in signals}
@@ -117,6 +124,17 @@ def simulate(
         else trajectory
     )
     return Run.of(seen, machine.copy(), motion)
+
+
+def usual_step(duration: float) -> float:
+    """Time between the samples of a run of so many seconds, where nobody asked for another.
+
+    1 ms, which shows what the drives do; in a run beyond a quarter of an hour the next of 1, 2, 5
+    that keeps it to a million samples. The integration does not depend on it.
+    """
+    plain = 1e-3
+    long = math.isfinite(duration) and duration > _MOST * plain
+    return _round_up(duration / _MOST) if long else plain
 
 
 def _refuse_excess(

@@ -60,6 +60,11 @@ class Attempt:
     allowed: tuple[int, ...] = (0, 1, 2)
     cold: bool = False  # in an interpreter of its own, which loads everything itself
 
+    @property
+    def serves(self) -> bool:
+        """Whether it may stay until somebody ends it, once it has said where it is."""
+        return tuple(self.arguments[:1]) == ("workbench",)
+
 
 def judge(attempt: Attempt, inputs: Path, folder: Path) -> str:
     """What is wrong with the way an attempt ends; empty where nothing is."""
@@ -71,7 +76,7 @@ def judge(attempt: Attempt, inputs: Path, folder: Path) -> str:
         _run(attempt, folder)
     if attempt.cold:
         _until_it_begins(folder, child)
-    status, used = _wait(child, attempt.interrupt)
+    status, used = _wait(child, attempt.interrupt, folder / ".stdout" if attempt.serves else None)
     wrong = _ending(attempt, status, folder)
     if used > RESIDENT:
         wrong.append(f"{used / 1e9:.1f} GB in use")
@@ -174,8 +179,11 @@ def _until_it_begins(folder: Path, child: int) -> None:
         time.sleep(0.001)
 
 
-def _wait(child: int, interrupt: float | None) -> tuple[int, float]:
-    """Status of the fork and the most memory it used, bytes; it is stopped where it falls asleep."""
+def _wait(child: int, interrupt: float | None, serving: Path | None) -> tuple[int, float]:
+    """Status of the fork and the most memory it used, bytes; it is stopped where it falls asleep.
+
+    serving: what a page that is served prints once it is there, which then gets Ctrl-C
+    """
     if interrupt is not None:
         time.sleep(interrupt)
         os.kill(child, signal.SIGINT)
@@ -184,6 +192,9 @@ def _wait(child: int, interrupt: float | None) -> tuple[int, float]:
         done, status, used = os.wait4(child, os.WNOHANG)
         if done:
             return status, used.ru_maxrss * 1024.0
+        if serving and serving.exists() and serving.stat().st_size:
+            os.kill(child, signal.SIGINT)
+            serving = None
         if time.monotonic() > end:
             os.kill(child, signal.SIGKILL)
             end = float("inf")

@@ -26,6 +26,7 @@ CHEAP: Final[dict[str, tuple[str, ...]]] = {
     "machine new": ("--preset", "bench", "-o", "new.toml"),
     "machine show": ("bench",),
     "machine undo": ("machine.toml", "-o", "new.toml"),
+    "map": ("record.csv", "-o", "new.toml"),
     "optimise": ("bench", "--over", "controller.T_ten=0,1", "--no-corners"),
     "paper": ("fig2",),
     "play": ("record.csv", "--machine", "bench"),
@@ -33,6 +34,7 @@ CHEAP: Final[dict[str, tuple[str, ...]]] = {
     "simulate": ("bench", "--end", "0.1"),
     "sweep": ("bench", "--end", "0.05", "--table.J", "1,2", "-o", "new.h5"),
     "tune": ("bench", "--until", "1"),
+    "workbench": ("--no-browser",),
 }
 
 

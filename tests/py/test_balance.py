@@ -165,6 +165,14 @@ def test_a_tolerance_holds_what_the_record_does_not_determine() -> None:
     assert (held.high - held.low) / 2 == pytest.approx(1.96 * 0.05, rel=0.2)
 
 
+def test_what_the_data_sheet_gets_wrong_is_no_noise() -> None:
+    """A third of the inertia, believed to a tenth: what that leaves, as noise, held it there."""
+    trace = moved(noise=0.5 * coloured(20_000, 2))
+    axis = RigidAxis({**TRUE, "table.J": 0.3 * J})
+    fit = torque_balance(axis, trace, free=["table.J"], prior=0.1, processing=SMOOTH)
+    assert fit.parameters["table.J"].value == pytest.approx(J, rel=0.05)
+
+
 def test_each_record_has_its_own_offset() -> None:
     traces = {"warm": moved(offset=1.0), "cold": moved(offset=-2.0)}
     fit = torque_balance(RigidAxis(NOMINAL), traces, free=list(NOMINAL), processing=SMOOTH)

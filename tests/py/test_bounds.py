@@ -12,7 +12,7 @@ import pytest
 from dualdrive import Machine, memory
 from dualdrive.machine_file.layers import MachineError
 from dualdrive.motion import MotionError, parse_motion
-from dualdrive.simulation import simulate
+from dualdrive.simulation import simulate, usual_step
 from dualdrive.traces import TraceError, read
 
 GB = 2**30
@@ -23,12 +23,23 @@ def test_a_run_of_too_many_samples_names_the_step_that_would_do() -> None:
     machine = Machine.load()
     words = rf"^heavy-table-100t: 3\.6e\+09 samples of .*{TOO_MUCH}--output-step \S+s .* would do"
     with pytest.raises(MachineError, match=words) as caught:
-        simulate(machine, end=3.6e6)
+        simulate(machine, end=3.6e6, output_step=1e-3)
     step = float(str(caught.value).split("output_step = ")[1].split(")")[0])
     room = memory.room()
     width = 1 + len(machine.core.signals())
     assert 8 * width * 3.6e6 / step < 1.1 * room  # memory comes and goes meanwhile
     assert 8 * width * 3.6e6 / step > room / 6  # the next of 1, 2, 5, 10
+
+
+def test_a_long_run_is_sampled_a_million_times_unless_more_is_asked_for() -> None:
+    """Hours at a sample a millisecond took gigabytes that nobody had asked for."""
+    machine = Machine.load("bench")
+    run = simulate(machine, end=1200.0, signals=["e"], energy=False)
+    assert run.t[1] == pytest.approx(2e-3)
+    assert len(run.t) == 600_001
+    assert [usual_step(t) for t in (0.0, 60.0, 1000.0, 1001.0, 18000.0, 1e7)] == pytest.approx(
+        [1e-3, 1e-3, 1e-3, 2e-3, 2e-2, 10.0]
+    )
 
 
 @pytest.mark.parametrize(

@@ -127,7 +127,7 @@ def test_sentences_that_differ_in_numbers_alone_are_told_once() -> None:
     told = once([*late, *others], names)
     assert len(told) == 2 + len(others)
     assert told[0] == (
-        f"{late[0]}. The same, with numbers of their own, in {', '.join(names[1:4])}, ..."
+        f"{late[0]}. The same, with numbers of their own, in {', '.join(names[1:4])} and 2 more"
     )
     assert "theta_c2" in told[1]
     assert told[2:] == others

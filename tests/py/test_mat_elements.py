@@ -59,6 +59,17 @@ def test_complex_without_an_imaginary_part_does_not_end_the_process(tmp_path: Pa
         read(path)
 
 
+@pytest.mark.parametrize("at", [125, 127])  # its version, the order of its bytes
+def test_a_damaged_head_is_told_without_words_of_the_library(tmp_path: Path, at: int) -> None:
+    path = written(tmp_path / "x.mat", {"t": T})
+    data = bytearray(path.read_bytes())
+    data[at] = 0
+    path.write_bytes(bytes(data))
+    with pytest.raises(TraceError) as caught:
+        read(path)
+    assert str(caught.value) == "x.mat: not a readable MAT file; export again"
+
+
 @pytest.mark.parametrize(
     ("at", "value", "words"),
     [

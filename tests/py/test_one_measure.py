@@ -14,6 +14,7 @@ from click.testing import CliRunner
 from dualdrive import Machine
 from dualdrive.compare import check_records, compare
 from dualdrive.diagnose import Diagnosis, diagnose, improve
+from dualdrive.diagnose.data_sheet import wrong_guesses
 from dualdrive.identify import Processing, fit, with_torques
 from dualdrive.identify.filtering import for_records
 from dualdrive.traces import Trace, read, read_parts
@@ -68,6 +69,29 @@ def test_a_coarse_encoder_neither_takes_inertia_away_nor_makes_a_delay() -> None
     assert not any("sensor_delay" in c.label for c in d.candidates)
 
 
+def test_fit_prints_the_floor_of_compare_and_diagnose(tmp_path: Path) -> None:
+    machine, _ = lorenz()
+    machine.add("coulomb", "table")
+    machine.save(tmp_path / "m.toml")
+    path = measured_file("lorenz_friction/lor_S1_5.txt")
+    line = [str(path), "--map", str(path.parent / "lorenz.map.toml"), "--mode=balance"]
+    fitted = str(tmp_path / "fitted.toml")
+    done = CliRunner().invoke(main, ["fit", str(tmp_path / "m.toml"), *line, "-o", fitted])
+    assert done.exit_code == 0, done.output
+    floor = compare(Machine.load(fitted), lorenz()[1], "balance").error["noise_floor"]
+    assert f"noise floor: {floor:.2%}, what the sensors alone leave" in done.output
+    assert found("lorenz").error["noise_floor"] == pytest.approx(floor, rel=0.05)
+
+
+def test_a_fit_within_tolerances_ends_where_the_data_sheet_is_far_off() -> None:
+    """It went to and fro between the sheet, whose error counted as noise, and the record."""
+    machine = Machine.load(EXAMPLES / "kuka.toml")
+    machine.add("coulomb", "table")
+    path = measured_file("kuka_kr300/derived_rec_B.csv")
+    record = read(path, EXAMPLES / "kuka_axis1.map.toml")
+    assert fit(machine, record, mode="balance").error < 0.2
+
+
 def test_the_filter_knows_what_the_encoder_bears() -> None:
     """White noise of 1e-6 rad on a slow swing: a wide band leaves noise alone."""
     t = 1e-3 * np.arange(20000.0)
@@ -109,14 +133,19 @@ def test_where_the_loop_is_not_the_recorded_one_the_balance_judges() -> None:
     assert "the controller or the command is not the one that was recorded" in d.warnings[-1]
 
 
-def test_dry_friction_of_a_robot_axis_has_its_name() -> None:
+@pytest.mark.parametrize("tolerance", [None, 1.0])
+def test_dry_friction_of_a_robot_axis_has_its_name(tolerance: float | None) -> None:
+    """Its arm's inertia is a round guess, three times too large: the record says so unasked."""
     path = measured_file("kuka_kr300/derived_rec_B.csv")
     trace = read(path, EXAMPLES / "kuka_axis1.map.toml")
     machine = Machine.load(EXAMPLES / "kuka.toml")
-    d = diagnose(machine, trace, mode="balance", tolerance=1.0, experiment=False)
+    d = diagnose(machine, trace, mode="balance", tolerance=tolerance, experiment=False)
     assert (d.verdict, d.candidates[0].label) == ("effect", "coulomb@table")
     assert d.error["held_out_best"] < 0.25 < d.error["held_out_refitted"]
     assert f"with coulomb@table it is {100 * d.error['best']:.3g} %" in d.paragraph
+    guess = "table.J (1500 kg·m² in the machine file) can't be as well known as data sheets are"
+    assert (guess in d.paragraph) == (tolerance is None)
+    assert not wrong_guesses(machine.core, d, d), "nothing is gained, so nothing is contradicted"
 
 
 def test_records_are_checked_whole_and_not_by_their_halves(

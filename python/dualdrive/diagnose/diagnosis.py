@@ -17,6 +17,7 @@ from dualdrive.diagnose.axis import candidate_on, numbers_on, shape_on
 from dualdrive.diagnose.clocks import evened
 from dualdrive.diagnose.closed_loop import Job, diagnose_closed_loop, with_time
 from dualdrive.diagnose.confront import Confrontation
+from dualdrive.diagnose.data_sheet import GUESSED, wrong_guesses
 from dualdrive.diagnose.decision import objection
 from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.findings import (
@@ -220,7 +221,30 @@ def diagnose(
         if not finished:
             verdict = replace(verdict, verdict="unfinished", group=())
         printed = Printed(recorded, own, processing, standstill)
-        return _told(machine, c, result, verdict, printed, warnings, clock, experiment, tell)
+        told = _told(machine, c, result, verdict, printed, warnings, clock, experiment, tell)
+        if tolerance is not None or told.verdict != "unknown" or told.cut or clock.stop():
+            return told
+        tell("the same, the machine file's numbers taken for guesses")
+        free = diagnose(
+            machine,
+            traces,
+            settings=settings,
+            mode="balance",
+            processing=processing,
+            standstill=standstill,
+            tolerance=GUESSED,
+            budget=max(budget - clock.used, 1.0),
+            threads=threads,
+            experiment=experiment,
+            checks=checks and found,
+            trust=trust,
+            progress=progress,
+        )
+        if not (why := wrong_guesses(core, told, free)):
+            return with_time(told, clock.used)
+        said = f"{free.paragraph} Mind: {why}."
+        free = replace(free, warnings=[*free.warnings, why], paragraph=said)
+        return with_time(free, clock.used)
 
 
 def foreign_loop(looped: Diagnosis, balanced: Diagnosis) -> str:

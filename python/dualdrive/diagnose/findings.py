@@ -10,6 +10,7 @@ import numpy as np
 from dualdrive import _core
 from dualdrive.compare import Comparison, equation_at_fault
 from dualdrive.compare.equation import EquationAtFault
+from dualdrive.describe import unit_on
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.experiment import next_experiment
 from dualdrive.diagnose.floors import floor_of
@@ -39,7 +40,7 @@ def candidate_of(
     own = {path: known[path] for path in r.values()}
     own |= {path: Interval(x, x, x, _unit(r, path)) for path, x in r.hypothesis.fixed.items()}
     notes = []
-    if stuck := [_stuck(r, path) for path in r.at_bound()]:
+    if stuck := [_stuck(machine, r, path) for path in r.at_bound()]:
         notes.append(f"needs {' and '.join(stuck)}: implausible")
     if twins := found.twins.get(r.hypothesis.label):
         notes.append(f"the same here as {', '.join(dict.fromkeys(twins))}")
@@ -58,11 +59,12 @@ def candidate_of(
     )
 
 
-def _stuck(r: Refit, path: str) -> str:
+def _stuck(machine: Any, r: Refit, path: str) -> str:
     """A number that stands on a bound, and which."""
     [(p, v)] = [(p, v) for p, v in zip(r.free, r.v, strict=True) if p.path == path]
     end = "upper" if abs(v - p.bounds[1]) < abs(v - p.bounds[0]) else "lower"
-    value = human(p.value(float(v)), _unit(r, path))
+    unit = _unit(r, path)
+    value = human(p.value(float(v)), unit_on(machine, path, unit) if unit else unit)
     return f"{path.rpartition('.')[2]} = {value}, its {end} limit"
 
 

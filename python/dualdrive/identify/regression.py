@@ -40,16 +40,30 @@ class Rows:
     measured: Array
     keep: Flags
 
-    def weights(self) -> tuple[Array, Array]:
-        """Per equation: 1 / variance of the residual, and the effective number of samples."""
-        kept = [r[k] for r, k in zip(self.residual, self.keep, strict=True)]
-        sigma2 = np.array([np.mean(r**2) if len(r) else np.inf for r in kept])
+    def after(self, step: Array) -> Array:
+        """What the equations leave once the unknowns have moved, (equations, n), 0 if not kept."""
+        return np.where(self.keep, self.residual + self.jacobian @ step, 0.0)
+
+    def weights(self, left: Array) -> tuple[Array, Array]:
+        """Per equation: 1 / variance of what is left, and the effective number of its samples."""
+        count = self.keep.sum(axis=1)
+        sigma2 = np.where(count > 0, (left**2).sum(axis=1) / np.maximum(count, 1), np.inf)
         smallest = 1e-24 * np.array([np.mean(m**2) + 1e-300 for m in self.measured])
         effective = [
-            k.sum() / (1 + 2 * correlation_time(np.where(k, r, 0.0)))
-            for r, k in zip(self.residual, self.keep, strict=True)
+            n / (1 + 2 * correlation_time(own)) for n, own in zip(count, left, strict=True)
         ]
         return 1 / np.maximum(sigma2, smallest), np.array(effective)
+
+    def normal(self, left: Array) -> tuple[Array, Array, Array, float]:
+        """Information, pull, weighted Jacobian and effective samples where the noise is `left`."""
+        weight, alike = self.weights(left)
+        # counted as its effective number of samples, so that priors keep their say
+        weight = weight * alike / np.maximum(self.keep.sum(axis=1), 1)
+        kept = np.where(self.keep[..., None], self.jacobian, 0.0)
+        weighted = kept * weight[:, None, None]
+        information = np.einsum("eni,enj->ij", weighted, kept)
+        pull = -np.einsum("eni,en->i", weighted, self.residual)
+        return information, pull, weighted, float(alike.sum())
 
 
 @dataclass(frozen=True)
@@ -124,34 +138,23 @@ def solve(
     if not any(rows.keep.any() for rows in records):
         raise ValueError("torque balance: every sample is masked; lower the standstill speed")
     unknowns = records[0].jacobian.shape[-1]
-    information, pull, effective = np.zeros((unknowns, unknowns)), np.zeros(unknowns), 0.0
-    scores = []
-    for rows in records:
-        weight, alike = rows.weights()
-        # counted as its effective number of samples, so that priors keep their say
-        weight = weight * alike / np.maximum(rows.keep.sum(axis=1), 1)
-        effective += float(alike.sum())
-        kept = np.where(rows.keep[..., None], rows.jacobian, 0.0)
-        weighted = kept * weight[:, None, None]
-        information += np.einsum("eni,enj->ij", weighted, kept)
-        pull -= np.einsum("eni,en->i", weighted, rows.residual)
-        scores.append(weighted)
+    nothing = np.zeros(unknowns)
+    # The noise is what is left where the records alone would have the unknowns. Taken at the data
+    # sheet, the sheet's own error would count as noise, and so keep the unknowns there.
+    apart = [rows.normal(rows.after(nothing)) for rows in records]
+    alone, *_ = _scaled(*_sums(apart, nothing, nothing), low, high)
+    parts = [rows.normal(rows.after(alone)) for rows in records]
+    scores, effective = [part[2] for part in parts], sum(part[3] for part in parts)
     precision = prior.precision()
-    total = information + np.diag(precision)
-    pull = pull + precision * prior.mean
-
-    scale = 1 / np.sqrt(np.where(np.diag(total) > 0, np.diag(total), 1.0))
-    step, free_step, root = _bounded(
-        total * np.outer(scale, scale), pull * scale, low / scale, high / scale
-    )
+    total, pull = _sums(parts, precision, prior.mean)
+    step, free_step, scale, root = _scaled(total, pull, low, high)
     singular, directions = root
     seen = singular > RANK * singular[0]
     inverse = (directions[:, seen] / singular[seen] ** 2) @ directions[:, seen].T
     inverse = inverse * np.outer(scale, scale)
-    step, free_step = step * scale, free_step * scale
     covariance = inverse
     if long_run:
-        left = [np.where(r.keep, r.residual + r.jacobian @ step, 0.0) for r in records]
+        left = [rows.after(step) for rows in records]
         spread = sum(scatter_of_scores(w, r) for w, r in zip(scores, left, strict=True))
         even = sum(scatter_if_stationary(w, r) for w, r in zip(scores, left, strict=True))
         few = effective / max(effective - unknowns, 1.0)
@@ -167,6 +170,25 @@ def solve(
         directions,
         effective,
     )
+
+
+def _sums(
+    parts: Sequence[tuple[Array, Array, Array, float]], precision: Array, mean: Array
+) -> tuple[Array, Array]:
+    """Normal matrix and right side of records and priors together."""
+    information = sum((part[0] for part in parts), np.diag(precision))
+    return information, sum((part[1] for part in parts), precision * mean)
+
+
+def _scaled(
+    matrix: Array, pull: Array, low: Array, high: Array
+) -> tuple[Array, Array, Array, tuple[Array, Array]]:
+    """Step, the step without bounds, the columns' scale and the scaled root (`_bounded`)."""
+    scale = 1 / np.sqrt(np.where(np.diag(matrix) > 0, np.diag(matrix), 1.0))
+    step, free, root = _bounded(
+        matrix * np.outer(scale, scale), pull * scale, low / scale, high / scale
+    )
+    return step * scale, free * scale, scale, root
 
 
 def _wider(first: Array, second: Array) -> Array:

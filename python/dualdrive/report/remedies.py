@@ -96,7 +96,7 @@ def _screened(shown: Sequence[Candidate], *, stopped: bool) -> Html:
 
 
 def _gain(c: Candidate) -> str:
-    return f"{c.gain:,.0f}".replace(",", " ")
+    return f"{c.gain:z,.0f}".replace(",", " ")
 
 
 def _groups(d: Diagnosis) -> Html | None:

@@ -34,9 +34,12 @@ def read_csv(path: Path, wanted: FileLayout, recorder: Recorder) -> Table:
         head = [line.removesuffix("\n") for line in islice(file, LOOK)]
     try:
         layout = find_layout(head, wanted, recorder)
-    except csv.Error as error:  # a cell of hundreds of kilobytes
+    except csv.Error as error:
         way_out = "repair the file, or state [file] delimiter in the mapping"
-        raise recorder.error("file", f"no table: {error}", way_out) from None
+        longest = csv.field_size_limit()
+        endless = any(len(line) > longest for line in head)
+        what = f"a cell of more than {longest:,} characters" if endless else str(error)
+        raise recorder.error("file", f"no table: {what}", way_out) from None
     names, repeated = unique_names(layout.names, recorder)
     refuse_excess((lines - layout.first) * len(names), recorder)
     columns = _columns(path, encoding, names, lines, layout, recorder)

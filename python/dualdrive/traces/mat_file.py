@@ -15,7 +15,7 @@ from .arrays import refuse_excess, table_of
 from .hdf5_trace import opened
 from .log import Recorder
 from .mapping import FileLayout
-from .mat_elements import check_elements
+from .mat_elements import MatError, check_elements
 from .table import Table
 
 __all__ = ["read_mat"]
@@ -53,7 +53,8 @@ def _version_5(path: Path, recorder: Recorder) -> dict[str, Any]:
         check_elements(path)
         variables = loadmat(path, simplify_cells=True)
     except Exception as error:  # a damaged file makes the library raise nearly anything
-        raise recorder.error("file", f"not a readable MAT file: {error}", "export again") from None
+        what = f": {error}" if isinstance(error, MatError) else ""  # others speak of their insides
+        raise recorder.error("file", f"not a readable MAT file{what}", "export again") from None
     return _flat({n: v for n, v in variables.items() if not n.startswith("__")})
 
 
