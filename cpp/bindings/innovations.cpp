@@ -95,10 +95,15 @@ void bind_innovations(nb::module_& m) {
         [](const Machine& machine, const SampledRecord& record, const std::vector<NoiseTuple>& sensors,
            const std::map<std::string, TorqueTuple>& torque, double speed, const std::vector<TorqueTuple>& drifts,
            const std::map<std::string, TorqueTuple>& first_torque, std::map<std::string, double> first_deviation,
-           bool every) {
+           bool every, const std::vector<double>& second) {
             NoiseModel noise;
             FirstState first{{}, std::move(first_deviation)};
             for (const auto& [drive, memory, white] : sensors) noise.sensors.push_back({drive, memory, white});
+            if (!second.empty() && second.size() != sensors.size())
+                throw std::invalid_argument("kalman_gains: " + std::to_string(second.size()) +
+                                            " second partial autocorrelations for " + std::to_string(sensors.size()) +
+                                            " sensors");
+            for (std::size_t j = 0; j < second.size(); ++j) noise.sensors[j].second = second[j];
             if (!drifts.empty() && drifts.size() != sensors.size())
                 throw std::invalid_argument("kalman_gains: " + std::to_string(drifts.size()) + " drifts for " +
                                             std::to_string(sensors.size()) + " sensors");
@@ -112,6 +117,7 @@ void bind_innovations(nb::module_& m) {
         nb::arg("machine"), nb::arg("record"), nb::arg("sensors"), nb::arg("torque"), nb::arg("speed") = 0.0,
         nb::arg("drifts") = std::vector<TorqueTuple>{}, nb::arg("first_torque") = std::map<std::string, TorqueTuple>{},
         nb::arg("first_deviation") = std::map<std::string, double>{}, nb::arg("every") = true,
+        nb::arg("second") = std::vector<double>{},
         "Steady-state Kalman gains.\n\n"
         "sensors: (drive, memory, white) per channel: n' = memory n + drive w, and a white part. torque: body -> "
         "(drive, memory) of a torque of unknown course, constant over a sample, d' = memory d + drive w, N*m. speed: "
@@ -120,7 +126,8 @@ void bind_innovations(nb::module_& m) {
         "not known of the first state is where torques like first_torque (those "
         "of torque unless told) would take it, and first_deviation besides, state -> standard deviation. every: of all "
         "contact "
-        "patterns, else of the one in which all carry; `predict` works out the others where it meets them. Raises "
+        "patterns, else of the one in which all carry; `predict` works out the others where it meets them. second: per "
+        "channel, the second partial autocorrelation of its noise, none for order one; memory is the first. Raises "
         "ValueError.");
 
     m.def(

@@ -714,11 +714,11 @@ class KalmanGains:
     def learned(self) -> int:
         """First samples of a record that have gains of their own."""
 
-def kalman_gains(machine: Machine, record: SampledRecord, sensors: Sequence[tuple[float, float, float]], torque: Mapping[str, tuple[float, float]], speed: float = 0.0, drifts: Sequence[tuple[float, float]] = [], first_torque: Mapping[str, tuple[float, float]] = {}, first_deviation: Mapping[str, float] = {}, every: bool = True) -> KalmanGains:
+def kalman_gains(machine: Machine, record: SampledRecord, sensors: Sequence[tuple[float, float, float]], torque: Mapping[str, tuple[float, float]], speed: float = 0.0, drifts: Sequence[tuple[float, float]] = [], first_torque: Mapping[str, tuple[float, float]] = {}, first_deviation: Mapping[str, float] = {}, every: bool = True, second: Sequence[float] = []) -> KalmanGains:
     """
     Steady-state Kalman gains.
 
-    sensors: (drive, memory, white) per channel: n' = memory n + drive w, and a white part. torque: body -> (drive, memory) of a torque of unknown course, constant over a sample, d' = memory d + drive w, N*m. speed: table speed, rad/s, about which laws that are not affine are linearised. drifts: (drive, memory) per channel of a zero that drifts, or none. What is not known of the first state is where torques like first_torque (those of torque unless told) would take it, and first_deviation besides, state -> standard deviation. every: of all contact patterns, else of the one in which all carry; `predict` works out the others where it meets them. Raises ValueError.
+    sensors: (drive, memory, white) per channel: n' = memory n + drive w, and a white part. torque: body -> (drive, memory) of a torque of unknown course, constant over a sample, d' = memory d + drive w, N*m. speed: table speed, rad/s, about which laws that are not affine are linearised. drifts: (drive, memory) per channel of a zero that drifts, or none. What is not known of the first state is where torques like first_torque (those of torque unless told) would take it, and first_deviation besides, state -> standard deviation. every: of all contact patterns, else of the one in which all carry; `predict` works out the others where it meets them. second: per channel, the second partial autocorrelation of its noise, none for order one; memory is the first. Raises ValueError.
     """
 
 def predict(machine: Machine, record: SampledRecord, gains: KalmanGains, *, initial: Sequence[Mapping[str, float]] = [], offsets: Sequence[float] = [], substeps: int = 1, given: int = 0, states: bool = False, learn_first: bool = False) -> dict[str, Any]:

@@ -31,9 +31,12 @@ struct Autoregression {
     double drive, memory;
 };
 
-// A sensor's noise: an autoregression, white noise `white` on top, of its rounding say, and a zero that drifts.
+// A sensor's noise: an autoregression, white noise `white` on top, of its rounding say, and a zero that drifts. Of order two
+// by its partial autocorrelations `memory` and `second`, each within ±1 where it is stationary (Monahan, Biometrika 71 (1984)
+// 403–404): n_{k+1} = memory (1 − second) n_k + second n_{k−1} + drive · white noise.
 struct SensorNoise {
     double drive, memory, white;
+    double second = 0.0;
     Autoregression drift = {0.0, 0.0};
 };
 
@@ -44,6 +47,7 @@ struct NoiseModel {
     std::vector<SensorNoise> sensors;           // per channel
     std::map<std::string, TorqueNoise> torque;  // by body
     bool drifts() const;                        // whether any sensor's zero does
+    bool of_order_two() const;                  // whether any sensor's autoregression is
 };
 
 // A record, or stretches of one end to end: times about evenly spaced, what was commanded, and what the sensors said.
@@ -90,7 +94,8 @@ class SampledRecord {
 // there yet are worked out when a record meets them: of many drives most never occur.
 struct KalmanGains {
     struct Set {
-        Eigen::MatrixXd K;          // (states + torques + channels, twice where zeros drift) × channels
+        Eigen::MatrixXd
+            K;  // (states + torques + channels, again where of order two, again where zeros drift) × channels
         Eigen::MatrixXd whitening;  // S^(−1/2), lower triangular
         double log_det = 0.0;       // log det S
     };

@@ -169,6 +169,7 @@ void Flow::start(std::size_t sample, const std::map<std::string, double>& initia
     const double t = record_.times()[sample];
     cell_ = {t, record_.times()[sample + 1]};
     at_end_ = false;
+    ticked_at_ = -1.0;
     modes_.assign(layout_.switches.size(), 0);
     for (std::size_t e = 0; e < modes_.size(); ++e)
         if (layout_.switches[e].kind == SwitchKind::branch) modes_[e] = branch::positive;
@@ -290,11 +291,17 @@ bool Flow::flow(std::size_t sample) {
             t = length == left ? stop : t + length;
         }
         if (!layout_.clocks.empty() && next_tick(t) <= t + instant(t)) {
+            arriving_ = y_;
+            ticked_at_ = t;
             tick(t);
             at_end_ = false;
         }
     }
     return true;
+}
+
+const double* Flow::arriving(std::size_t sample) const {
+    return std::abs(ticked_at_ - record_.times()[sample]) <= instant(ticked_at_) ? arriving_.data() : y_.data();
 }
 
 void Flow::outputs(double* out) const {

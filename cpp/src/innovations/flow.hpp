@@ -44,6 +44,8 @@ class Flow final {
     double* torques() { return y_.data() + reader_.size(); }
     int torque_count() const { return static_cast<int>(bodies_.size()); }
     int first_torque() const { return reader_.size(); }
+    // y as it was before the loops ticked at a sample, if they did: along it the signals came there.
+    const double* arriving(std::size_t sample) const;
     // Outputs at the present state, before it is corrected.
     void outputs(double* out) const;
     std::size_t guard_count() const { return layout_.switches.size() * guards_per_switch; }
@@ -108,6 +110,8 @@ class Flow final {
     std::map<Modes, std::unique_ptr<Frozen>> known_;
     Frozen* now_ = nullptr;
     std::vector<double> y_, out_, terms_, trial_, n0_, n1_, slope_, g0_, g1_;
+    std::vector<double> arriving_;
+    double ticked_at_ = -1.0;  // s
     Cell cell_;
     std::vector<long> ticks_, put_out_;
     std::vector<Eigen::MatrixXd>

@@ -27,8 +27,8 @@ class GainSchedule {
     struct Pattern {
         const KalmanGains::Phased* steady = nullptr;
         const KalmanGains::First* first = nullptr;  // of the present stretch
-        std::size_t piece = 0;                // of them, at the last sample asked for
-        std::unique_ptr<StateSpace> space;    // empty until asked for
+        std::size_t piece = 0;                      // of them, at the last sample asked for
+        std::unique_ptr<StateSpace> space;          // empty until asked for
         std::map<std::size_t, FirstGains> learning;
     };
     const StateSpace& space(unsigned pattern);

@@ -11,6 +11,10 @@ bool NoiseModel::drifts() const {
     return std::any_of(sensors.begin(), sensors.end(), [](const SensorNoise& s) { return s.drift.drive > 0.0; });
 }
 
+bool NoiseModel::of_order_two() const {
+    return std::any_of(sensors.begin(), sensors.end(), [](const SensorNoise& s) { return s.second != 0.0; });
+}
+
 namespace innovations {
 
 using Eigen::MatrixXd;
@@ -26,6 +30,9 @@ constexpr std::size_t most_pieces = 400;
 constexpr double settled_gain = 1e-7;  // difference of log det S per channel: the steady gain takes over unnoticed
 constexpr double white_floor = 1e-3;   // of a sensor's drive: no reading is exact, and R has an inverse
 
+// 1 − memory², by which a stationary variance is larger than what drives it.
+double unforgotten(double memory) { return std::max(1e-9, 1.0 - memory * memory); }
+
 }  // namespace
 
 StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel& noise, unsigned pattern, double speed)
@@ -33,8 +40,8 @@ StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel
     const Frozen frozen = flow.tangent(pattern, speed);
     const auto states = static_cast<Eigen::Index>(flow.states()), torques = Eigen::Index{flow.torque_count()},
                n = states + torques, m = static_cast<Eigen::Index>(record.channels().size());
-    const bool drifts = noise.drifts();
-    const Eigen::Index size = n + (drifts ? 2 : 1) * m;
+    const Eigen::Index before = noise.of_order_two() ? m : 0, drifts = noise.drifts() ? m : 0;
+    const Eigen::Index size = n + m + before + drifts;
     sensors_ = n;
     step_ = record.step();
     MatrixXd own = MatrixXd::Zero(size, size);  // what no tick changes
@@ -43,14 +50,25 @@ StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel
     C.leftCols(states) = frozen.outputs.leftCols(states);
     C.middleCols(n, m) = MatrixXd::Identity(m, m);
     if (drifts) C.rightCols(m) = MatrixXd::Identity(m, m);
+    stationary_ = MatrixXd::Zero(size, size);
     R = MatrixXd::Zero(m, m);
     for (Eigen::Index j = 0; j < m; ++j) {
         const SensorNoise& s = noise.sensors[static_cast<std::size_t>(j)];
-        own(n + j, n + j) = s.memory;
-        Q(n + j, n + j) = s.drive * s.drive;
+        const Eigen::Index now = n + j, past = now + before, zero = now + before + m;
+        own(now, now) = s.memory * (1.0 - s.second);
+        Q(now, now) = s.drive * s.drive;
+        const double variance = Q(now, now) / unforgotten(s.memory) / unforgotten(s.second);
+        if (before) {
+            own(now, past) = s.second;
+            own(past, now) = 1.0;
+            stationary_(past, past) = variance;
+            stationary_(now, past) = stationary_(past, now) = s.memory * variance;
+        }
+        stationary_(now, now) = variance;
         if (drifts) {
-            own(n + m + j, n + m + j) = s.drift.memory;
-            Q(n + m + j, n + m + j) = s.drift.drive * s.drift.drive;
+            own(zero, zero) = s.drift.memory;
+            Q(zero, zero) = s.drift.drive * s.drift.drive;
+            stationary_(zero, zero) = Q(zero, zero) / unforgotten(s.drift.memory);
         }
         R(j, j) = s.white * s.white + white_floor * white_floor * s.drive * s.drive;
     }
@@ -58,6 +76,7 @@ StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel
     for (const auto& [body, torque] : noise.torque) {
         own(b, b) = torque.memory;
         Q(b, b) = torque.drive * torque.drive;
+        stationary_(b, b) = Q(b, b) / unforgotten(torque.memory);
         ++b;
     }
     for (std::size_t phase = 0; phase < flow.phases(); ++phase) {
@@ -138,12 +157,8 @@ MatrixXd StateSpace::Later::operator()(const MatrixXd& P, std::size_t phase, std
 }
 
 MatrixXd StateSpace::start(const VectorXd& deviation) const {
-    MatrixXd P = MatrixXd::Zero(Q.rows(), Q.rows());
+    MatrixXd P = stationary_;
     for (Eigen::Index k = 0; k < states_; ++k) P(k, k) = std::pow(deviation(k), 2);
-    for (Eigen::Index k = states_; k < Q.rows(); ++k) {
-        const double memory = F.front()(k, k);
-        P(k, k) = Q(k, k) / std::max(1e-9, 1.0 - memory * memory);
-    }
     return P;
 }
 

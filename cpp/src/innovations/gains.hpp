@@ -9,7 +9,8 @@
 namespace dualdrive::innovations {
 
 // x_{k+1} = F x_k + w, y_k = C x_k + v with covariances Q and R; F by phase of the ticks of sampled loops; x = (states of
-// the machine, torques of unknown course, noise of the sensors, their zeros where those drift).
+// the machine, torques of unknown course, noise of the sensors, that of a sample before where it is of order two, their zeros
+// where those drift).
 struct StateSpace {
     std::vector<Eigen::MatrixXd> F;
     Eigen::MatrixXd Q, C, R;
@@ -41,9 +42,10 @@ struct StateSpace {
     // In units of `scale` and of the outputs' own sizes; of every state a share `kept` a sample.
     RiccatiDoubling doubling(const Eigen::VectorXd& scale, double kept) const;
 
-    Eigen::Index states_;   // of the machine alone
-    Eigen::Index sensors_;  // first of the sensors' noise
-    double step_;           // s
+    Eigen::MatrixXd stationary_;  // covariance of what is no state of the machine
+    Eigen::Index states_;         // of the machine alone
+    Eigen::Index sensors_;        // first of the sensors' noise
+    double step_;                 // s
 };
 
 constexpr std::size_t one_by_one = 50;  // first samples with gains of their own

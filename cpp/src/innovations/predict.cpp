@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <utility>
 
 #include "../solvers/exact/generator.hpp"
 #include "dualdrive/effects.hpp"
@@ -57,8 +58,8 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
     const auto samples = record.times().size();
     if (!options.offsets.empty() && options.offsets.size() != static_cast<std::size_t>(m))
         throw std::invalid_argument("predict: one offset per channel");
-    const bool drifts = gains.noise.drifts();
-    const Eigen::Index size = n + (drifts ? 2 : 1) * m;
+    const Eigen::Index before = gains.noise.of_order_two() ? m : 0, drifts = gains.noise.drifts() ? m : 0;
+    const Eigen::Index size = n + m + before + drifts;
     for (const auto& [pattern, set] : gains.steady)
         if (set[0].K.rows() != size) throw std::invalid_argument("predict: gains of a machine with other states");
 
@@ -84,7 +85,7 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
     if (options.initial.size() > record.starts().size())
         throw std::invalid_argument("predict: more initial states than stretches");
     const std::map<std::string, double> at_zero;
-    Vector noise = Vector::Zero(m), drift = Vector::Zero(m), e(m), r(m), output(m), correction(size);
+    Vector noise = Vector::Zero(m), past = noise, drift = Vector::Zero(m), e(m), r(m), output(m), correction(size);
     innovations::GainSchedule schedule(machine, record, gains, options.learn_first);
     std::size_t stretch = 0, begin = 0, end = 0;
     for (std::size_t k = 0; k < samples; ++k) {
@@ -92,6 +93,7 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
             begin = k;
             flow.start(k, stretch < options.initial.size() ? options.initial[stretch] : at_zero);
             noise.setZero();
+            past.setZero();
             drift.setZero();
             end = ++stretch < record.starts().size() ? record.starts()[stretch] : samples;
             schedule.begin(flow.phase(k));
@@ -99,7 +101,7 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
         innovations::Frozen* now = &flow.now();
         flow.outputs(output.data());
         if (!plain) {
-            const Map y(flow.y(), now->A.rows());
+            const Map y(flow.arriving(k), now->A.rows());
             const Vector rate = now->A * y, curvature = now->A * rate;
             const Vector slopes = now->outputs * rate, bends = now->outputs * curvature;
             for (Eigen::Index j = 0; j < m; ++j)
@@ -126,8 +128,11 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
         }
         for (Eigen::Index j = 0; j < m; ++j) {
             const SensorNoise& sensor = gains.noise.sensors[static_cast<std::size_t>(j)];
-            noise(j) = sensor.memory * (noise(j) + correction(n + j));
-            if (drifts) drift(j) = sensor.drift.memory * (drift(j) + correction(n + m + j));
+            noise(j) += correction(n + j);
+            if (before) past(j) += correction(n + m + j);
+            past(j) =
+                std::exchange(noise(j), sensor.memory * (1.0 - sensor.second) * noise(j) + sensor.second * past(j));
+            if (drifts) drift(j) = sensor.drift.memory * (drift(j) + correction(n + before + m + j));
         }
         for (Eigen::Index j = 0; j < torques; ++j) flow.torques()[j] += correction(states + j);
         flow.correct(k, set.K, e.data(), correction.data(), k - begin >= innovations::one_by_one, steady);

@@ -229,7 +229,8 @@ class GreyBox:
                 try:
                     steady[key] = _core.kalman_gains(
                         there, r.sampled, noise.sensors(r), noise.torques(), self.speed,
-                        drifts=noise.drifts(r), first_torque=self.first_torque,
+                        drifts=noise.drifts(r), second=noise.seconds(r),
+                        first_torque=self.first_torque,
                         first_deviation=r.unsure, every=False,
                     )  # fmt: skip
                 except ValueError:

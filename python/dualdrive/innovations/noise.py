@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _LEAST_MEMORY = -0.5
+_MOST_SECOND = 0.95
 _COURSE = 0.1  # s: over which a torque of unknown course changes
 _WANDER = 0.2  # s: over which a sensor's zero drifts
 _DRIFT = 0.3  # of what drives a sensor's noise: its zero's drift at first
@@ -27,8 +28,10 @@ _FARTHEST = 14.0  # of a logarithm, from where the search began
 class Noise:
     """Standard deviations per sample.
 
-    drive:  kind of channel -> what drives its autoregression of order one, SI of the channel
-    memory: kind of channel -> its pole over a sample, 0 white .. 1 a random walk
+    drive:  kind of channel -> what drives its autoregression, SI of the channel
+    memory: kind of channel -> its pole over a sample, 0 white .. 1 a random walk; of an
+        autoregression of order two the first partial autocorrelation
+    second: kind of channel -> the second one, -1 .. 1; empty: of order one
     torque: body -> what drives the torque of unknown course there, constant over a sample, N*m in
         the body's own frame; empty: the replay is a simulation
     course: pole over a sample of these torques, an autoregression of order one, too
@@ -42,6 +45,7 @@ class Noise:
     course: float = 0.0
     drift: Mapping[str, float] = field(default_factory=dict)
     wander: float = 0.0
+    second: Mapping[str, float] = field(default_factory=dict)
 
     def torques(self) -> dict[str, tuple[float, float]]:
         """Body -> (drive, memory)."""
@@ -57,15 +61,24 @@ class Noise:
     def variance(self, record: Predictable) -> dict[str, float]:
         """Channel -> variance of its sensor's noise, drift and rounding with it."""
         drifts = self.drifts(record) or [(0.0, 0.0)] * len(record.channels)
-        parts = zip(record.channels, self.sensors(record), drifts, strict=True)
+        seconds = self.seconds(record) or [0.0] * len(record.channels)
+        parts = zip(record.channels, self.sensors(record), drifts, seconds, strict=True)
         return {
-            channel: _variance(drive, memory) + white**2 + _variance(*drift)
-            for channel, (drive, memory, white), drift in parts
+            channel: _variance(drive, memory) / (1.0 - second**2) + white**2 + _variance(*drift)
+            for channel, (drive, memory, white), drift, second in parts
         }
 
     def drifts(self, record: Predictable) -> list[tuple[float, float]]:
         """(drive, memory) per channel of a record; empty where no zero drifts."""
         return [(self.drift[kind], self.wander) for kind in record.kinds] if self.drift else []
+
+    def seconds(self, record: Predictable) -> list[float]:
+        """Second partial autocorrelation per channel of a record; empty where of order one."""
+        return [self.second[kind] for kind in record.kinds] if self.second else []
+
+    def of_order_two(self) -> Noise:
+        """The same, its sensors' noise free to be of order two."""
+        return replace(self, second=dict.fromkeys(self.drive, 0.0))
 
     def with_torque(self, factor: float) -> Noise:
         """The same with torques of unknown course `factor` times as large."""
@@ -122,7 +135,7 @@ def _rated(core: Any) -> float:
 
 
 class Logarithms:
-    """A noise as a vector of logarithms: drives, memories, torques (motors tied).
+    """A noise as a vector of logarithms: drives, memories, drifts, second ones, torques (motors tied).
 
     noise: where all of them are zero
     floor: body -> what drives the torque of unknown course at least, N*m
@@ -134,7 +147,8 @@ class Logarithms:
         self.ties = tuple(sorted({_tie(body) for body in noise.torque}))
 
     def __len__(self) -> int:
-        return 2 * len(self.kinds) + len(self.noise.drift) + len(self.ties)
+        own = self.noise
+        return 2 * len(self.kinds) + len(own.drift) + len(own.second) + len(self.ties)
 
     def at(self, x: Array) -> Noise:
         """The noise at a vector; zero is the one it was begun with."""
@@ -149,10 +163,15 @@ class Logarithms:
             k: float(own.drift[k] * np.exp(v))
             for k, v in zip(sorted(own.drift), x[2 * n : drifting], strict=True)
         }
-        factor = dict(zip(self.ties, np.exp(x[drifting:]), strict=True))
+        seconds = drifting + len(own.second)
+        second = {
+            k: _memory(_logit(own.second[k]) + v)
+            for k, v in zip(sorted(own.second), x[drifting:seconds], strict=True)
+        }
+        factor = dict(zip(self.ties, np.exp(x[seconds:]), strict=True))
         torque = {body: float(s * factor.get(_tie(body), 1.0)) for body, s in own.torque.items()}
         drive, memory = {**own.drive, **grown}, {**own.memory, **kept}
-        found = replace(own, drive=drive, memory=memory, torque=torque, drift=drift)
+        found = replace(own, drive=drive, memory=memory, torque=torque, drift=drift, second=second)
         return found.at_least(self.floor)
 
     def bounds(self) -> tuple[Array, Array]:
@@ -163,6 +182,9 @@ class Logarithms:
             pole = _logit(self.noise.memory[kind])
             # what changes more slowly than a torque of unknown course is no sensor's noise
             low[k], high[k] = _logit(_LEAST_MEMORY) - pole, _logit(self.noise.course) - pole
+        for k, kind in enumerate(sorted(self.noise.second), 2 * n + len(self.noise.drift)):
+            known = _logit(self.noise.second[kind])
+            low[k], high[k] = _logit(-_MOST_SECOND) - known, _logit(_MOST_SECOND) - known
         return np.minimum(low, 0.0), np.maximum(high, 0.0)
 
 

@@ -3,6 +3,8 @@
 Each law is put in at its usual size; the change of the innovations, less what shared unknowns could
 do as well, is its regressor. Engle, Handbook of Econometrics II (1984), ch. 13: the Lagrange
 multiplier test, with a finite probe in place of the derivative so that limits and play count, too.
+One-sided where a strength has one sign: a delay that would have to be negative gains nothing
+(Gourieroux, Holly, Monfort, Econometrica 50 (1982) 63-80).
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from dualdrive import _core
 from dualdrive.diagnose.hypotheses import is_strength, probes
@@ -45,12 +48,14 @@ class _Probe:
 
     strength: path of the strength that this probe lets in; empty: its coefficient means nothing
     turned: the probe a quarter of a turn after the one before
+    signed: whether the coefficient may be negative, too
     """
 
     setting: Mapping[str, float]
     strength: str = ""
     phase: str = ""
     turned: bool = False
+    signed: bool = True
 
 
 def scores(
@@ -123,7 +128,7 @@ def _probes(core: object, free: Sequence[Unknown]) -> list[_Probe]:
         on = {**off, p.path: p.scale}
         phase = phases.get(p.path.rpartition(".")[0])
         if phase is None:
-            found.append(_Probe(on, p.path))
+            found.append(_Probe(on, p.path, signed=p.low < 0.0))
             continue
         first = phase.value(phase.start)
         found.append(_Probe({**on, phase.path: first}, p.path, phase.path))
@@ -141,11 +146,14 @@ def _scored(
         return Scored(variant, float("nan"), {})
     C = np.stack([change for _, change in found])
     M = C @ C.T
-    M += 1e-9 * np.diag(np.diag(M)) + 1e-300 * np.eye(len(M))
-    b = C @ rest
+    scale = np.sqrt(np.diag(M) + 1e-300)
+    root = np.linalg.cholesky(M / np.outer(scale, scale) + 1e-9 * np.eye(len(M)))
+    b = np.linalg.solve(root, C @ rest / scale)
     # what is left is least with so many times each change
-    size: Array = -np.asarray(np.linalg.solve(M, b), dtype=np.float64)
-    return Scored(variant, -float(b @ size) / inflation, _start(found, size))
+    least = [-np.inf if probe.signed else 0.0 for probe, _ in found]
+    size = np.asarray(lsq_linear(root.T, -b, (least, np.inf)).x, dtype=np.float64)
+    gain = float(b @ b - np.sum((root.T @ size + b) ** 2))
+    return Scored(variant, gain / inflation, _start(found, size / scale))
 
 
 def _start(found: Sequence[tuple[_Probe, Array]], sizes: Array) -> dict[str, float]:

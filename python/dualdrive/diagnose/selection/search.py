@@ -271,7 +271,20 @@ class _Search:
             if again and again.point.minus_two_log < found.point.minus_two_log:
                 found = again
         self.grey = self._some(found)
-        return self._likeliest(nothing, found.point.theta, found.noise) or found
+        return self._noise_order(self._likeliest(nothing, found.point.theta, found.noise) or found)
+
+    def _noise_order(self, base: Fitted) -> Fitted:
+        """The same, its sensors' noise of order two where the Bayesian criterion asks for it.
+
+        A converter's filter makes such noise; taken for one of order one it speaks for late
+        sensors.
+        """
+        two = self._likeliest(base.variant, base.point.theta, base.noise.of_order_two())
+        if two is None:
+            return base
+        price = len(two.noise.second) * float(np.log(self.grey.samples))
+        gained = (base.point.minus_two_log - two.point.minus_two_log) / two.inflation
+        return two if gained > price else base
 
     def _some(self, f: Fitted) -> GreyBox:
         """Stretches of the records, begun as a fitted machine has it."""
