@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dualdrive import Machine
 from dualdrive.diagnose.closed_loop import nominal_unknowns
@@ -13,11 +15,27 @@ from dualdrive.replay import core_of, records
 from dualdrive.traces import Trace
 from test_innovations import CHANNELS, REVERSALS, STEP, coloured, run
 
+Array = NDArray[np.float64]
 
-def grey_box(machine: Machine, true: Any, samples: int, seed: int) -> GreyBox:
-    """The machine's, where the true one has been recorded at its reversals."""
-    seen = run(true, {"theta_ref": REVERSALS}, samples)
-    seen += coloured(np.random.default_rng(seed), samples)
+
+def grey_box(
+    machine: Machine,
+    true: Any,
+    samples: int,
+    seed: int,
+    noise: Callable[[np.random.Generator, int], Array] = coloured,
+    late: float = 0.0,
+) -> GreyBox:
+    """The machine's, where the true one has been recorded at its reversals.
+
+    noise: of the sensors, (random, samples) -> shape (samples, channels)
+    late:  of the first motor's encoder, s
+    """
+    clean = run(true, {"theta_ref": REVERSALS}, samples)
+    seen = clean + noise(np.random.default_rng(seed), samples)
+    k = CHANNELS.index("theta_1")
+    rate = np.gradient(clean[:, k], STEP)
+    seen[:, k] += late * (0.5 * late * np.gradient(rate, STEP) - rate)
     t = STEP * np.arange(samples, dtype=np.float64)
     columns = dict(zip(CHANNELS, seen.T, strict=True))
     trace = Trace(t, {"theta_ref": REVERSALS.value(t), **columns}, name="record")

@@ -128,7 +128,7 @@ def test_the_noise_found_is_as_likely_as_the_true_one(loop: str) -> None:
 
 
 def test_the_likelihood_has_no_jumps() -> None:
-    """Gains of first samples that gave way to the steady ones sooner or later made it jump by 200."""
+    """First gains that gave way to the steady ones sooner or later made it jump by 200."""
     machine = Machine.load("bench")
     machine.add("coulomb", "table", torque=0.8)
     core = core_of(machine)

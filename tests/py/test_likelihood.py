@@ -6,10 +6,13 @@ The bench is simulated by the exact engine; a recursion of its own makes the sen
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from bench_record import grey_box
 from dualdrive import Machine
@@ -30,6 +33,9 @@ SAMPLES = 4000
 #: of the motors' encoders, the table's, the currents: drive and memory of SENSORS
 TRUTH = {"table angle": SENSORS[0], "drive angle": SENSORS[1], "drive current": SENSORS[3]}
 HEAVIER, FRICTION = 1.06, 0.4
+FIRST, SECOND = 0.5, -0.6  # partial autocorrelations
+
+Array = NDArray[np.float64]
 
 
 @functools.cache
@@ -102,6 +108,48 @@ def test_the_score_points_at_the_law() -> None:
     best = max(found.values(), key=lambda s: s.gain)
     assert best.variant.label == "coulomb@table"
     assert 0.0 < best.start["coulomb@table.torque"] < 2.0 * FRICTION
+
+
+@pytest.mark.parametrize("late", [2e-4, -2e-4])
+def test_a_delay_that_would_have_to_be_negative_gains_nothing(late: float) -> None:
+    true = bench({})
+    own = grey_box(Machine.load("bench"), true, SAMPLES, 3, late=late)
+    start, wide = own.start(Variant(own.core)), first_noise(own.core, own.records, 0.01)
+    quiet = replace(
+        wide,
+        drive={kind: drive for kind, (drive, _, _) in TRUTH.items()},
+        memory={kind: memory for kind, (_, memory, _) in TRUTH.items()},
+    )
+    [found] = own.likelihoods(Variant(own.core), [(start, quiet)])
+    assert found is not None
+    point, gains = found
+    known = Library(own.core, own).variants(point.variant, point)
+    [delay] = [v for v in known if v.label == "sensor_delay@theta_1"]
+    columns = own.columns(point, range(len(start)), gains)
+    [score] = scores(own, point, columns, [delay], gains, 1.0)
+    assert (score.gain > 25.0) if late > 0.0 else (abs(score.gain) < 1e-6)
+
+
+def order_two(random: np.random.Generator, samples: int) -> Array:
+    """The same drives, through a resonance at a sixth of the sampling rate."""
+    w = random.normal(size=(samples + 500, len(SENSORS))) * [drive for drive, *_ in SENSORS]
+    return np.asarray(lfilter([1.0], [1.0, -FIRST * (1.0 - SECOND), -SECOND], w, axis=0)[500:])
+
+
+def test_noise_of_order_two_is_recovered() -> None:
+    own = grey_box(Machine.load("bench"), bench({}), SAMPLES, 5, noise=order_two)
+    nothing = Variant(own.core)
+    wide = first_noise(own.core, own.records, 0.1)
+    floor = first_noise(own.core, own.records, 1e-5).torque
+    one = maximum_likelihood(own, nothing, own.start(nothing), wide, floor=floor, steps=30)
+    assert one is not None
+    two = maximum_likelihood(own, nothing, one[0].theta, one[1].of_order_two(), floor=floor)
+    assert two is not None
+    point, noise, _ = two
+    assert point.minus_two_log < one[0].minus_two_log - 1000.0
+    for kind in TRUTH:
+        assert noise.memory[kind] == pytest.approx(FIRST, abs=0.05), kind
+        assert noise.second[kind] == pytest.approx(SECOND, abs=0.05), kind
 
 
 def test_a_record_simulated_whole_leaves_its_sensors_noise() -> None:

@@ -135,7 +135,7 @@ def _rated(core: Any) -> float:
 
 
 class Logarithms:
-    """A noise as a vector of logarithms: drives, memories, drifts, second ones, torques (motors tied).
+    """A noise as a vector of logarithms: drives, memories, drifts, seconds, torques (motors tied).
 
     noise: where all of them are zero
     floor: body -> what drives the torque of unknown course at least, N*m
