@@ -13,6 +13,7 @@ from dualdrive.diagnose.selection import (
     Fitted,
     MissingTorque,
     Selection,
+    is_joint,
     little,
     missing_torque,
     white,
@@ -51,7 +52,9 @@ def decide(core: Any, grey: GreyBox, found: Selection) -> Decision:
     left = missing_torque(core, grey, best)
     if not found.finished:
         return Decision("unfinished", ranked, (), missing, left)
-    if white(found.base) and little(missing):
+    # what is likelier than a machine that leaves noise describes the noise; a joint that gives is
+    # told from numbers and drifting zeros by long records alone
+    if white(found.base) and little(missing) and not is_joint(best.variant):
         others = [(f, 0.0) for f, _ in ranked if f is not found.base]
         return Decision(
             _of_numbers(grey, found.base), [(found.base, 1.0), *others], (), missing, missing

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selection
+from dualdrive.diagnose.selection.parts import is_joint
 from dualdrive.diagnose.selection.residual_analysis import (
     MissingTorque,
     little,
@@ -17,6 +18,7 @@ __all__ = [
     "Fitted",
     "MissingTorque",
     "Selection",
+    "is_joint",
     "little",
     "missing_torque",
     "select",

@@ -25,6 +25,11 @@ def is_part(variant: Variant) -> bool:
     return bool(_core.effect_type(variant.effects[-1][0]).structural)
 
 
+def is_joint(variant: Variant) -> bool:
+    """Whether its last effect is a joint that gives: stiffness and play have valleys."""
+    return bool(variant.effects and _core.effect_type(variant.effects[-1][0]).brings)
+
+
 def part_refitted(
     grey: GreyBox, variant: Variant, start: Array, known: int, noise: Noise, wide: Noise
 ) -> Point | None:
@@ -40,7 +45,7 @@ def part_refitted(
 
     """
     begins = []
-    for factor in _JOINT if _is_joint(variant) else _LIMIT:
+    for factor in _JOINT if is_joint(variant) else _LIMIT:
         there = start.copy()
         there[known] *= factor
         begins.append(there)
@@ -53,11 +58,6 @@ def part_refitted(
         found.sort(key=lambda p: p.minus_two_log)
         begins = [p.theta for p in found]
     return _under(grey, variant, begins[0], noise, 6) if begins else None
-
-
-def _is_joint(variant: Variant) -> bool:
-    """Whether its last effect is a joint that gives: stiffness and play have valleys."""
-    return bool(_core.effect_type(variant.effects[-1][0]).brings)
 
 
 def _under(grey: GreyBox, variant: Variant, theta: Array, noise: Noise, steps: int) -> Point | None:

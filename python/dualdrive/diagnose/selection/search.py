@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from dualdrive.diagnose.screening import Library, Scored, scores
 from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selection
-from dualdrive.diagnose.selection.parts import is_part, part_refitted
+from dualdrive.diagnose.selection.parts import is_joint, is_part, part_refitted
 from dualdrive.diagnose.selection.residual_analysis import leaves_noise
 from dualdrive.diagnose.thresholds import threshold
 from dualdrive.diagnose.work import Leader
@@ -83,6 +83,8 @@ class _Search:
             leader = self._on_all_samples()
             if not leader.variant.effects:
                 leader = self._forward(leader, parts=False)
+        if not leader.variant.effects and not stop():
+            self._keep(self._joints(leader))
         if not self.screened and not stop():
             self._scores(leader)
         own = (replace(f, criterion=self._criterion(f)) for f in self.finals.values())
@@ -178,6 +180,27 @@ class _Search:
             self.finals.clear()
         self._keep(found)
         return min(self.finals.values(), key=self._criterion)
+
+    def _joints(self, leader: Fitted) -> list[Fitted]:
+        """Joints that give, beside a machine whose numbers alone leave noise.
+
+        On stretches such numbers and drifting zeros do as well as a soft shaft; only long records
+        tell them apart, and no score of a law without states of its own.
+        """
+        found = []
+        for variant in self.library.variants(leader.variant, self._everywhere(leader)):
+            if not is_joint(variant) or self.grey.counter.stop():
+                continue
+            self.tell(f"{variant.key} on all samples")
+            begin = np.r_[leader.point.theta, [p.start for p in variant.extra]]
+            own = self._likeliest(variant, begin, leader.noise)
+            if own is None:
+                continue
+            gain = (leader.point.minus_two_log - own.point.minus_two_log) / leader.inflation
+            if gain > threshold("gain") + len(variant.extra) * self._price():
+                self.tried[variant.key] = gain
+                found.append(own)
+        return found
 
     def _replayed_on_all_samples(self, base: Fitted) -> None:
         """Of a search that was stopped on stretches: the base alone, as it was found there."""
