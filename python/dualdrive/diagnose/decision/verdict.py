@@ -19,7 +19,7 @@ from dualdrive.diagnose.selection import (
     white,
 )
 from dualdrive.diagnose.thresholds import threshold
-from dualdrive.innovations import GreyBox, fit
+from dualdrive.innovations import GreyBox, maximum_likelihood
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,16 +82,19 @@ def _of_numbers(grey: GreyBox, f: Fitted) -> Verdict:
     return "parameters" if _moved(grey, f) else "adequate"
 
 
-_CONSTANTS = 10  # steps, until the sensors' constants stand again
+_SCORINGS = 40  # most steps of an estimate
 
 
 def _moved(grey: GreyBox, f: Fitted) -> bool:
-    """Whether the data sheet's numbers had to move beyond doubt, by the fall of -2 log L.
+    """Whether the data sheet's numbers had to move beyond doubt: a likelihood-ratio test.
 
-    Against the data sheet with the sensors' own constants refitted: these are no numbers of it.
+    Against the data sheet with the sensors' own constants and the noise estimated anew: these are
+    no numbers of it.
     """
     n = len(grey.nominal)
     begin = np.r_[grey.centre[:n], f.point.theta[n:]]
-    nominal = fit(grey.held(), f.variant, begin, f.gains, steps=_CONSTANTS)
-    fall = (nominal.chi2 - f.point.chi2) / f.inflation
+    held = maximum_likelihood(grey.held(), f.variant, begin, f.noise, steps=_SCORINGS)
+    if held is None:
+        return True
+    fall = (held[0].minus_two_log - f.point.minus_two_log) / f.inflation
     return bool(fall > threshold("gain") + n * np.log(grey.samples))

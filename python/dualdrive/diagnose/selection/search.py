@@ -243,23 +243,25 @@ class _Search:
         share = threshold("price of a number") * explained / self._least()
         return float(np.log(self.grey.samples) + share)
 
-    def _final(self, point: Point, wide: Noise) -> Fitted | None:
+    def _final(self, point: Point, wide: Noise, grey: GreyBox | None = None) -> Fitted | None:
         """A variant under its own noise, from much unknown torque: any machine follows then.
 
         None where it can't be followed.
         """
-        grey, variant = self.grey, point.variant
+        grey, variant = grey or self.grey, point.variant
         try:
             gains = grey.gains(variant, point.theta, wide)
         except ValueError:
             return None
         near = fit(grey, variant, point.theta, gains, refresh=(0, 2, 4))
-        return self._likeliest(variant, near.theta, wide)
+        return self._likeliest(variant, near.theta, wide, grey)
 
-    def _likeliest(self, variant: Variant, theta: Array, noise: Noise) -> Fitted | None:
+    def _likeliest(
+        self, variant: Variant, theta: Array, noise: Noise, grey: GreyBox | None = None
+    ) -> Fitted | None:
         """Numbers and noise together, from a point; None where it can't be followed."""
         found = maximum_likelihood(
-            self.grey, variant, theta, noise, floor=self.floor, steps=_SCORINGS
+            grey or self.grey, variant, theta, noise, floor=self.floor, steps=_SCORINGS
         )
         if found is None:
             return None
@@ -293,8 +295,23 @@ class _Search:
             again = self._final(found.point, replace(found.noise, torque=torque))
             if again and again.point.minus_two_log < found.point.minus_two_log:
                 found = again
+        found = min(found, *self._from_the_data_sheet(found), key=lambda f: f.point.minus_two_log)
         self.grey = self._some(found)
         return self._noise_order(self._likeliest(nothing, found.point.theta, found.noise) or found)
+
+    def _from_the_data_sheet(self, found: Fitted) -> list[Fitted]:
+        """The base where its numbers stay as they are given at first: numbers that only together
+        are told wander off while much torque is unknown, and may end worse than where they began.
+        """
+        theta = found.point.theta.copy()
+        n = len(self.grey.nominal)
+        theta[:n] = self.grey.centre[:n]
+        point = replace(found.point, theta=theta)
+        held = self._final(point, replace(found.noise, torque=self.wide.torque), self.grey.held())
+        if held is None:
+            return []
+        free = self._likeliest(held.variant, held.point.theta, held.noise)
+        return [free] if free else []
 
     def _noise_order(self, base: Fitted) -> Fitted:
         """The same, its sensors' noise of order two where the Bayesian criterion asks for it.
