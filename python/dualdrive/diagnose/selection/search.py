@@ -300,8 +300,10 @@ class _Search:
         return self._noise_order(self._likeliest(nothing, found.point.theta, found.noise) or found)
 
     def _from_the_data_sheet(self, found: Fitted) -> list[Fitted]:
-        """The base where its numbers stay as they are given at first: numbers that only together
-        are told wander off while much torque is unknown, and may end worse than where they began.
+        """The base whose numbers stay as they are given at first.
+
+        Numbers that are told only together wander off while much torque is unknown, and may end
+        worse than where they began.
         """
         theta = found.point.theta.copy()
         n = len(self.grey.nominal)
