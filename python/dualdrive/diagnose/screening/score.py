@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from dualdrive import _core
 from dualdrive.diagnose.hypotheses import is_strength, probes
@@ -144,6 +143,8 @@ def _scored(
 ) -> Scored:
     if not found:
         return Scored(variant, float("nan"), {})
+    from scipy.optimize import lsq_linear
+
     C = np.stack([change for _, change in found])
     M = C @ C.T
     scale = np.sqrt(np.diag(M) + 1e-300)
