@@ -12,7 +12,7 @@ from dualdrive import Machine
 from dualdrive.compare import check_records
 from dualdrive.diagnose import diagnose
 from dualdrive.diagnose.closed_loop import nominal_unknowns
-from dualdrive.diagnose.decision import objection, takes_too_little
+from dualdrive.diagnose.decision import beside_the_data_sheet, objection, takes_too_little
 from dualdrive.diagnose.diagnosis import unfit
 from dualdrive.diagnose.result import Verdict
 from dualdrive.diagnose.screening import Library
@@ -93,6 +93,27 @@ def test_a_chirp_through_the_resonance_is_told_and_kept() -> None:
     assert unfit(found) == set()
 
 
+def test_a_loop_that_is_slow_beside_the_motion_is_no_wrong_unit() -> None:
+    """Its table hardly begins to follow; no unit makes one course another one."""
+    t = np.linspace(0.0, 5.0, 5001)
+    reference = np.interp(t, [0.0, 2.5, 5.0], [0.0, 0.06, 0.0])
+    slow = np.zeros_like(t)
+    for k in range(1, len(t)):  # two lags of 2 s behind the command
+        slow[k] = slow[k - 1] + (t[k] - t[k - 1]) * (0.05 * reference[k - 1] - 0.2 * slow[k - 1])
+    slow = np.roll(slow, 600)
+    slow[:600] = 0.0
+    machine = Machine.load("bench")
+
+    def fatal(table: np.ndarray) -> bool:
+        trace = Trace(t, {"theta_ref": reference, "theta_m": table})
+        return any(w.fatal for w in check_records(machine, trace, "closed_loop"))
+
+    assert not fatal(slow)
+    assert fatal(0.001 * reference)  # milliradians, read as radians
+    assert fatal(-reference)
+    assert fatal(57.3 * reference)
+
+
 # --- verdicts beside their errors -------------------------------------------------------------
 
 SOUND = {
@@ -138,3 +159,11 @@ def test_what_was_cut_or_is_unknown_needs_no_objection() -> None:
     for verdict in verdicts:
         assert objection(verdict, {**SOUND, "best": 9.0, "held_out_best": 99.0}) == ""
     assert objection("unfinished", {"noise_floor": 2.0}) == ""
+
+
+def test_numbers_that_move_without_the_error_falling_are_not_off() -> None:
+    assert beside_the_data_sheet("parameters", SOUND) == "parameters"
+    assert beside_the_data_sheet("parameters", {**SOUND, "refitted": 0.4}) == "adequate"
+    unknown = {name: x for name, x in SOUND.items() if name != "nominal"}
+    assert beside_the_data_sheet("parameters", unknown) == "parameters"
+    assert beside_the_data_sheet("effect", {**SOUND, "refitted": 0.41}) == "effect"

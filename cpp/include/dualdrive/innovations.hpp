@@ -90,12 +90,12 @@ class SampledRecord {
 
 // Steady-state Kalman gains of a machine, one set per contact pattern (bit c: connection c carries), and those of the first
 // samples of a stretch, while the filter still learns where the state is: as if the pattern had been the present one from
-// there on, so that no gain depends on the way there and residuals change smoothly with the numbers. Patterns that are not
+// the first sample on, so that no gain depends on the way there and residuals change smoothly with the numbers. Patterns that are not
 // there yet are worked out when a record meets them: of many drives most never occur.
 struct KalmanGains {
     struct Set {
-        Eigen::MatrixXd
-            K;  // (states + torques + channels, again where of order two, again where zeros drift) × channels
+        // (states + torques + channels, again where of order two, again where zeros drift) × channels
+        Eigen::MatrixXd K;
         Eigen::MatrixXd whitening;  // S^(−1/2), lower triangular
         double log_det = 0.0;       // log det S
     };

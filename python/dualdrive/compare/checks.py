@@ -24,7 +24,8 @@ _MUCH = 0.05  # of the record: an angle at the end of its range for so long spoi
 _LEVELS = 20  # a channel of fewer levels sits at an extreme by rounding
 _MOVES = 0.05  # of the highest speed
 _FOLLOWS = 0.2  # of the command, by which the table's travel may differ without a word
-_FOREIGN = 3.0  # times the command, or less than its third: no control loop
+_FOREIGN = 3.0  # times the command, or less than its third: no control loop that keeps up with it
+_SAME_COURSE = 0.8  # correlation with the command from which the table keeps up with its course
 _FEWEST = 200  # samples
 _FEWEST_MOVING = 50
 
@@ -219,13 +220,17 @@ def _command(trace: Trace) -> Iterator[Finding]:
     reference, measured = trace["theta_ref"], trace["theta_m"]
     slope = float(np.polyfit(reference - reference.mean(), measured - measured.mean(), 1)[0])
     if abs(slope - 1.0) > _FOLLOWS:
-        # a loop may enlarge what comes at its resonance; thrice on average, or backwards, none
-        foreign = not 1.0 / _FOREIGN < slope < _FOREIGN
-        why = (
-            "a unit or a sign is wrong in one of them, see the mapping"
-            if foreign
-            else "a loop does so near its resonance; else a unit is wrong in one of them"
-        )
+        # a loop may enlarge what comes at its resonance, thrice on average none; one that is slow
+        # beside the motion lags far behind, but no unit makes a course another one
+        alike = abs(slope) * np.std(reference) > _SAME_COURSE * np.std(measured)
+        ordinary = 1.0 / _FOREIGN < slope < _FOREIGN
+        foreign = bool(not ordinary and (alike or slope >= _FOREIGN))
+        if foreign:
+            why = "a unit or a sign is wrong in one of them, see the mapping"
+        elif ordinary:
+            why = "a loop does so near its resonance; else a unit is wrong in one of them"
+        else:
+            why = "a loop that is slow beside the motion does so; else it is another record's"
         yield "command", f"theta_m moves {slope:.3g} times as far as theta_ref; {why}", foreign
 
 

@@ -15,6 +15,7 @@ from dualdrive.diagnose.axis import candidate_on, numbers_on, shape_on
 from dualdrive.diagnose.decision import (
     Decision,
     MissingTorque,
+    beside_the_data_sheet,
     decide,
     objection,
     takes_too_little,
@@ -143,6 +144,7 @@ def _told(
     error["held_out_best"] = (
         error["best"] * cross_validated(grey, best) if named else error["held_out_refitted"]
     )
+    decision = replace(decision, verdict=beside_the_data_sheet(decision.verdict, error))
     why = objection(decision.verdict, error) or takes_too_little(decision.verdict, error)
     if why:
         decision = replace(decision, verdict="unknown", group=())

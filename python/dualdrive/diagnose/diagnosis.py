@@ -18,7 +18,7 @@ from dualdrive.diagnose.clocks import evened
 from dualdrive.diagnose.closed_loop import Job, diagnose_closed_loop, with_time
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.data_sheet import GUESSED, wrong_guesses
-from dualdrive.diagnose.decision import objection
+from dualdrive.diagnose.decision import beside_the_data_sheet, objection
 from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.findings import (
     TOLD,
@@ -301,6 +301,7 @@ def _told(
     after = printed.compared(improved) if improved is not None else None
     error = errors_of(c, found, best if named_ else found.plain, before, after)
     error["nominal"] = printed.error(machine)
+    verdict = replace(verdict, verdict=beside_the_data_sheet(verdict.verdict, error))
     if why := objection(verdict.verdict, error):
         verdict = replace(verdict, verdict="unknown", group=(), why="contradicted")
         warnings = [*warnings, f"no verdict but unknown can stand: {why}"]

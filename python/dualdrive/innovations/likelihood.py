@@ -36,7 +36,7 @@ def maximum_likelihood(
     noise: Noise,
     *,
     floor: Mapping[str, float] | None = None,
-    steps: int = 15,
+    steps: int = 40,
 ) -> tuple[Point, Noise, list[Any]] | None:
     """Numbers and noise under which the records are likeliest, and the gains there.
 

@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
-from dualdrive.diagnose.decision.sanity import objection, takes_too_little
+from dualdrive.diagnose.decision.sanity import beside_the_data_sheet, objection, takes_too_little
 from dualdrive.diagnose.decision.verdict import Decision, decide
 from dualdrive.diagnose.selection import MissingTorque
 from dualdrive.diagnose.thresholds import THRESHOLDS
 
-__all__ = ["THRESHOLDS", "Decision", "MissingTorque", "decide", "objection", "takes_too_little"]
+__all__ = [
+    "THRESHOLDS",
+    "Decision",
+    "MissingTorque",
+    "beside_the_data_sheet",
+    "decide",
+    "objection",
+    "takes_too_little",
+]

@@ -82,9 +82,6 @@ def _of_numbers(grey: GreyBox, f: Fitted) -> Verdict:
     return "parameters" if _moved(grey, f) else "adequate"
 
 
-_SCORINGS = 40  # most steps of an estimate
-
-
 def _moved(grey: GreyBox, f: Fitted) -> bool:
     """Whether the data sheet's numbers had to move beyond doubt: a likelihood-ratio test.
 
@@ -93,7 +90,7 @@ def _moved(grey: GreyBox, f: Fitted) -> bool:
     """
     n = len(grey.nominal)
     begin = np.r_[grey.centre[:n], f.point.theta[n:]]
-    held = maximum_likelihood(grey.held(), f.variant, begin, f.noise, steps=_SCORINGS)
+    held = maximum_likelihood(grey.held(), f.variant, begin, f.noise)
     if held is None:
         return True
     fall = (held[0].minus_two_log - f.point.minus_two_log) / f.inflation

@@ -40,7 +40,6 @@ from dualdrive.innovations import (
 
 Array = NDArray[np.float64]
 
-_SCORINGS = 40  # most steps of an estimate of numbers and noise together
 _AGAIN = (0.1, 0.01)  # of the wide torque, from which the base is searched anew
 _PAIR = 2  # effects, of which the first was chosen by what both leave together
 
@@ -260,9 +259,7 @@ class _Search:
         self, variant: Variant, theta: Array, noise: Noise, grey: GreyBox | None = None
     ) -> Fitted | None:
         """Numbers and noise together, from a point; None where it can't be followed."""
-        found = maximum_likelihood(
-            grey or self.grey, variant, theta, noise, floor=self.floor, steps=_SCORINGS
-        )
+        found = maximum_likelihood(grey or self.grey, variant, theta, noise, floor=self.floor)
         if found is None:
             return None
         point, own, gains = found
