@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
-__all__ = ["Displayed"]
+__all__ = ["Displayed", "Tabled"]
 
 
 class Displayed:
@@ -24,3 +25,17 @@ class Displayed:
         import dualdrive  # its lazy name: how a notebook shows things knows of results
 
         return dualdrive.notebook.pictured(self, self._picture)
+
+
+class Tabled:
+    """A result that a notebook shows as a table; ``_cells()`` has its head and its rows."""
+
+    __slots__ = ()
+
+    def _cells(self) -> tuple[Sequence[str], Iterable[Sequence[str]]]:
+        raise NotImplementedError
+
+    def _repr_html_(self) -> str:
+        import dualdrive  # as above
+
+        return dualdrive.notebook.tabled(type(self).__name__, *self._cells())

@@ -5,7 +5,7 @@ The HTML is that of :mod:`dualdrive.report`; a notebook adds its own style.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from dualdrive.report.markup import Html, join, percent, table, tag
@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 
     from dualdrive.compare import Comparison
     from dualdrive.diagnose import Diagnosis, Ladder
+    from dualdrive.paper.exhibit import Exhibit
 
-__all__ = ["comparison_dataset", "diagnosis", "fit", "ladder", "pictured"]
+__all__ = ["comparison_dataset", "diagnosis", "exhibit", "fit", "ladder", "pictured", "tabled"]
 
 
 def diagnosis(d: Diagnosis) -> str:
@@ -82,6 +83,25 @@ def pictured(found: Any, picture: str) -> str:
     kind = type(found).__name__
     drawn = Gallery().hang(getattr(plots, picture)(found), kind, f"{kind}, as it is plotted")
     return tag("div", drawn, tag("pre", found.table()) if hasattr(found, "table") else None)
+
+
+def tabled(caption: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A result as one table, numbers to the right of what they are of."""
+    return tag("div", table(head, rows, caption, numbers=range(1, len(head))))
+
+
+def exhibit(e: Exhibit) -> str:
+    """A figure or table of the paper: what it shows, its numbers, what a reader must know."""
+
+    def cell(value: float | str | bool | None) -> str:
+        return "–" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
+
+    sheets = [
+        table(s.columns, [[cell(c) for c in row] for row in s.rows], s.title or e.title)
+        for s in e.sheets()
+    ]
+    notes = [tag("p", note) for note in e.notes]
+    return tag("div", tag("p", tag("b", e.title)), tag("p", e.about), *sheets, *notes)
 
 
 def comparison_dataset(c: Comparison, record: str | None = None) -> xr.Dataset:

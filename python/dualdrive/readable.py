@@ -66,11 +66,12 @@ def interval(value: float, low: float, high: float, unit: str = "", *, digits: i
     """A value and where it lies, all in one unit: ``0.998 mm [0.95 .. 1.05 mm]``.
 
     The largest of the three chooses the unit. A narrow interval has as many digits more as it
-    takes to tell its ends apart; what was counted or held (low = high) has none.
+    takes to tell its ends apart; what was counted or held (low = high), or whose ends are not
+    known, has none.
     """
     if not math.isfinite(value):
         return "–"
-    if low == high:
+    if not low < high:
         return human(value, unit, digits=digits)
     ends = [abs(x) for x in (value, low, high) if math.isfinite(x)]
     largest, width = max(ends, default=0.0), high - low

@@ -10,7 +10,7 @@ import pytest
 
 from dualdrive import Machine
 from dualdrive.compare import check_records
-from dualdrive.diagnose import diagnose
+from dualdrive.diagnose import diagnose, improve
 from dualdrive.diagnose.closed_loop import nominal_unknowns
 from dualdrive.diagnose.decision import beside_the_data_sheet, objection, takes_too_little
 from dualdrive.diagnose.diagnosis import unfit
@@ -167,3 +167,16 @@ def test_numbers_that_move_without_the_error_falling_are_not_off() -> None:
     unknown = {name: x for name, x in SOUND.items() if name != "nominal"}
     assert beside_the_data_sheet("parameters", unknown) == "parameters"
     assert beside_the_data_sheet("effect", {**SOUND, "refitted": 0.41}) == "effect"
+
+
+def test_laws_that_fail_on_what_was_held_out_are_taken_back() -> None:
+    """A robot axis: two laws close the half that was fitted and leave 69 % of the other."""
+    path = measured_file("kuka_kr300/derived_rec_B.csv")
+    record = read(path, EXAMPLES / "kuka_axis1.map.toml")
+    found = improve(Machine.load(EXAMPLES / "kuka.toml"), record, mode="balance", experiment=False)
+    assert [step.label for step in found.steps] == ["nominal", "refitted"]
+    assert found.machine is found.steps[-1].machine
+    assert "of what was held out: taken back, and nothing is named" in found.stopped
+    assert [d.verdict for d in found.diagnoses] == ["unknown"]
+    assert found.diagnoses[0].improved is None
+    assert found.stopped in found.diagnoses[0].paragraph

@@ -60,7 +60,7 @@ def test_numbers_have_units_what_was_counted_no_interval_and_what_is_held_at_not
             }
         ),
     )
-    assert "delta_c 3 ms [2 ms .. 4 ms], order 12." in text
+    assert "delta_c 3 ms [2 .. 4 ms], order 12." in text
     assert "delta_t" not in text
 
 

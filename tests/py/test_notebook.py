@@ -11,10 +11,11 @@ import pytest
 
 import dualdrive
 from diagnosed import NASTY, diagnosis, ladder
-from dualdrive import cycles, identify, indexing, linear, optimise, tune
+from dualdrive import cycles, ensembles, identify, indexing, linear, optimise, tune
 from dualdrive.compare import Comparison
 from dualdrive.demo import records, sheet
 from dualdrive.identify import fit
+from dualdrive.paper import exhibit
 from dualdrive.traces import Trace, TraceError, from_pandas, from_xarray
 
 
@@ -80,6 +81,29 @@ def test_results_that_have_a_picture_show_it() -> None:
     ):  # fmt: skip
         assert callable(getattr(dualdrive.plots, kind._picture))
         assert callable(kind._repr_html_)
+
+
+def test_results_without_a_picture_show_their_tables() -> None:
+    """Angles in engineering units; what comes from outside is escaped."""
+    cell = indexing.Cell("light <i>", "table", 1.0, 5.0, 0.5)
+    figures = np.array([[1.0, 2.0, 3.0], [3.0, 4.0, 5.0], [np.nan] * 3])
+    sheet_ = exhibit.Table("own", ("what", "value"), (("play", 2.5), ("none", None)))
+    number = exhibit.Number("deviation", "arcsec", 10.0, 9.0)
+    shown = (
+        (cycles.Predicted(12.5, 1e-5, 2e-3, 0.5, True, "dry friction"), "2.063 arcsec"),
+        (indexing.LostMotion("axis <i>", 0.25, 0.125, (3, 4), ((0, 1), (0, 1))), "axis <i>"),
+        (indexing.Crossed({(cell, "traditional"): figures}, 3, {}), "light <i>"),
+        (exhibit.Exhibit("fig1", "a <i>", "about", (), (number,), tables=(sheet_,)), "a <i>"),
+        (
+            ensembles.ensemble(sheet(), values={"table.J": [9e3, 1e4]}, end=0.05),
+            "Ensemble of 2 runs",
+        ),
+    )
+    for result, words in shown:
+        text = result._repr_html_()
+        assert Closed(text).open == []
+        assert words in Closed(text).words, text
+        assert "<i>" not in text
 
 
 @pytest.fixture(scope="module")

@@ -187,6 +187,7 @@ def test_human_takes_the_unit_of_another() -> None:
         (2e-6, -5e-3, 5e-3, "m", "0.002 mm [-5 .. 5 mm]"),
         (4e-3, 4e-3, math.inf, "s", "4 ms [4 .. inf ms]"),
         (0.0, -0.5, 0.5, "", "0 [-0.5 .. 0.5]"),
+        (2e-3, math.nan, math.nan, "s", "2 ms"),
         (3.0, 3.0, 3.0, "", "3"),
         (math.nan, math.nan, math.nan, "m", "–"),
     ],

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -161,11 +160,7 @@ def test_a_diagnosis_tells_of_its_progress_and_is_cancelled(seen: Seen) -> None:
     seen.click("#diagnose")
     seen.wait(".job .what", "s")
     seen.wait(".job .what", "refitting")
-    begun = time.monotonic()
-    seen.click(".job .cancel")
-    seen.wait_gone(".job")
-    assert time.monotonic() - begun < 1.0 * max(1.0, os.getloadavg()[0] / 2)
-    seen.wait(".message", "cancelled; nothing was changed")
+    seen.cancel()
 
 
 def test_a_reload_and_a_killed_server_lose_nothing(

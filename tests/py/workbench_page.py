@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -84,6 +86,15 @@ class Seen:
 
     def wait_gone(self, selector: str, seconds: float = 60) -> None:
         self.page.locator(selector).first.wait_for(state="detached", timeout=1000 * seconds)
+
+    def cancel(self, seconds: float = 1.0) -> None:
+        """Cancel what is computed: gone in time, longer where others have the cores; and told."""
+        begun = time.monotonic()
+        self.click(".job .cancel")
+        self.wait_gone(".job")
+        taken, allowed = time.monotonic() - begun, seconds * max(1.0, os.getloadavg()[0] / 2)
+        assert taken < allowed, f"cancelled after {taken:.2f} s, not within {allowed:.2f} s"
+        self.wait(".message", "cancelled; nothing was changed")
 
     def text(self, selector: str) -> str:
         return self.page.locator(selector).first.inner_text()

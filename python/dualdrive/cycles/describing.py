@@ -22,11 +22,13 @@ from numpy.typing import NDArray
 from dualdrive import _core
 from dualdrive.assembly import core_of, gaps
 from dualdrive.cycles.errors import CycleError
+from dualdrive.display import Tabled
 from dualdrive.linear.closing import Closed
 from dualdrive.linear.frequency import poles
 from dualdrive.linear.small_signal import SmallSignal, small_signal
 from dualdrive.linear.twin import late_paths
 from dualdrive.machine import Machine
+from dualdrive.units import human
 
 __all__ = ["Predicted", "describing_function", "phasors", "share_of_stiffness", "size_for_share"]
 
@@ -39,7 +41,7 @@ _POINTS: Final = 4000
 
 
 @dataclass(frozen=True)
-class Predicted:
+class Predicted(Tabled):
     """A limit cycle as the describing function has it; SI, amplitudes are half peak to peak.
 
     amplitude:       of the table, rad
@@ -64,6 +66,17 @@ class Predicted:
     def figures(self) -> dict[str, Any]:
         """Plain numbers for JSON."""
         return {**asdict(self), "trusted": self.trusted}
+
+    def _cells(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+        rows = [
+            ("frequency", human(self.frequency_hz, "Hz")),
+            ("amplitude of the table", human(self.amplitude, "rad")),
+            ("amplitude of the mesh", human(self.mesh_amplitude, "rad")),
+            ("N/K", f"{self.n_over_k:.3g}"),
+            ("stable", "yes" if self.stable else "no"),
+            ("trusted", "yes" if self.trusted else "no"),
+        ]
+        return ("limit cycle", "foretold"), [*rows, *([("note", self.note)] if self.note else [])]
 
 
 def share_of_stiffness(size: float) -> float:

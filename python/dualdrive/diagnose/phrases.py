@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from dualdrive.diagnose.result import Experiment, Interval, Shape
-from dualdrive.units import human
+from dualdrive.diagnose.result import Experiment, Shape
 
-__all__ = ["HELPS", "closing", "depends", "interval", "percent", "unfinished"]
+__all__ = ["HELPS", "closing", "depends", "percent", "unfinished"]
 
 HELPS = 0.05  # of the unexplained error: what removes less does not help
 _FEW = 3  # warnings that a paragraph can hold
@@ -19,13 +18,6 @@ _COORDINATE = {"speed": "the speed", "angle": "the angle", "time": "the time"}
 def percent(share: float | None) -> str:
     """Three digits, a question mark where it is not known."""
     return "?" if share is None or not math.isfinite(share) else f"{100 * share:.3g} %"
-
-
-def interval(p: Interval) -> str:
-    """Value and interval; what was counted or held has none."""
-    if p.low < p.high:
-        return f"{human(p.value, p.unit)} [{human(p.low, p.unit)} .. {human(p.high, p.unit)}]"
-    return human(p.value, p.unit)
 
 
 def unfinished(refitted: str, floor: str) -> str:

@@ -6,8 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 
 from dualdrive.diagnose.decision import MissingTorque
-from dualdrive.diagnose.phrases import HELPS, closing, depends, interval, percent, unfinished
+from dualdrive.diagnose.phrases import HELPS, closing, depends, percent, unfinished
 from dualdrive.diagnose.result import Candidate, Experiment, Shape, Verdict
+from dualdrive.readable import interval
 
 _FEW = 3  # numbers or rivals that a paragraph can hold
 
@@ -84,7 +85,7 @@ def _unexplained(missing: Mapping[str, MissingTorque], *, named: bool) -> str:
 def _evidence(candidates: Sequence[Candidate]) -> list[str]:
     best, *others = candidates
     numbers = [
-        f"{path.rpartition('.')[2]} {interval(p)}"
+        f"{path.rpartition('.')[2]} {interval(p.value, p.low, p.high, p.unit)}"
         for path, p in best.parameters.items()
         if p.value != 0.0 or p.low < p.high  # what is held at nothing says nothing
     ]

@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 from dualdrive.compare.equation import EquationAtFault
 from dualdrive.diagnose.free_torque import Course
 from dualdrive.diagnose.judge import Judgement, Reason
-from dualdrive.diagnose.phrases import HELPS, closing, depends, interval, percent, unfinished
+from dualdrive.diagnose.phrases import HELPS, closing, depends, percent, unfinished
 from dualdrive.diagnose.result import Candidate, Experiment, Shape, Verdict
+from dualdrive.readable import interval
 
 #: why the best of what was tried gets no name
 _WHY: dict[Reason, str] = {
@@ -102,7 +103,7 @@ def _opening(
 def _evidence(candidates: Sequence[Candidate], shapes: Sequence[Shape]) -> list[str]:
     best, *others = candidates
     numbers = [
-        f"{path.rpartition('.')[2]} {interval(p)}"
+        f"{path.rpartition('.')[2]} {interval(p.value, p.low, p.high, p.unit)}"
         for path, p in best.parameters.items()
         if p.value != 0.0 or p.low < p.high  # what is held at nothing says nothing
     ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from types import TracebackType
 from typing import TYPE_CHECKING, Final, Self
 
@@ -223,6 +224,9 @@ class Ensemble:
             unit, text = known.get(signal, ("", signal))
             window = "" if begin == -end == -np.inf else f" from {begin:g} s to {end:g} s"
             yield Figure(name, self.machine.unit_of(signal, unit), f"{measure} of {text}{window}")
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(repr(self))}</p>"  # its dataset would wait for what is pending
 
     def __repr__(self) -> str:
         paths = ", ".join(self.parameters) or "nothing"

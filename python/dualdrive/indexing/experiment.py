@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import product
 from typing import Final
 
@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
+from dualdrive.display import Tabled
 from dualdrive.indexing.approach import (
     DELAYS,
     DWELL,
@@ -82,7 +83,7 @@ class Cell:
 
 
 @dataclass(frozen=True, eq=False)
-class Crossed:
+class Crossed(Tabled):
     """What the experiment gave.
 
     figures:   (cell, column) -> A, R, B in arcsec, shape (draws, 3); NaN where it had no reading
@@ -105,6 +106,16 @@ class Crossed:
     def cells(self) -> list[Cell]:
         """All cells, in the order of the factors."""
         return list(dict.fromkeys(cell for cell, _ in self.figures))
+
+    def _cells(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+        """Means of the draws that had a reading."""
+        factors = [f.name for f in fields(Cell)]
+        rows = []
+        for (cell, column), drawn in self.figures.items():
+            read = drawn[np.isfinite(drawn).all(axis=1)]
+            means = [f"{x:.3g}" for x in read.mean(axis=0)] if len(read) else ["–"] * 3
+            rows.append((column, *(str(getattr(cell, f)) for f in factors), *means))
+        return ("column", *factors, "A [arcsec]", "R [arcsec]", "B [arcsec]"), rows
 
 
 def crossed(

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dualdrive.display import Tabled
 from dualdrive.files import FileError, read_text
 from dualdrive.toml_text import parse_toml
 from dualdrive.traces.log import Recorder
@@ -32,7 +33,7 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class LostMotion:
+class LostMotion(Tabled):
     """Lost motion of one shaft, in the unit of its positions.
 
     loaded, released:  as defined above
@@ -49,6 +50,16 @@ class LostMotion:
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""
         return vars(self)
+
+    def _cells(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+        head = (self.name, "lost motion", "pulled one way", "the other way")
+        pulled = tuple(map(str, self.pulls))
+        means = [tuple(f"{x:.6g}" for x in pair) for pair in self.means]
+        return head, [
+            ("loaded", f"{self.loaded:.4g}", *means[0]),
+            ("released", f"{self.released:.4g}", *means[1]),
+            ("pulls", "", *pulled),
+        ]
 
 
 @dataclass(frozen=True)

@@ -87,6 +87,11 @@ class Exhibit:
             sheets.append(Table("", ("the paper says", "here", "holds"), rows))
         return [*sheets, *self.tables]
 
+    def _repr_html_(self) -> str:
+        import dualdrive  # its lazy name: how a notebook shows things knows of results
+
+        return dualdrive.notebook.exhibit(self)
+
     def to_dict(self) -> dict[str, Any]:
         """Everything but `data`, for JSON."""
         numbers = [
