@@ -23,7 +23,8 @@ constexpr double slowest_ring = 1000.0;  // 1/s: a drive's own loops; below that
 // Something well damped and so much faster than what rings makes a machine stiff: the explicit engine and Adams methods
 // then take steps for stability alone, and BDF is the cheaper from about here on (measured, benchmarks/effects.py).
 constexpr double stiff_beyond = 14.0;
-constexpr double exact_reach = 3.0;  // of |λ| times a step of the exact engine, whose series is that long
+constexpr double finest_bdf = 1e-13;  // relative tolerance that arithmetic leaves a multistep method
+constexpr double exact_reach = 3.0;   // of |λ| times a step of the exact engine, whose series is that long
 
 // Whether b is a whole multiple of a.
 bool divides(double a, double b) { return std::abs(b / a - std::round(b / a)) < near_multiple && b > 0.5 * a; }
@@ -142,10 +143,10 @@ void Simulation::choose_solver(int guards, std::span<const double> parameter_sca
     const bool must = wants_exact() || !options_.gradient.empty();
     if (must || (left_open && possible && !too_stiff_to_be_exact())) return take_exact_solver(size);
     if (possible) field_ = std::make_unique<AffineField>(machine_, inputs_, layout_, modes_, cell_);
-    const auto cvode = [this, size,
-                        scale = std::vector<double>(parameter_scale.begin(), parameter_scale.end())](Method m) {
+    const auto cvode = [this, size, scale = std::vector<double>(parameter_scale.begin(), parameter_scale.end())](
+                           Method m, double rtol) {
         const std::vector<int> falling(static_cast<std::size_t>(size.guards), -1);
-        return std::make_unique<Cvode>(*this, size, m, options_.rtol, falling, scale);
+        return std::make_unique<Cvode>(*this, size, m, rtol, falling, scale);
     };
     const auto explicit_solver = [&](double limit) {
         return std::make_unique<RungeKutta>(*this, size, options_.rtol, parameter_scale, limit);
@@ -156,13 +157,14 @@ void Simulation::choose_solver(int guards, std::span<const double> parameter_sca
     }
     const auto [rings, decays] = pace();
     const bool stiff = decays > stiff_beyond * rings;
-    if (left_open && !stiff)
-        solver_ =
-            std::make_unique<Handover>(explicit_solver(stiff_beyond * rings), [cvode] { return cvode(Method::bdf); });
-    else if (options_.method != Method::automatic)
-        solver_ = cvode(options_.method);
+    if (left_open && !stiff) {
+        const double rtol = std::min(options_.rtol, std::max(finest_bdf, Handover::stiff_share * options_.rtol));
+        solver_ = std::make_unique<Handover>(
+            explicit_solver(stiff_beyond * rings), [cvode, rtol] { return cvode(Method::bdf, rtol); }, options_.end);
+    } else if (options_.method != Method::automatic)
+        solver_ = cvode(options_.method, options_.rtol);
     else
-        solver_ = cvode(stiff ? Method::bdf : Method::adams);
+        solver_ = cvode(stiff ? Method::bdf : Method::adams, options_.rtol);
 }
 
 }  // namespace dualdrive
