@@ -11,20 +11,15 @@ import math
 from typing import Any
 
 from dualdrive.diagnose.result import Diagnosis
+from dualdrive.diagnose.thresholds import threshold
 from dualdrive.identify.unknowns import default_tolerances
 from dualdrive.units import human
-
-#: relative one-sigma tolerance of a number that may have been a guess
-GUESSED = 1.0
-_STRAINED = 3.0  # standard deviations of the usual tolerance
-#: of the cross-validated error that guesses leave: what is below speaks against the tolerances
-_FORETOLD = 0.8
 
 
 def wrong_guesses(core: Any, held: Diagnosis, free: Diagnosis) -> str:
     """Which numbers of the machine file the record contradicts, in words; empty where it does not.
 
-    held, free: diagnoses within the usual tolerances, and within `GUESSED`; that of the free ones
+    held, free: diagnoses within the usual tolerances, and as guesses; that of the free ones
         must have come to a name
     """
     if free.verdict not in ("effect", "ambiguous"):
@@ -34,9 +29,9 @@ def wrong_guesses(core: Any, held: Diagnosis, free: Diagnosis) -> str:
     far = [
         f"{path} ({human(core.get(path), moved.unit)} in the machine file)"
         for path, moved in free.moved.items()
-        if path in usual and _apart(core.get(path), moved.value) > _STRAINED * usual[path]
+        if path in usual and _apart(core.get(path), moved.value) > threshold("strained") * usual[path]
     ]
-    if not far or not after < _FORETOLD * before:
+    if not far or not after < threshold("foretold") * before:
         return ""
     return (
         f"{', '.join(far)} can't be as well known as data sheets are: with nothing added, other "

@@ -17,7 +17,7 @@ from dualdrive.diagnose.axis import candidate_on, numbers_on, shape_on
 from dualdrive.diagnose.clocks import evened
 from dualdrive.diagnose.closed_loop import Job, diagnose_closed_loop, with_time
 from dualdrive.diagnose.confront import Confrontation
-from dualdrive.diagnose.data_sheet import GUESSED, wrong_guesses
+from dualdrive.diagnose.data_sheet import wrong_guesses
 from dualdrive.diagnose.decision import beside_the_data_sheet, objection
 from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.findings import (
@@ -42,6 +42,7 @@ from dualdrive.diagnose.search import search
 from dualdrive.diagnose.selection import EFFORTS
 from dualdrive.diagnose.shape import shapes
 from dualdrive.diagnose.survey import Survey
+from dualdrive.diagnose.thresholds import threshold
 from dualdrive.diagnose.words import paragraph
 from dualdrive.diagnose.work import Clock, Work
 from dualdrive.echo import once
@@ -232,7 +233,7 @@ def diagnose(
             mode="balance",
             processing=processing,
             standstill=standstill,
-            tolerance=GUESSED,
+            tolerance=threshold("guessed"),
             budget=max(budget - clock.used, 1.0),
             threads=threads,
             experiment=experiment,

@@ -1,4 +1,7 @@
-"""Every number by which a closed-loop diagnosis decides what to try and what to say."""
+"""Every number by which a closed-loop diagnosis decides what to try and what to say.
+
+And those by which a torque balance doubts the data sheet; its own others stand in `judge`.
+"""
 
 from __future__ import annotations
 
@@ -73,6 +76,19 @@ THRESHOLDS = {
     ),
     "beyond noise": Threshold(
         0.1, "of the sensors' noise: what is less beyond it is no measure of a law"
+    ),
+    "guessed": Threshold(
+        1.0, "relative one-sigma tolerance of a number that may have been a guess, set by hand"
+    ),
+    "strained": Threshold(
+        3.0,
+        "of the usual tolerance's sigmas, from which a number that moved speaks against it. By "
+        "hand, after one robot axis was read: half and twice, see docs/theory/innovations.md",
+    ),
+    "foretold": Threshold(
+        0.8,
+        "of the cross-validated error within the usual tolerances: what guesses leave at most for "
+        "them to be contradicted. By hand, likewise",
     ),
     "certain": Threshold(0.9, "probability from which one name is spoken alone"),
     "possible": Threshold(0.02, "probability from which a rival is counted to the group"),
