@@ -29,7 +29,8 @@ def wrong_guesses(core: Any, held: Diagnosis, free: Diagnosis) -> str:
     far = [
         f"{path} ({human(core.get(path), moved.unit)} in the machine file)"
         for path, moved in free.moved.items()
-        if path in usual and _apart(core.get(path), moved.value) > threshold("strained") * usual[path]
+        if path in usual
+        and _apart(core.get(path), moved.value) > threshold("strained") * usual[path]
     ]
     if not far or not after < threshold("foretold") * before:
         return ""
