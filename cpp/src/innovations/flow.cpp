@@ -9,7 +9,7 @@
 #include "../simulation/instant.hpp"
 #include "../simulation/mode_rules.hpp"
 #include "../solvers/exact/kernels.hpp"
-#include "riccati.hpp"
+#include "dense.hpp"
 
 namespace dualdrive::innovations {
 
@@ -17,6 +17,9 @@ namespace {
 
 constexpr int most_passes = 8;  // over the modes, until they stand
 constexpr int most_terms = 80;
+constexpr std::size_t most_lengths = 8;  // of time with propagators of their own, per set of modes
+constexpr int worth = 12;                // times that a length is flown by a series before it gets one
+constexpr double alike = 1e-9;           // of a substep: lengths that are the same
 
 std::vector<int> signals_of(const Layout& layout, const SampledRecord& record) {
     std::vector<int> signals;
@@ -96,24 +99,41 @@ Frozen Flow::prepare(const exact::Laws<double>& laws, const Modes& modes) const 
             f.A(g, first_torque() + static_cast<Eigen::Index>(b)) = model_.ratio(bodies_[b]) / model_.group_inertia(g);
     }
     f.bound = spectral_bound(f.A);
-    const Exponentials e = exponentials(f.A, h_);
-    const auto packed = [&](const Eigen::MatrixXd& M) {
-        std::vector<double> columns(static_cast<std::size_t>(exact::padded(n_) * n_), 0.0);
-        Eigen::Map<Eigen::MatrixXd>(columns.data(), exact::padded(n_), n_).topRows(n_) = M;
-        return columns;
-    };
     f.packed = packed(f.A);
-    if (!affine_) {
-        f.phi1 = packed(e.phi1);
-        f.phi2 = packed(e.phi2);
-    }
-    f.rows = static_cast<int>(out_.size());
-    Eigen::MatrixXd all = Eigen::MatrixXd::Zero(f.rows, n_);
-    all.topRows(n_) = e.flow;
-    all.middleRows(n_, outputs_) = f.outputs * e.flow;
-    all.middleRows(n_ + outputs_, f.guards.rows()) = f.guards * e.flow;
-    f.step.assign(all.data(), all.data() + all.size());
     return f;
+}
+
+std::vector<double> Flow::packed(const Eigen::MatrixXd& M) const {
+    std::vector<double> columns(static_cast<std::size_t>(exact::padded(n_) * n_), 0.0);
+    Eigen::Map<Eigen::MatrixXd>(columns.data(), exact::padded(n_), n_).topRows(n_) = M;
+    return columns;
+}
+
+const Step* Flow::step_of(Frozen& frozen, double length) const {
+    const auto same = [&](const Step& s) { return std::abs(s.length - length) <= alike * h_; };
+    const bool whole = std::abs(length - h_) <= alike * h_;
+    auto own = std::find_if(frozen.steps.begin(), frozen.steps.end(), same);
+    if (own == frozen.steps.end()) {
+        if (frozen.steps.size() >= most_lengths && !whole) return nullptr;
+        own = frozen.steps.insert(own, Step{length, 0, {}, {}, {}});
+    }
+    if (!own->flow.empty()) return &*own;
+    if (++own->asked < worth && !whole) return nullptr;
+    Eigen::MatrixXd flow;
+    if (affine_) {
+        flow = exponential(frozen.A, length);
+    } else {
+        const Exponentials e = exponentials(frozen.A, length);
+        flow = e.flow;
+        own->phi1 = packed(e.phi1);
+        own->phi2 = packed(e.phi2);
+    }
+    Eigen::MatrixXd all = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(out_.size()), n_);
+    all.topRows(n_) = flow;
+    all.middleRows(n_, outputs_) = product(frozen.outputs, flow);
+    all.middleRows(n_ + outputs_, frozen.guards.rows()) = product(frozen.guards, flow);
+    own->flow.assign(all.data(), all.data() + all.size());
+    return &*own;
 }
 
 Frozen& Flow::frozen() {
@@ -240,24 +260,21 @@ void Flow::at(double fraction, double* y) const {
 }
 
 bool Flow::advance(double t, double length) {
-    const bool whole = std::abs(length - h_) <= 1e-9 * h_;
     at_end_ = false;
-    if (!whole) return through_switches(t, length);
-    const auto step = [&](const double* y) {
-        exact::kernels().multiply(now_->rows, n_, now_->step.data(), n_, y, 1, out_.data());
-    };
-    step(y_.data());
+    const Step* const step = step_of(*now_, length);
+    if (!step) return through_switches(t, length);
+    exact::kernels().multiply(static_cast<int>(out_.size()), n_, step->flow.data(), n_, y_.data(), 1, out_.data());
     if (!affine_) {
         remainder(t, y_.data(), n0_.data());
         const auto add = [&](const std::vector<double>& phi, const std::vector<double>& x) {
             exact::kernels().multiply(exact::padded(n_), n_, phi.data(), n_, x.data(), 1, trial_.data());
             for (int k = 0; k < n_; ++k) out_[static_cast<std::size_t>(k)] += trial_[static_cast<std::size_t>(k)];
         };
-        add(now_->phi1, n0_);
+        add(step->phi1, n0_);
         remainder(t + length, out_.data(), n1_.data());
         model_.guards(g1_.data(), nullptr);
         for (std::size_t k = 0; k < n1_.size(); ++k) slope_[k] = n1_[k] - n0_[k];
-        add(now_->phi2, slope_);
+        add(step->phi2, slope_);
         const auto fell = std::any_of(g1_.begin(), g1_.end(), [](double g) { return g < 0.0; });
         if (fell) return through_switches(t, length);
         std::copy_n(out_.data(), n_, y_.data());

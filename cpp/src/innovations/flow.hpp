@@ -15,15 +15,21 @@
 
 namespace dualdrive::innovations {
 
+// A length of time for which a set of modes has its propagator: a substep, or what lies between ticks and samples.
+struct Step {
+    double length = 0.0;                // s
+    int asked = 0;                      // how often, until it is worked out
+    std::vector<double> flow;           // [e^{A h}; C e^{A h}; G e^{A h}], column-major, padded rows; empty until then
+    std::vector<double> phi1, phi2;     // packed like A, for what is not affine
+};
+
 // One set of modes, prepared. y = (states, generator of the inputs, 1, torques of unknown course).
 struct Frozen {
     Eigen::MatrixXd A, outputs, guards;
-    std::vector<double> packed;      // A, column-major, padded rows
-    std::vector<double> phi1, phi2;  // of a substep, packed like A, for what is not affine
-    double bound = 0.0;              // on its spectral radius, 1/s
-    std::vector<double> step;        // [e^{A h}; C e^{A h}; G e^{A h}] of a substep, column-major, padded rows
-    int rows = 0;                    // of `step`
-    unsigned pattern = 0;            // contacts that carry
+    std::vector<double> packed;  // A, column-major, padded rows
+    double bound = 0.0;          // on its spectral radius, 1/s
+    std::vector<Step> steps;     // most_lengths at most
+    unsigned pattern = 0;        // contacts that carry
     std::vector<std::vector<double>>
         guard_gain;  // by phase: G K of the steady gain, column-major; empty until asked for
 };
@@ -73,6 +79,9 @@ class Flow final {
 
   private:
     Frozen prepare(const exact::Laws<double>& laws, const Modes& modes) const;
+    std::vector<double> packed(const Eigen::MatrixXd& M) const;  // padded rows
+    // The propagator over a length of time, null while that length has not come often enough to be worth one.
+    const Step* step_of(Frozen& frozen, double length) const;
     Frozen& frozen();
     void evaluate(double t, const double* z);
     void remainder(double t, const double* y, double* n);

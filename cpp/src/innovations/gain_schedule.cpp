@@ -24,7 +24,7 @@ GainSchedule::Scheduled GainSchedule::at(unsigned pattern, std::size_t sample, s
     return {(*own.steady)[phase], true};
 }
 
-const StateSpace& GainSchedule::space(unsigned pattern) {
+StateSpace& GainSchedule::space(unsigned pattern) {
     Pattern& own = patterns_[pattern];
     if (!own.space) {
         if (!tangents_) {

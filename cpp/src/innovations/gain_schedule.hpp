@@ -31,7 +31,7 @@ class GainSchedule {
         std::unique_ptr<StateSpace> space;          // empty until asked for
         std::map<std::size_t, FirstGains> learning;
     };
-    const StateSpace& space(unsigned pattern);
+    StateSpace& space(unsigned pattern);
     void find_steady(unsigned pattern);
     void find_first(unsigned pattern);
     void reach(unsigned pattern, std::size_t sample);

@@ -6,9 +6,6 @@
 
 namespace dualdrive::innovations {
 
-// A B by the exact engine's kernels: these matrices are too small for a library's blocks.
-Eigen::MatrixXd product(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B);
-
 struct Steady {
     Eigen::MatrixXd P;  // covariance of the state before a measurement
     bool converged;
@@ -25,6 +22,7 @@ class RiccatiDoubling {
     // The covariance so many samples after one of a phase.
     Eigen::MatrixXd after(Eigen::MatrixXd P, std::size_t phase, std::size_t samples);
     Steady steady();  // at phase 0
+    std::size_t phases() const { return phases_.size(); }
 
   private:
     struct Level {
@@ -35,15 +33,5 @@ class RiccatiDoubling {
     const Level& level(std::size_t k);
     std::vector<Level> phases_, levels_;  // over one sample; over 2ᵏ periods
 };
-
-// e^X and h φ₁(X), h φ₂(X) for X = A h: φ₁ = (e^X − 1)/X, φ₂ = (e^X − 1 − X)/X²; Taylor series of a halved X, then
-// e^2X = e^X e^X, φ₁(2X) = (e^X + 1) φ₁(X)/2, φ₂(2X) = (φ₁(X)² + 2 φ₂(X))/4 (Hochbruck, Ostermann, Acta Numerica 19 (2010)
-// 209–286, §3).
-struct Exponentials {
-    Eigen::MatrixXd flow, phi1, phi2;
-};
-// A bound on the spectral radius of |A| that does not depend on the units of the states.
-double spectral_bound(const Eigen::MatrixXd& A);
-Exponentials exponentials(const Eigen::MatrixXd& A, double h);
 
 }  // namespace dualdrive::innovations

@@ -5,8 +5,8 @@
 
 #include "../simulation/instant.hpp"
 #include "../simulation/mode_rules.hpp"
+#include "dense.hpp"
 #include "flow.hpp"
-#include "riccati.hpp"
 
 namespace dualdrive::innovations {
 
@@ -158,22 +158,22 @@ std::vector<std::pair<double, std::size_t>> Flow::events(std::size_t phase) cons
 
 Eigen::MatrixXd Flow::over_a_sample(const Frozen& frozen, std::size_t phase) {
     const double step = record_.step();
-    if (layout_.clocks.empty()) return exponentials(frozen.A, step).flow;
+    if (layout_.clocks.empty()) return exponential(frozen.A, step);
     if (jumps_.empty()) jumps_ = jumps();
     if (spread_) return spread_over_a_sample(frozen);
-    const Eigen::MatrixXd whole = exponentials(frozen.A, step).flow;
+    const Eigen::MatrixXd whole = exponential(frozen.A, step);
     Eigen::MatrixXd flow = Eigen::MatrixXd::Identity(n_, n_);
     double at = 0.0;
     const auto go_on = [&](double till) {
         if (till - at > 1.0 - alike)
-            flow = whole * flow;
+            flow = product(whole, flow);
         else if (till - at > alike)
-            flow = exponentials(frozen.A, (till - at) * step).flow * flow;
+            flow = product(exponential(frozen.A, (till - at) * step), flow);
         at = till;
     };
     for (const auto& [when, jump] : events(phase)) {
         if (when - at > alike) go_on(when);
-        flow.topRows(states()) = (jumps_[jump] * flow.topRows(states())).eval();
+        flow.topRows(states()) = product(jumps_[jump], flow.topRows(states()));
     }
     go_on(1.0);
     return flow;
@@ -187,15 +187,15 @@ Eigen::MatrixXd Flow::spread_over_a_sample(const Frozen& frozen) const {
     for (const Clock& k : layout_.clocks) shortest = std::min(shortest, k.period);
     const int parts = static_cast<int>(std::min(std::round(step / shortest), double(most_parts)));
     const double length = step / parts;
-    Eigen::MatrixXd part = exponentials(frozen.A, length).flow;
+    Eigen::MatrixXd part = exponential(frozen.A, length);
     for (std::size_t k = 0; k < jumps_.size(); ++k) {
         const double share = std::min(1.0, length / layout_.clocks[k % layout_.clocks.size()].period);
         Eigen::MatrixXd jump = share * jumps_[k];
         jump.diagonal().array() += 1.0 - share;
-        part.topRows(states()) = (jump * part.topRows(states())).eval();
+        part.topRows(states()) = product(jump, part.topRows(states()));
     }
     Eigen::MatrixXd whole = part;
-    for (int k = 1; k < parts; ++k) whole = (part * whole).eval();
+    for (int k = 1; k < parts; ++k) whole = product(part, whole);
     return whole;
 }
 

@@ -1,4 +1,4 @@
-// The few loops in which the exact engine spends its time, built once for every processor the program may meet.
+// The few loops in which the exact engine and the Kalman filters spend their time, built once for every processor the program may meet.
 //
 // Matrices are column-major with a leading dimension that is a multiple of `lane`; vectors have as many entries. Which
 // build runs is chosen when the program starts; DUALDRIVE_KERNELS in the environment (baseline, avx2, avx512) names another.
@@ -33,6 +33,13 @@ struct Kernels {
     // of a step lies between these.
     int (*suspect)(int m, int from, int count, double fraction, const double* watched, const double* margin,
                    const double* upper);
+    // As `multiply`, of many columns at once: sums in another order.
+    void (*product)(int rows, int n, const double* M, int ldx, const double* x, int count, double* out);
+    // A ← A⁻¹, n × n, by Gauss and Jordan with the largest pivot of each column; false where there is none. `scratch` holds
+    // n whole numbers.
+    bool (*invert)(int rows, int n, double* A, int* scratch);
+    // A ← L, A = L L', of a positive semidefinite A: columns whose pivot is below `least` of their diagonal become 0.
+    void (*cholesky)(int rows, int n, double least, double* A);
 };
 
 // Throws std::invalid_argument when the environment asks for what is not there.

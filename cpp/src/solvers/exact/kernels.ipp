@@ -193,9 +193,106 @@ int suspect(int m, int from, int count, double fraction, const double* watched, 
     return count;
 }
 
+// `tall` vectors of W rows from `row` on, of `wide` columns: each number that is read serves several sums.
+template <int W, int tall, int wide>
+inline void block(int rows, int n, const double* M, int ldx, const double* x, int row, double* out) {
+    using V = typename VectorOf<W>::type;
+    V sum[wide][tall];
+    for (int c = 0; c < wide; ++c)
+        for (int k = 0; k < tall; ++k) sum[c][k] = V{};
+    const double* a = M + row;
+    for (int j = 0; j < n; ++j, a += rows) {
+        V column[tall];
+        for (int k = 0; k < tall; ++k) column[k] = load<W>(a + k * W);
+        for (int c = 0; c < wide; ++c) {
+            const double factor = x[c * ldx + j];
+            for (int k = 0; k < tall; ++k) sum[c][k] += column[k] * factor;
+        }
+    }
+    for (int c = 0; c < wide; ++c)
+        for (int k = 0; k < tall; ++k) store<W>(out + c * rows + row + k * W, sum[c][k]);
+}
+
+template <int wide>
+inline void columns(int rows, int n, const double* M, int ldx, const double* x, double* out) {
+    int r = 0;
+    for (; r + 2 * WIDTH <= rows; r += 2 * WIDTH) block<WIDTH, 2, wide>(rows, n, M, ldx, x, r, out);
+    if (r + WIDTH <= rows) {
+        block<WIDTH, 1, wide>(rows, n, M, ldx, x, r, out);
+        r += WIDTH;
+    }
+    if (r < rows) block<narrow, 1, wide>(rows, n, M, ldx, x, r, out);
+}
+
+void matrix_product(int rows, int n, const double* M, int ldx, const double* x, int count, double* out) {
+    int c = 0;
+    for (; c + 4 <= count; c += 4) columns<4>(rows, n, M, ldx, x + c * ldx, out + c * rows);
+    for (; c < count; ++c) columns<1>(rows, n, M, ldx, x + c * ldx, out + c * rows);
+}
+
+// y += a x over whole rows.
+inline void axpy(int rows, double a, const double* x, double* y) {
+    int i = 0;
+    for (; i + WIDTH <= rows; i += WIDTH) store<WIDTH>(y + i, load<WIDTH>(y + i) + load<WIDTH>(x + i) * a);
+    if (i < rows) store<narrow>(y + i, load<narrow>(y + i) + load<narrow>(x + i) * a);
+}
+
+bool invert(int rows, int n, double* A, int* scratch) {
+    for (int k = 0; k < n; ++k) {
+        double* const own = A + k * rows;
+        int p = k;
+        for (int i = k + 1; i < n; ++i)
+            if (__builtin_fabs(own[i]) > __builtin_fabs(own[p])) p = i;
+        scratch[k] = p;
+        if (!(__builtin_fabs(own[p]) > 0.0)) return false;
+        if (p != k)
+            for (int j = 0; j < n; ++j) {
+                const double other = A[j * rows + k];
+                A[j * rows + k] = A[j * rows + p];
+                A[j * rows + p] = other;
+            }
+        const double inverse = 1.0 / own[k];
+        own[k] = 0.0;
+        for (int j = 0; j < n; ++j) {
+            if (j == k) continue;
+            double* const column = A + j * rows;
+            const double factor = column[k] * inverse;
+            axpy(rows, -factor, own, column);
+            column[k] = factor;
+        }
+        for (int i = 0; i < n; ++i) own[i] *= -inverse;
+        own[k] = inverse;
+    }
+    for (int k = n - 1; k >= 0; --k)  // rows were exchanged, so columns are
+        if (const int p = scratch[k]; p != k)
+            for (int i = 0; i < rows; ++i) {
+                const double other = A[k * rows + i];
+                A[k * rows + i] = A[p * rows + i];
+                A[p * rows + i] = other;
+            }
+    return true;
+}
+
+void cholesky(int rows, int n, double least, double* A) {
+    for (int k = 0; k < n; ++k) {
+        double* const own = A + k * rows;
+        for (int i = 0; i < k; ++i) own[i] = 0.0;
+        const double pivot = own[k];
+        double whole = pivot;  // the diagonal as it was
+        for (int j = 0; j < k; ++j) whole += A[j * rows + k] * A[j * rows + k];
+        if (!(pivot > least * whole)) {
+            for (int i = k; i < rows; ++i) own[i] = 0.0;
+            continue;
+        }
+        const double inverse = 1.0 / __builtin_sqrt(pivot);
+        for (int i = k; i < rows; ++i) own[i] *= inverse;
+        for (int j = k + 1; j < n; ++j) axpy(rows, -own[j], own, A + j * rows);
+    }
+}
+
 }  // namespace
 
-const Kernels build::BUILD = {BUILD_NAME, &multiply,    &chain,     &taylor,  &chain_back,
-                              &series,    &series_back, &add_outer, &largest, &suspect};
+const Kernels build::BUILD = {BUILD_NAME, &multiply, &chain,   &taylor,         &chain_back, &series,  &series_back,
+                              &add_outer, &largest,  &suspect, &matrix_product, &invert,     &cholesky};
 
 }  // namespace dualdrive::exact

@@ -1,0 +1,29 @@
+// Small dense matrices by the kernels of the exact engine: too small for a library's blocks, too many for its plain loops.
+#pragma once
+
+#include <Eigen/Core>
+
+namespace dualdrive::innovations {
+
+Eigen::MatrixXd product(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B);
+
+// Not a number where there is none.
+Eigen::MatrixXd inverse(const Eigen::MatrixXd& A);
+
+// L of a positive semidefinite L L'; what depends on columns before it becomes 0.
+Eigen::MatrixXd cholesky_factor(const Eigen::MatrixXd& A);
+
+// A bound on the spectral radius of |A| that does not depend on the units of the states.
+double spectral_bound(const Eigen::MatrixXd& A);
+
+// e^X for X = A h: the Taylor series of a halved X, e^2X − 1 = (e^X − 1)(e^X + 1).
+Eigen::MatrixXd exponential(const Eigen::MatrixXd& A, double h);
+
+// e^X and h φ₁(X), h φ₂(X): φ₁ = (e^X − 1)/X, φ₂ = (e^X − 1 − X)/X²; φ₁(2X) = (e^X + 1) φ₁(X)/2, φ₂(2X) = (φ₁(X)² +
+// 2 φ₂(X))/4 (Hochbruck, Ostermann, Acta Numerica 19 (2010) 209–286, §3).
+struct Exponentials {
+    Eigen::MatrixXd flow, phi1, phi2;
+};
+Exponentials exponentials(const Eigen::MatrixXd& A, double h);
+
+}  // namespace dualdrive::innovations
