@@ -59,6 +59,8 @@ void bind_innovations(nb::module_& m) {
                 g.steady.insert(other.steady.begin(), other.steady.end());
             },
             nb::arg("other"), "Take over what another one has learned of first samples and of patterns.")
+        .def("alike", &KalmanGains::alike, nb::arg("other"),
+             "Whether these are the gains of the other's machine bit by bit, as far as both are known.")
         .def_prop_ro(
             "patterns",
             [](const KalmanGains& g) {

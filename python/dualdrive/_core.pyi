@@ -693,6 +693,11 @@ class KalmanGains:
         Take over what another one has learned of first samples and of patterns.
         """
 
+    def alike(self, other: KalmanGains) -> bool:
+        """
+        Whether these are the gains of the other's machine bit by bit, as far as both are known.
+        """
+
     @property
     def patterns(self) -> list[int]:
         """Contact patterns: bit c is set where connection c carries."""

@@ -120,6 +120,10 @@ struct KalmanGains {
     double speed = 0.0;        // table speed about which laws that are not affine are linearised, rad/s
     std::map<unsigned, Phased> steady;
     std::map<Begin, First> first;
+
+    // Whether these are the gains of the other's machine bit by bit, as far as both are known: settings of a record that
+    // no tangent feels, as its tension, make no difference.
+    bool alike(const KalmanGains& other) const;
 };
 
 // What is not known of the state at the first sample: where torques of unknown course of this size would take it, and, by

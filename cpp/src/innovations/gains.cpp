@@ -17,6 +17,20 @@ bool NoiseModel::of_order_two() const {
     return std::any_of(sensors.begin(), sensors.end(), [](const SensorNoise& s) { return s.second != 0.0; });
 }
 
+bool KalmanGains::alike(const KalmanGains& other) const {
+    if (at_first.size() != other.at_first.size() || at_first != other.at_first) return false;
+    for (const auto& [pattern, own] : steady) {
+        const auto found = other.steady.find(pattern);
+        if (found == other.steady.end()) continue;
+        const auto& others = found->second.sets;
+        const auto same = [](const Set& a, const Set& b) {
+            return a.K.rows() == b.K.rows() && a.K.cols() == b.K.cols() && a.K == b.K && a.whitening == b.whitening;
+        };
+        if (!std::equal(own.sets.begin(), own.sets.end(), others.begin(), others.end(), same)) return false;
+    }
+    return true;
+}
+
 namespace innovations {
 
 using Eigen::MatrixXd;
@@ -156,9 +170,9 @@ KalmanGains::Phased StateSpace::steady() {
     return gains(units_.asDiagonal() * found.P * units_.asDiagonal(), 0);
 }
 
-MatrixXd StateSpace::later(const MatrixXd& P, std::size_t phase, std::size_t samples) {
+MatrixXd StateSpace::later(const MatrixXd& P, std::size_t periods) {
     const auto inverse = units_.cwiseInverse().asDiagonal();
-    return units_.asDiagonal() * horizon().after(inverse * P * inverse, phase, samples) * units_.asDiagonal();
+    return units_.asDiagonal() * horizon().after(inverse * P * inverse, periods) * units_.asDiagonal();
 }
 
 MatrixXd StateSpace::start(const VectorXd& deviation) const {
@@ -191,23 +205,38 @@ FirstGains::FirstGains(StateSpace& space, const VectorXd& deviation, std::size_t
 
 void FirstGains::reach(std::size_t sample, const KalmanGains::Phased& steady) {
     auto& pieces = kept_.pieces;
+    const std::size_t period = space_.phases();
+    const auto phase = [&](std::size_t k) { return (phase_ + k) % period; };
     while (!kept_.settled && (pieces.empty() || pieces.back().end <= sample)) {
         const std::size_t begin = pieces.empty() ? 0 : pieces.back().end;
-        const std::size_t length =
-            begin < one_by_one ? 1 : std::size_t{1} << (std::ilogb(static_cast<double>(begin)) - eighths);
-        const std::size_t middle = begin + length / 2, before = (phase_ + kept_.of) % space_.phases();
-        if (middle == kept_.of + 1)
-            kept_.P = space_.next(kept_.P, pieces.back().sets[before], before);
-        else if (middle > kept_.of)
-            kept_.P = space_.later(kept_.P, before, middle - kept_.of);
-        kept_.of = middle;
-        const std::size_t phase = (phase_ + middle) % space_.phases();
-        auto sets = length == 1 ? KalmanGains::Phased{{space_.gain(kept_.P)}} : space_.gains(kept_.P, phase);
-        const double away = std::abs(sets[phase].log_det - steady[phase].log_det);
+        std::size_t length = 1, middle = begin;
+        if (begin >= one_by_one) {
+            length = std::max(period, std::size_t{1} << (std::ilogb(static_cast<double>(begin)) - eighths));
+            middle = begin + length / 2;
+            middle += (period - phase(middle)) % period;  // from there whole periods are leapt over
+        }
+        go_on_to(middle);
+        auto sets = length == 1 ? KalmanGains::Phased{{space_.gain(kept_.P)}} : space_.gains(kept_.P, phase(middle));
+        const double away = std::abs(sets[phase(middle)].log_det - steady[phase(middle)].log_det);
         // the machine's tangent may grow beyond numbers
         kept_.settled = !(away > settled_gain * static_cast<double>(space_.outputs())) || pieces.size() >= most_pieces;
         if (std::isfinite(away)) pieces.push_back({std::move(sets), begin + length});
     }
+}
+
+// Sample by sample to the first phase, then whole periods at once.
+void FirstGains::go_on_to(std::size_t sample) {
+    const std::size_t period = space_.phases();
+    const auto phase = [&] { return (phase_ + kept_.of) % period; };
+    const auto one = [&] {
+        kept_.P = space_.next(kept_.P, space_.gain(kept_.P), phase());
+        ++kept_.of;
+    };
+    while (kept_.of < sample && (phase() != 0 || sample - kept_.of == 1)) one();
+    const std::size_t leap = (sample - kept_.of) / period * period;
+    if (leap > 0) kept_.P = space_.later(kept_.P, leap / period);
+    kept_.of += leap;
+    while (kept_.of < sample) one();
 }
 
 }  // namespace innovations

@@ -27,8 +27,8 @@ class StateSpace {
     Eigen::MatrixXd start(const Eigen::VectorXd& deviation) const;
     // The covariance before the next measurement, from that before this one and its gain.
     Eigen::MatrixXd next(const Eigen::MatrixXd& P, const KalmanGains::Set& set, std::size_t phase) const;
-    // The covariance before a measurement, so many samples later.
-    Eigen::MatrixXd later(const Eigen::MatrixXd& P, std::size_t phase, std::size_t samples);
+    // The covariance before a measurement at phase 0, so many periods of the ticks later.
+    Eigen::MatrixXd later(const Eigen::MatrixXd& P, std::size_t periods);
 
   private:
     Eigen::VectorXd reached() const;
@@ -61,6 +61,8 @@ class FirstGains {
     const KalmanGains::First& kept() const { return kept_; }
 
   private:
+    void go_on_to(std::size_t sample);
+
     StateSpace& space_;
     std::size_t phase_;
     KalmanGains::First& kept_;

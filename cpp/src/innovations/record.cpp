@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 #include <string>
 
@@ -27,6 +28,9 @@ SampledRecord::SampledRecord(Inputs inputs, std::vector<double> times, std::vect
     }
     std::nth_element(steps.begin(), steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2), steps.end());
     step_ = steps[steps.size() / 2];
+    // to nine digits: how far the times are from zero is in the last ones
+    const double digit = std::pow(10.0, std::floor(std::log10(step_)) - 8.0);
+    step_ = std::round(step_ / digit) * digit;
     begin_ = times_.front();
     const auto size = static_cast<std::size_t>(generator_->size());
     generator_states_.resize(times_.size() * size);

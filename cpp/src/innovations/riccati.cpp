@@ -49,12 +49,9 @@ const RiccatiDoubling::Level& RiccatiDoubling::level(std::size_t k) {
     return levels_[k];
 }
 
-MatrixXd RiccatiDoubling::after(MatrixXd P, std::size_t phase, std::size_t samples) {
-    for (; samples > 0 && phase != 0; --samples, phase = (phase + 1) % phases_.size()) P = through(phases_[phase], P);
-    std::size_t periods = samples / phases_.size();
+MatrixXd RiccatiDoubling::after(MatrixXd P, std::size_t periods) {
     for (std::size_t k = 0; periods > 0; ++k, periods /= 2)
         if (periods % 2 == 1) P = through(level(k), P);
-    for (samples %= phases_.size(); samples > 0; --samples, ++phase) P = through(phases_[phase], P);
     return P;
 }
 

@@ -19,10 +19,9 @@ class RiccatiDoubling {
   public:
     RiccatiDoubling(const std::vector<Eigen::MatrixXd>& F, const Eigen::MatrixXd& Q, const Eigen::MatrixXd& C,
                     const Eigen::MatrixXd& R);
-    // The covariance so many samples after one of a phase.
-    Eigen::MatrixXd after(Eigen::MatrixXd P, std::size_t phase, std::size_t samples);
+    // The covariance so many periods after one at phase 0.
+    Eigen::MatrixXd after(Eigen::MatrixXd P, std::size_t periods);
     Steady steady();  // at phase 0
-    std::size_t phases() const { return phases_.size(); }
 
   private:
     struct Level {

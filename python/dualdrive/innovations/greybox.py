@@ -173,19 +173,18 @@ class GreyBox:
     ) -> list[list[Replayed]]:
         """Replays of machines under gains that learn how a record begins.
 
-        The first record of a kind learns, others begin as it does.
+        The first of the records whose gains are alike learns, others begin as it does.
         """
-        kinds = [self._kind(r) for r in self.records]
-        first = [kinds.index(kind) for kind in kinds]
         found: dict[tuple[int, int], Replayed] = {}
+        first = [[_first_alike(gains, r) for r in range(len(gains))] for _, _, gains in jobs]
         for leading in (True, False):
             batch, owners = [], []
             for k, (core, offsets, gains) in enumerate(jobs):
                 for r, record in enumerate(self.records):
-                    if (first[r] == r) != leading:
+                    if (first[k][r] == r) != leading:
                         continue
                     if not leading:
-                        gains[r].begin_as(gains[first[r]])
+                        gains[r].begin_as(gains[first[k][r]])
                     batch.append((core, offsets, record, gains[r], True))
                     owners.append((k, r))
             self.counter.replays += len(batch)
@@ -321,6 +320,10 @@ class GreyBox:
         if k < self.shared:
             return [*(p.path for p in self.nominal), *self.offsets][k]
         return variant.extra[k - self.shared].path
+
+
+def _first_alike(gains: Sequence[Any], r: int) -> int:
+    return next(k for k in range(r + 1) if k == r or gains[k].alike(gains[r]))
 
 
 _HELD = 1e-9  # of a unit: a number that is not refitted

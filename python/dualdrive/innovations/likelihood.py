@@ -20,13 +20,20 @@ from dualdrive.innovations.variant import Point, Variant, flat
 
 Array = NDArray[np.float64]
 
+_Found = tuple[Point, list[Any]]
+
 _STEP = 1e-3  # of a logarithm, for finite differences
 _LONGEST = 1.5  # step of a logarithm
 _DAMPINGS = (1e-4, 0.03, 1.0, 30.0)
+_SHORTER = (1.0, 0.3)
+#: information that a logarithm of the noise is given beyond its own (a proximal point): what brings
+#: less than the search's own end along a whole logarithm stays where it is
+_PROXIMAL = 1.0
 _ENOUGH = 2.0  # of -2 log L over the inflation: a step that brings less ends the search
 #: how far numbers (of what is believed of them) and logarithms of the noise may be from where
-#: derivatives by the numbers were taken: a chord serves till then
-_NEAR = (0.3, 2.0)
+#: derivatives by the numbers were taken: a chord serves till then; and from where those by the
+#: noise were
+_NEAR, _NEAR_NOISE = (0.3, 2.0), (0.1, 0.05)
 
 
 def maximum_likelihood(
@@ -60,16 +67,18 @@ def maximum_likelihood(
     centre = np.zeros(n + m)
     centre[: grey.shared] = grey.centre
 
-    def at(places: Sequence[Array]) -> list[tuple[Point, list[Any]] | None]:
+    def at(places: Sequence[Array]) -> list[_Found | None]:
         return grey.likelihoods(variant, [(x[:n], own.at(x[n:])) for x in places])
 
     x = np.clip(np.r_[theta, np.zeros(m)], low, high)
     [now] = at([x])
     if now is None:
         return None
-    near = np.r_[_NEAR[0] * np.minimum(grey.sigma, 1.0), np.full(n - grey.shared, _NEAR[0])]
-    near = np.r_[near, np.full(m, _NEAR[1])]
+    unit = np.r_[np.minimum(grey.sigma, 1.0), np.ones(n - grey.shared)]
+    near, near_noise = (np.r_[a * unit, np.full(m, b)] for a, b in (_NEAR, _NEAR_NOISE))
+    held = np.diag(np.r_[np.full(n, 1e-9), np.full(m, _PROXIMAL)])
     columns, taken = list[Array](), x
+    noise_slopes, noise_taken = None, x
     for _ in range(steps):
         if grey.counter.stop():
             break
@@ -77,49 +86,70 @@ def maximum_likelihood(
         fresh = not columns or bool(np.any(np.abs(x - taken) > near))
         if fresh:
             columns, taken = grey.columns(point, range(n), gains), x
-        inward = np.where(x[n:] + _STEP > high[n:], -_STEP, _STEP)
-        moved = at([x + np.r_[np.zeros(n), e] for e in np.diag(inward)])
+        anew = noise_slopes is None or fresh or bool(np.any(np.abs(x - noise_taken) > near_noise))
+        if anew:
+            inward = np.where(x[n:] + _STEP > high[n:], -_STEP, _STEP)
+            moved = at([x + np.r_[np.zeros(n), e] for e in np.diag(inward)])
+            noise_slopes, noise_taken = _noise_slopes(now, moved, inward), x
+        assert noise_slopes is not None
+        noisy, bend, information = noise_slopes
         r = flat(point.residuals)
-        noisy = [
-            (flat(f[0].residuals) - r) / s if f else np.zeros_like(r)
-            for f, s in zip(moved, inward, strict=True)
-        ]
-        bend = [
-            (f[0].log_det - point.log_det) / s if f else 0.0
-            for f, s in zip(moved, inward, strict=True)
-        ]
-        J = np.stack([*columns, *noisy])
+        J = np.concatenate([np.stack(columns), noisy])
         H = J @ J.T + np.diag(weight)
-        H[n:, n:] += _scale_information(gains, moved, inward, point)
+        H[n:, n:] += information
         g = J @ r + weight * (x - centre)
-        g[n:] += 0.5 * np.array(bend)
+        # of log det S: along a chord it bends as its information has it
+        g[n:] += 0.5 * bend + information @ (x - noise_taken)[n:]
         best = None
         for damping in _DAMPINGS:
             d = step_within(
-                H + damping * np.diag(np.diag(H)) + 1e-9 * np.eye(n + m),
+                H + damping * np.diag(np.diag(H)) + held,
                 g,
                 np.maximum(low - x, -reach),
                 np.minimum(high - x, reach),
             )
-            trials = [x + a * d for a in (1.0, 0.3)]
-            tried = [(t, f) for t, f in zip(trials, at(trials), strict=True) if f]
-            lowest = min(tried, key=lambda t: t[1][0].minus_two_log, default=None)
-            if lowest and lowest[1][0].minus_two_log < point.minus_two_log:
-                best = lowest
+            for shorter in _SHORTER:
+                trial = x + shorter * d
+                [found] = at([trial])
+                if found and found[0].minus_two_log < point.minus_two_log:
+                    best = trial, found
+                    break
+            if best is not None:
                 break
         if best is not None:
             x, now = best
         gained = point.minus_two_log - now[0].minus_two_log
         if gained < _ENOUGH * inflation(now[0]):
-            if fresh:
+            if fresh and anew:
                 break
-            columns = []  # the chord, not the likelihood, may have come to its end
+            # the chord, not the likelihood, may have come to its end
+            columns, noise_slopes = ([] if anew else columns), None
     return now[0], own.at(x[n:]), now[1]
+
+
+def _noise_slopes(
+    now: _Found, moved: Sequence[_Found | None], steps: Array
+) -> tuple[Array, Array, Array]:
+    """Derivatives by the logarithms of the noise.
+
+    Of the residuals, shape (logarithms, rows), of sum log det S, and what Gauss-Newton lacks of
+    their information.
+    """
+    point, gains = now
+    r = flat(point.residuals)
+    noisy = [
+        (flat(f[0].residuals) - r) / s if f else np.zeros_like(r)
+        for f, s in zip(moved, steps, strict=True)
+    ]
+    bend = [
+        (f[0].log_det - point.log_det) / s if f else 0.0 for f, s in zip(moved, steps, strict=True)
+    ]
+    return np.stack(noisy), np.array(bend), _scale_information(gains, moved, steps, point)
 
 
 def _scale_information(
     gains: Sequence[Any],
-    moved: Sequence[tuple[Point, list[Any]] | None],
+    moved: Sequence[_Found | None],
     steps: Array,
     point: Point,
 ) -> Array:

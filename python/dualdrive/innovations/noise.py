@@ -21,6 +21,8 @@ _MOST_SECOND = 0.95
 _COURSE = 0.1  # s: over which a torque of unknown course changes
 _WANDER = 0.2  # s: over which a sensor's zero drifts
 _DRIFT = 0.3  # of what drives a sensor's noise: its zero's drift at first
+_SHORTEST, _LONGEST = 10.0, 1e6  # samples: over which a zero may drift, where that is sought
+_FAR = 10.0  # of a sensor's noise: how far its zero may drift at most, standard deviation
 _FARTHEST = 14.0  # of a logarithm, from where the search began
 
 
@@ -36,7 +38,8 @@ class Noise:
         the body's own frame; empty: the replay is a simulation
     course: pole over a sample of these torques, an autoregression of order one, too
     drift:  kind of channel -> what drives its zero, another one, SI of the channel; empty: none
-    wander: pole over a sample of these zeros
+    wander: kind of channel -> pole over a sample of that zero
+    seeks: whether a search of the noise seeks these poles, too
     """
 
     drive: Mapping[str, float]
@@ -44,8 +47,9 @@ class Noise:
     torque: Mapping[str, float]
     course: float = 0.0
     drift: Mapping[str, float] = field(default_factory=dict)
-    wander: float = 0.0
+    wander: Mapping[str, float] = field(default_factory=dict)
     second: Mapping[str, float] = field(default_factory=dict)
+    seeks: bool = False
 
     def torques(self) -> dict[str, tuple[float, float]]:
         """Body -> (drive, memory)."""
@@ -70,7 +74,9 @@ class Noise:
 
     def drifts(self, record: Predictable) -> list[tuple[float, float]]:
         """(drive, memory) per channel of a record; empty where no zero drifts."""
-        return [(self.drift[kind], self.wander) for kind in record.kinds] if self.drift else []
+        if not self.drift:
+            return []
+        return [(self.drift[kind], self.wander[kind]) for kind in record.kinds]
 
     def seconds(self, record: Predictable) -> list[float]:
         """Second partial autocorrelation per channel of a record; empty where of order one."""
@@ -79,6 +85,15 @@ class Noise:
     def of_order_two(self) -> Noise:
         """The same, its sensors' noise free to be of order two."""
         return replace(self, second=dict.fromkeys(self.drive, 0.0))
+
+    def slower(self, factor: float) -> Noise:
+        """The same, zeros drifting as far but `factor` times as slowly, and that sought, too."""
+        wander = {kind: pole ** (1.0 / factor) for kind, pole in self.wander.items()}
+        drift = {
+            kind: float(s * np.sqrt((1.0 - wander[kind] ** 2) / (1.0 - self.wander[kind] ** 2)))
+            for kind, s in self.drift.items()
+        }
+        return replace(self, drift=drift, wander=wander, seeks=True)
 
     def with_torque(self, factor: float) -> Noise:
         """The same with torques of unknown course `factor` times as large."""
@@ -106,7 +121,8 @@ def first_noise(core: Any, records: Sequence[Predictable], share: float) -> Nois
     torque = {body: scale * s for body, s in drive_torque(core, records).items()}
     wander = float(np.exp(-np.median([r.sampled.step for r in records]) / _WANDER))
     drift = {kind: _DRIFT * s * float(np.sqrt(1.0 - wander**2)) for kind, s in drive.items()}
-    return Noise(drive, dict.fromkeys(drive, 0.5), torque, course, drift, wander)
+    wanders = dict.fromkeys(drive, wander)
+    return Noise(drive, dict.fromkeys(drive, 0.5), torque, course, drift, wanders)
 
 
 def drive_torque(core: Any, records: Sequence[Predictable]) -> dict[str, float]:
@@ -135,7 +151,7 @@ def _rated(core: Any) -> float:
 
 
 class Logarithms:
-    """A noise as a vector of logarithms: drives, memories, drifts, seconds, torques (motors tied).
+    """A noise as a vector of logarithms, torques of the motors tied.
 
     noise: where all of them are zero
     floor: body -> what drives the torque of unknown course at least, N*m
@@ -147,50 +163,77 @@ class Logarithms:
         self.ties = tuple(sorted({_tie(body) for body in noise.torque}))
 
     def __len__(self) -> int:
-        own = self.noise
-        return 2 * len(self.kinds) + len(own.drift) + len(own.second) + len(self.ties)
+        return sum(map(len, self._parts()))
+
+    def _parts(self) -> tuple[tuple[str, ...], ...]:
+        """Whose logarithms come one after the other.
+
+        Drives, memories, drifts, the times over which they change, second autocorrelations, and
+        torques.
+        """
+        drifting = tuple(sorted(self.noise.drift))
+        sought = drifting if self.noise.seeks else ()
+        return self.kinds, self.kinds, drifting, sought, tuple(sorted(self.noise.second)), self.ties
+
+    def _of(self, x: Array) -> list[dict[str, float]]:
+        """Of every part, name -> logarithm."""
+        found, first = [], 0
+        for part in self._parts():
+            found.append(dict(zip(part, map(float, x[first : first + len(part)]), strict=True)))
+            first += len(part)
+        return found
 
     def at(self, x: Array) -> Noise:
         """The noise at a vector; zero is the one it was begun with."""
-        n, own = len(self.kinds), self.noise
-        grown = {k: float(own.drive[k] * np.exp(v)) for k, v in zip(self.kinds, x[:n], strict=True)}
-        kept = {
-            k: _memory(_logit(own.memory[k]) + v)
-            for k, v in zip(self.kinds, x[n : 2 * n], strict=True)
-        }
-        drifting = 2 * n + len(own.drift)
+        own = self.noise
+        grown, kept, far, slow, seconds, torques = self._of(x)
+        drive = {**own.drive, **{k: float(own.drive[k] * np.exp(v)) for k, v in grown.items()}}
+        memory = {**own.memory, **{k: _memory(_logit(own.memory[k]) + v) for k, v in kept.items()}}
+        wander = {k: float(pole ** np.exp(-slow.get(k, 0.0))) for k, pole in own.wander.items()}
         drift = {
-            k: float(own.drift[k] * np.exp(v))
-            for k, v in zip(sorted(own.drift), x[2 * n : drifting], strict=True)
+            k: float(
+                own.drift[k] * np.exp(v) * np.sqrt(_unforgotten(wander[k], own.wander[k]))
+            )
+            for k, v in far.items()
         }
-        seconds = drifting + len(own.second)
-        second = {
-            k: _memory(_logit(own.second[k]) + v)
-            for k, v in zip(sorted(own.second), x[drifting:seconds], strict=True)
-        }
-        factor = dict(zip(self.ties, np.exp(x[seconds:]), strict=True))
+        second = {k: _memory(_logit(own.second[k]) + v) for k, v in seconds.items()}
+        factor = {tie: float(np.exp(v)) for tie, v in torques.items()}
         torque = {body: float(s * factor.get(_tie(body), 1.0)) for body, s in own.torque.items()}
-        drive, memory = {**own.drive, **grown}, {**own.memory, **kept}
-        found = replace(own, drive=drive, memory=memory, torque=torque, drift=drift, second=second)
+        found = replace(
+            own, drive=drive, memory=memory, torque=torque, drift=drift, wander=wander,
+            second=second,
+        )  # fmt: skip
         return found.at_least(self.floor)
 
     def bounds(self) -> tuple[Array, Array]:
         """Lowest and highest of every logarithm; a memory's are those of a pole."""
-        far = np.full(len(self), _FARTHEST)
-        low, high, n = -far, far.copy(), len(self.kinds)
-        for k, kind in enumerate(self.kinds, n):
-            pole = _logit(self.noise.memory[kind])
+        own = self.noise
+        ends: list[tuple[float, float]] = [(-_FARTHEST, _FARTHEST)] * len(self.kinds)
+        for kind in self.kinds:
+            pole = _logit(own.memory[kind])
             # what changes more slowly than a torque of unknown course is no sensor's noise
-            low[k], high[k] = _logit(_LEAST_MEMORY) - pole, _logit(self.noise.course) - pole
-        for k, kind in enumerate(sorted(self.noise.second), 2 * n + len(self.noise.drift)):
-            known = _logit(self.noise.second[kind])
-            low[k], high[k] = _logit(-_MOST_SECOND) - known, _logit(_MOST_SECOND) - known
+            ends.append((_logit(_LEAST_MEMORY) - pole, _logit(own.course) - pole))
+        for kind in sorted(own.drift):
+            ends.append((-_FARTHEST, _FARTHEST))
+        for kind in sorted(own.drift) if own.seeks else ():
+            samples = -1.0 / np.log(own.wander[kind])
+            ends.append((float(np.log(_SHORTEST / samples)), float(np.log(_LONGEST / samples))))
+        for kind in sorted(own.second):
+            known = _logit(own.second[kind])
+            ends.append((_logit(-_MOST_SECOND) - known, _logit(_MOST_SECOND) - known))
+        ends += [(-_FARTHEST, _FARTHEST)] * len(self.ties)
+        low, high = np.array(ends).T
         return np.minimum(low, 0.0), np.maximum(high, 0.0)
 
 
 def _variance(drive: float, memory: float) -> float:
     """Of an autoregression of order one."""
     return drive**2 / max(1.0 - memory**2, 1e-6)
+
+
+def _unforgotten(pole: float, before: float) -> float:
+    """By how much less drives an autoregression as far with another pole, as variances."""
+    return max(1.0 - pole**2, 1e-15) / max(1.0 - before**2, 1e-15)
 
 
 def _tie(body: str) -> str:

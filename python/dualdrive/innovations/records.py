@@ -106,7 +106,13 @@ def predictable(core: Any, records: Sequence[Record]) -> list[Predictable]:
         ReplayError: a record none of whose channels the machine has.
 
     """
-    return [_predictable(core, record) for record in records]
+    found = [_predictable(core, record) for record in records]
+    # alike beginnings have gains in common: of loops that had settled the least sure tells
+    unsure: dict[str, float] = {}
+    for r in found:
+        for state, deviation in r.unsure.items():
+            unsure[state] = max(deviation, unsure.get(state, 0.0))
+    return [replace(r, unsure=unsure) if r.settled else r for r in found]
 
 
 def _predictable(core: Any, record: Record) -> Predictable:

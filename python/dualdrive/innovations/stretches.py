@@ -19,7 +19,9 @@ _LENGTH = 500  # samples of a stretch: many times what a filter needs to find it
 _GOLDEN = 0.6180339887498949
 
 
-def spread(samples: Sequence[int], most: int) -> list[list[tuple[int, int]]]:
+def spread(
+    samples: Sequence[int], most: int, periods: Sequence[int] = ()
+) -> list[list[tuple[int, int]]]:
     """Stretches of records, (first sample, how many) per record, `most` samples in all or fewer.
 
     One in each of as many equal parts of a record as its length allows, at places that no period
@@ -28,13 +30,14 @@ def spread(samples: Sequence[int], most: int) -> list[list[tuple[int, int]]]:
     Args:
         samples: how many each record has.
         most: to be kept; every record keeps a stretch.
+        periods: samples of each after which sampled loops repeat; stretches begin with one.
 
     """
     whole = sum(samples)
     if whole <= most:
         return [[(0, n)] for n in samples]
     found, serial = [], 0
-    for n in samples:
+    for n, period in zip(samples, periods or [1] * len(samples), strict=True):
         count = max(1, int(most * n / whole) // _LENGTH)
         part = n / count
         if part <= _LENGTH:
@@ -43,7 +46,8 @@ def spread(samples: Sequence[int], most: int) -> list[list[tuple[int, int]]]:
         own = []
         for k in range(count):
             serial += 1
-            own.append((int(k * part + (serial * _GOLDEN % 1.0) * (part - _LENGTH)), _LENGTH))
+            first = int(k * part + (serial * _GOLDEN % 1.0) * (part - _LENGTH))
+            own.append((first // period * period, _LENGTH))
         found.append(own)
     return found
 
@@ -61,7 +65,8 @@ def some(grey: GreyBox, point: Point, gains: Sequence[Any], most: int) -> GreyBo
     if grey.samples <= most:
         return grey
     core, offsets = grey.machine(point.variant, point.theta), grey.constants(point.theta)
-    chosen = spread([len(r.measured) for r in grey.records], most)
+    periods = [own.phases(max(own.patterns)) for own in gains]
+    chosen = spread([len(r.measured) for r in grey.records], most, periods)
 
     def one(job: tuple[Predictable, Any, list[tuple[int, int]]]) -> Predictable:
         record, own, which = job

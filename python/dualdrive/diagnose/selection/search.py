@@ -41,6 +41,8 @@ from dualdrive.innovations import (
 Array = NDArray[np.float64]
 
 _AGAIN = (0.1, 0.01)  # of the wide torque, from which the base is searched anew
+_SLOWER = (1.0, 100.0)  # than a fifth of a second: where times of drifting zeros are sought from
+_CLEARLY = 2.0  # of -2 log L over the inflation: less is where a fit happened to end
 _PAIR = 2  # effects, of which the first was chosen by what both leave together
 
 
@@ -253,7 +255,11 @@ class _Search:
         except ValueError:
             return None
         near = fit(grey, variant, point.theta, gains, refresh=(0, 2, 4))
-        return self._likeliest(variant, near.theta, wide, grey)
+        # gains were held: under its own a point far away may be worse than where it came from
+        places = [near.theta, point.theta]
+        seen = [f for f in grey.likelihoods(variant, [(x, wide) for x in places]) if f]
+        best = min((f[0] for f in seen), key=lambda p: p.minus_two_log, default=near)
+        return self._likeliest(variant, best.theta, wide, grey)
 
     def _likeliest(
         self, variant: Variant, theta: Array, noise: Noise, grey: GreyBox | None = None
@@ -284,46 +290,64 @@ class _Search:
         # stretches that begin from where the refitted machine has them
         self.grey = self._some(found)
         found = self._likeliest(nothing, found.point.theta, found.noise) or found
-        # a record that begins within the play has a valley for each flank that may be meant
-        for lower in _AGAIN:
-            if whole.counter.stop():
-                break
-            torque = self.wide.with_torque(lower).torque
-            again = self._final(found.point, replace(found.noise, torque=torque))
-            if again and again.point.minus_two_log < found.point.minus_two_log:
-                found = again
-        found = min(found, *self._from_the_data_sheet(found), key=lambda f: f.point.minus_two_log)
-        self.grey = self._some(found)
-        return self._noise_order(self._likeliest(nothing, found.point.theta, found.noise) or found)
+        better = self._other_valleys(found)
+        if better is not None:
+            found = self._likeliest(nothing, better.theta, found.noise) or found
+            self.grey = self._some(found)
+            found = self._likeliest(nothing, found.point.theta, found.noise) or found
+        return self._noise_order(found)
 
-    def _from_the_data_sheet(self, found: Fitted) -> list[Fitted]:
-        """The base whose numbers stay as they are given at first.
+    def _other_valleys(self, found: Fitted) -> Point | None:
+        """Numbers that are likelier than the base's under its own noise; None where none are.
 
-        Numbers that are told only together wander off while much torque is unknown, and may end
-        worse than where they began.
+        From under less unknown torque: a record that begins within the play has a valley for each
+        flank that may be meant. And from the data sheet's numbers, held at first: those that are
+        told only together wander off while much torque is unknown, and may end worse than where
+        they began. All end under one noise, where they can be compared.
         """
-        theta = found.point.theta.copy()
-        n = len(self.grey.nominal)
-        theta[:n] = self.grey.centre[:n]
-        point = replace(found.point, theta=theta)
-        held = self._final(point, replace(found.noise, torque=self.wide.torque), self.grey.held())
-        if held is None:
-            return []
-        free = self._likeliest(held.variant, held.point.theta, held.noise)
-        return [free] if free else []
+        grey, n = self.grey, len(self.grey.nominal)
+        sheet = found.point.theta.copy()
+        sheet[:n] = grey.centre[:n]
+        begins = [(grey, found.point.theta, lower) for lower in _AGAIN]
+        begins.append((grey.held(), sheet, 1.0))
+        best, least = None, found.point.minus_two_log - _CLEARLY * found.inflation
+        for own, theta, lower in begins:
+            if grey.counter.stop():
+                break
+            wide = replace(found.noise, torque=self.wide.with_torque(lower).torque)
+            for box, noise in ((own, wide), (grey, found.noise)):
+                try:
+                    gains = box.gains(found.variant, theta, noise)
+                except ValueError:
+                    break
+                theta = fit(box, found.variant, theta, gains, refresh=(0, 2, 4)).theta
+            [there] = grey.likelihoods(found.variant, [(theta, found.noise)])
+            if there is not None and there[0].minus_two_log < least:
+                best, least = there[0], there[0].minus_two_log
+        return best
 
     def _noise_order(self, base: Fitted) -> Fitted:
-        """The same, its sensors' noise of order two where the Bayesian criterion asks for it.
+        """The same under a richer noise of the sensors where the Bayesian criterion asks for it.
 
-        A converter's filter makes such noise; taken for one of order one it speaks for late
-        sensors.
+        Of order two, as a converter's filter makes it: taken for one of order one it speaks for
+        late sensors. And with zeros that drift over times of their own, from a fraction of a second
+        (1/f) to minutes.
         """
-        two = self._likeliest(base.variant, base.point.theta, base.noise.of_order_two())
-        if two is None:
+        base = self._richer(base, base.noise.of_order_two(), len(base.noise.drive))
+        for slower in _SLOWER:
+            noise = base.noise.slower(slower / (_SLOWER[0] if base.noise.seeks else 1.0))
+            base = self._richer(base, noise, 0 if base.noise.seeks else len(noise.drift))
+        return base
+
+    def _richer(self, base: Fitted, noise: Noise, numbers: int) -> Fitted:
+        """The base under this noise, of so many numbers more, or as it is."""
+        if self.grey.counter.stop():
             return base
-        price = len(two.noise.second) * float(np.log(self.grey.samples))
-        gained = (base.point.minus_two_log - two.point.minus_two_log) / two.inflation
-        return two if gained > price else base
+        own = self._likeliest(base.variant, base.point.theta, noise)
+        if own is None:
+            return base
+        gained = (base.point.minus_two_log - own.point.minus_two_log) / own.inflation
+        return own if gained > numbers * float(np.log(self.grey.samples)) else base
 
     def _some(self, f: Fitted) -> GreyBox:
         """Stretches of the records, begun as a fitted machine has it."""
