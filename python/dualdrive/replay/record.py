@@ -315,14 +315,16 @@ def waveform(t: Array, values: Array, interpolation: str = "auto") -> Any:
 
 
 def _is_smooth(t: Array, values: Array) -> bool:
-    """Whether every other sample is foretold by its neighbours: no steps, no coarse rounding."""
-    from scipy.interpolate import CubicSpline
+    """Whether accelerations change from sample to sample by less than they are.
 
+    A corner between two ramps is one sample's acceleration and none at the next, and so is the
+    rounding of a coarse command: a cubic through either swings about it.
+    """
     if len(t) < 9 or np.ptp(values) == 0.0:
         return True
-    odd = values[1 : len(t) - 1 : 2]
-    foretold = CubicSpline(t[::2], values[::2])(t[1 : len(t) - 1 : 2])
-    return bool(np.max(np.abs(foretold - odd)) < 0.2 * np.max(np.abs(np.diff(values))))
+    acceleration = np.diff(np.diff(values) / np.diff(t))
+    change = np.diff(acceleration)
+    return bool(change @ change < acceleration @ acceleration)
 
 
 def named(traces: Any) -> dict[str, Trace]:

@@ -1,23 +1,27 @@
 """Refits of parts that are put in: shafts, play, limits, dead times.
 
-A part softens or frees what the numbers of the machine had stood for. Its refit begins at several
+Limits and lags are tried at several sizes beside the leader first: where none would bring anything,
+the shared numbers moved along their derivatives, nothing is refitted. A joint softens or frees what the numbers of the machine had stood for. Its refit begins at several
 sizes from the data sheet, under so much unknown torque that any machine follows the record, and by
 successive halving the likeliest go on while that torque is lowered.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
-from dualdrive.innovations import GreyBox, Noise, Point, Variant, fit
+from dualdrive.innovations import GreyBox, Noise, Point, Variant, fit, flat
 
 Array = NDArray[np.float64]
 
 _HALVING = ((1.0, 3), (0.2, 2), (0.04, 1))  # of the wide torque, valleys followed there
 _JOINT = (1.0, 0.3, 0.1, 3.0, 10.0)  # where the first number of a joint begins, times its usual one
 _LIMIT = (1.0, 0.3)  # and that of a limit or a lag, whose likelihood has no valleys
+_TRIED = (1.0, 0.8, 0.6, 0.3)  # sizes of a limit or a lag at which it is tried first
 
 
 def is_part(variant: Variant) -> bool:
@@ -28,6 +32,48 @@ def is_part(variant: Variant) -> bool:
 def is_joint(variant: Variant) -> bool:
     """Whether its last effect is a joint that gives: stiffness and play have valleys."""
     return bool(variant.effects and _core.effect_type(variant.effects[-1][0]).brings)
+
+
+def part_gain(
+    grey: GreyBox,
+    point: Point,
+    columns: Sequence[Array],
+    variant: Variant,
+    start: Array,
+    noise: Noise,
+) -> float:
+    """Fall of -2 log L that a limit or a lag brings beside a leader, at the best of some sizes.
+
+    Args:
+        grey: the records.
+        point: the leader.
+        columns: derivatives of its innovations by all its unknowns.
+        variant: the leader with the part in it, last of its effects.
+        start: its numbers, shape (unknowns,); the first beyond the leader's is the part's.
+        noise: the leader's.
+
+    """
+    known = len(point.theta)
+    J = np.stack(columns)
+    weight = np.zeros(known)
+    weight[: grey.shared] = 1.0 / grey.sigma**2
+    off = np.zeros(known)
+    off[: grey.shared] = point.theta[: grey.shared] - grey.centre
+    H = J @ J.T
+    H += np.diag(weight + 1e-12 * np.max(np.diag(H)))
+
+    def least(p: Point) -> float:
+        """-2 log L with the leader's numbers moved along their derivatives."""
+        g = J @ flat(p.residuals) + weight * off
+        return p.minus_two_log - float(g @ np.linalg.solve(H, g))
+
+    places = []
+    for factor in _TRIED:
+        there = start.copy()
+        there[known] *= factor
+        places.append((there, noise))
+    found = [least(f[0]) for f in grey.likelihoods(variant, places) if f is not None]
+    return least(point) - min(found, default=np.inf)
 
 
 def part_refitted(

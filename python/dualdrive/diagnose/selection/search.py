@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from dualdrive.diagnose.screening import Library, Scored, scores
 from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selection
-from dualdrive.diagnose.selection.parts import is_joint, is_part, part_refitted
+from dualdrive.diagnose.selection.parts import is_joint, is_part, part_gain, part_refitted
 from dualdrive.diagnose.selection.residual_analysis import leaves_noise
 from dualdrive.diagnose.thresholds import threshold
 from dualdrive.diagnose.work import Leader
@@ -448,6 +448,10 @@ class _Search:
         if not is_part(variant):
             shared = columns[: grey.shared]
             return fit(grey, variant, start, gains, steps=5, shared_columns=shared, refresh=(2,))
+        if not is_joint(variant):
+            gain = part_gain(grey, point, columns, variant, start, noise) / inflation(point)
+            if not gain > threshold("hopeless"):
+                return replace(point, variant=variant, lost=True)
         # from the data sheet: the part may stand for what the numbers had stood for
         start[: grey.shared] = grey.start(Variant(self.core))
         wide = replace(noise, torque=self.wide.torque)
