@@ -310,6 +310,11 @@ bool Flow::flow(std::size_t sample) {
         if (!layout_.clocks.empty() && next_tick(t) <= t + instant(t)) {
             arriving_ = y_;
             ticked_at_ = t;
+            if (t >= end - instant(end) && sample + 2 < record_.times().size()) {
+                // a corner of the command lies at a sample: loops that tick there read the way on
+                cell_ = {end, record_.times()[sample + 2]};
+                std::copy_n(record_.generator_states(sample + 1), record_.generator().size(), y_.data() + states());
+            }
             tick(t);
             at_end_ = false;
         }

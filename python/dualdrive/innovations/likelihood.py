@@ -26,9 +26,10 @@ _STEP = 1e-3  # of a logarithm, for finite differences
 _LONGEST = 1.5  # step of a logarithm
 _DAMPINGS = (1e-4, 0.03, 1.0, 30.0)
 _SHORTER = (1.0, 0.3)
+_KEPT = 0.5  # of what the quadratic model promised: a step that keeps less is held against a shorter
 #: information that a logarithm of the noise is given beyond its own (a proximal point): what brings
 #: less than the search's own end along a whole logarithm stays where it is
-_PROXIMAL = 1.0
+_PROXIMAL = 0.1
 _ENOUGH = 2.0  # of -2 log L over the inflation: a step that brings less ends the search
 #: how far numbers (of what is believed of them) and logarithms of the noise may be from where
 #: derivatives by the numbers were taken: a chord serves till then; and from where those by the
@@ -100,7 +101,6 @@ def maximum_likelihood(
         g = J @ r + weight * (x - centre)
         # of log det S: along a chord it bends as its information has it
         g[n:] += 0.5 * bend + information @ (x - noise_taken)[n:]
-        best = None
         for damping in _DAMPINGS:
             d = step_within(
                 H + damping * np.diag(np.diag(H)) + held,
@@ -108,16 +108,17 @@ def maximum_likelihood(
                 np.maximum(low - x, -reach),
                 np.minimum(high - x, reach),
             )
+            promised = -float(2.0 * g @ d + d @ H @ d)
+            tried = list[tuple[Array, _Found]]()
             for shorter in _SHORTER:
-                trial = x + shorter * d
-                [found] = at([trial])
-                if found and found[0].minus_two_log < point.minus_two_log:
-                    best = trial, found
+                [found] = at([x + shorter * d])
+                tried += [(x + shorter * d, found)] if found else []
+                if found and point.minus_two_log - found[0].minus_two_log > _KEPT * promised:
                     break
-            if best is not None:
+            lowest = min(tried, key=lambda t: t[1][0].minus_two_log, default=None)
+            if lowest and lowest[1][0].minus_two_log < point.minus_two_log:
+                x, now = lowest
                 break
-        if best is not None:
-            x, now = best
         gained = point.minus_two_log - now[0].minus_two_log
         if gained < _ENOUGH * inflation(now[0]):
             if fresh and anew:

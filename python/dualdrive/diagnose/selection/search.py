@@ -40,7 +40,8 @@ from dualdrive.innovations import (
 
 Array = NDArray[np.float64]
 
-_AGAIN = (0.1, 0.01)  # of the wide torque, from which the base is searched anew
+_LOWERED = (1.0, 0.1, 0.01)  # of the wide torque, under which numbers are fitted one after another
+_AGAIN = (0.1, 0.01)  # and from which the base's valley is sought anew
 _SLOWER = (1.0, 100.0)  # than a fifth of a second: where times of drifting zeros are sought from
 _CLEARLY = 2.0  # of -2 log L over the inflation: less is where a fit happened to end
 _PAIR = 2  # effects, of which the first was chosen by what both leave together
@@ -244,22 +245,32 @@ class _Search:
         share = threshold("price of a number") * explained / self._least()
         return float(np.log(self.grey.samples) + share)
 
-    def _final(self, point: Point, wide: Noise, grey: GreyBox | None = None) -> Fitted | None:
-        """A variant under its own noise, from much unknown torque: any machine follows then.
+    def _from_far(self, point: Point) -> Fitted | None:
+        """A variant under its own noise; None where it can't be followed.
 
-        None where it can't be followed.
+        Its numbers are fitted under much unknown torque, where any machine follows, and on under
+        less (a homotopy); numbers and noise together go on from the likeliest.
         """
-        grey, variant = grey or self.grey, point.variant
-        try:
-            gains = grey.gains(variant, point.theta, wide)
-        except ValueError:
+        grey, variant, theta = self.grey, point.variant, point.theta
+        found: list[tuple[Point, Noise]] = []
+        for lower in _LOWERED:
+            noise = self.wide.with_torque(lower)
+            try:
+                gains = grey.gains(variant, theta, noise)
+            except ValueError:
+                break
+            near = fit(grey, variant, theta, gains, refresh=(0, 2, 4))
+            # gains were held: under its own a point far away may be worse than where it came from
+            places = [(near.theta, noise), (theta, noise)]
+            seen = [f[0] for f in grey.likelihoods(variant, places) if f]
+            if not seen:
+                break
+            found.append((min(seen, key=lambda p: p.minus_two_log), noise))
+            theta = found[-1][0].theta
+        if not found:
             return None
-        near = fit(grey, variant, point.theta, gains, refresh=(0, 2, 4))
-        # gains were held: under its own a point far away may be worse than where it came from
-        places = [near.theta, point.theta]
-        seen = [f for f in grey.likelihoods(variant, [(x, wide) for x in places]) if f]
-        best = min((f[0] for f in seen), key=lambda p: p.minus_two_log, default=near)
-        return self._likeliest(variant, best.theta, wide, grey)
+        best, noise = min(found, key=lambda f: f[0].minus_two_log)
+        return self._likeliest(variant, best.theta, noise)
 
     def _likeliest(
         self, variant: Variant, theta: Array, noise: Noise, grey: GreyBox | None = None
@@ -284,7 +295,7 @@ class _Search:
             raise lost from None
         [point] = whole.points([nothing], [theta], gains)
         self.grey = some(whole, point, gains, int(threshold("stretches")))
-        found = self._final(point, self.wide)
+        found = self._from_far(point)
         if found is None:
             raise lost
         # stretches that begin from where the refitted machine has them
