@@ -17,10 +17,10 @@ namespace dualdrive::innovations {
 
 // A length of time for which a set of modes has its propagator: a substep, or what lies between ticks and samples.
 struct Step {
-    double length = 0.0;                // s
-    int asked = 0;                      // how often, until it is worked out
-    std::vector<double> flow;           // [e^{A h}; C e^{A h}; G e^{A h}], column-major, padded rows; empty until then
-    std::vector<double> phi1, phi2;     // packed like A, for what is not affine
+    double length = 0.0;             // s
+    int asked = 0;                   // how often, until it is worked out
+    std::vector<double> flow;        // [e^{A h}; C e^{A h}; G e^{A h}], column-major, padded rows; empty until then
+    std::vector<double> phi1, phi2;  // packed like A, for what is not affine
 };
 
 // One set of modes, prepared. y = (states, generator of the inputs, 1, torques of unknown course).

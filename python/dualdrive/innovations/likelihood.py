@@ -26,10 +26,10 @@ _STEP = 1e-3  # of a logarithm, for finite differences
 _LONGEST = 1.5  # step of a logarithm
 _DAMPINGS = (1e-4, 0.03, 1.0, 30.0)
 _SHORTER = (1.0, 0.3)
-_KEPT = 0.5  # of what the quadratic model promised: a step that keeps less is held against a shorter
-#: information that a logarithm of the noise is given beyond its own (a proximal point): what brings
-#: less than the search's own end along a whole logarithm stays where it is
-_PROXIMAL = 0.1
+#: near the end, steps that bring less than so many of what ends the search, the logarithms of the
+#: noise are given information beyond their own (a proximal point): what hardly matters stays where it
+#: is. From far it may not: what little is told of a drift points the way
+_PROXIMAL, _NEAR_END = 0.1, 20.0
 _ENOUGH = 2.0  # of -2 log L over the inflation: a step that brings less ends the search
 #: how far numbers (of what is believed of them) and logarithms of the noise may be from where
 #: derivatives by the numbers were taken: a chord serves till then; and from where those by the
@@ -77,7 +77,7 @@ def maximum_likelihood(
         return None
     unit = np.r_[np.minimum(grey.sigma, 1.0), np.ones(n - grey.shared)]
     near, near_noise = (np.r_[a * unit, np.full(m, b)] for a, b in (_NEAR, _NEAR_NOISE))
-    held = np.diag(np.r_[np.full(n, 1e-9), np.full(m, _PROXIMAL)])
+    gained, proximal = np.inf, np.r_[np.full(n, 1e-9), np.full(m, _PROXIMAL)]
     columns, taken = list[Array](), x
     noise_slopes, noise_taken = None, x
     for _ in range(steps):
@@ -101,6 +101,8 @@ def maximum_likelihood(
         g = J @ r + weight * (x - centre)
         # of log det S: along a chord it bends as its information has it
         g[n:] += 0.5 * bend + information @ (x - noise_taken)[n:]
+        near_end = gained < _NEAR_END * _ENOUGH * inflation(point)
+        held = np.diag(proximal) if near_end else 1e-9 * np.eye(n + m)
         for damping in _DAMPINGS:
             d = step_within(
                 H + damping * np.diag(np.diag(H)) + held,
@@ -108,13 +110,8 @@ def maximum_likelihood(
                 np.maximum(low - x, -reach),
                 np.minimum(high - x, reach),
             )
-            promised = -float(2.0 * g @ d + d @ H @ d)
-            tried = list[tuple[Array, _Found]]()
-            for shorter in _SHORTER:
-                [found] = at([x + shorter * d])
-                tried += [(x + shorter * d, found)] if found else []
-                if found and point.minus_two_log - found[0].minus_two_log > _KEPT * promised:
-                    break
+            trials = [x + shorter * d for shorter in _SHORTER]
+            tried = [(t, f) for t, f in zip(trials, at(trials), strict=True) if f]
             lowest = min(tried, key=lambda t: t[1][0].minus_two_log, default=None)
             if lowest and lowest[1][0].minus_two_log < point.minus_two_log:
                 x, now = lowest

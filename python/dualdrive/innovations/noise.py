@@ -191,9 +191,7 @@ class Logarithms:
         memory = {**own.memory, **{k: _memory(_logit(own.memory[k]) + v) for k, v in kept.items()}}
         wander = {k: float(pole ** np.exp(-slow.get(k, 0.0))) for k, pole in own.wander.items()}
         drift = {
-            k: float(
-                own.drift[k] * np.exp(v) * np.sqrt(_unforgotten(wander[k], own.wander[k]))
-            )
+            k: float(own.drift[k] * np.exp(v) * np.sqrt(_unforgotten(wander[k], own.wander[k])))
             for k, v in far.items()
         }
         second = {k: _memory(_logit(own.second[k]) + v) for k, v in seconds.items()}
