@@ -27,8 +27,8 @@ _LONGEST = 1.5  # step of a logarithm
 _DAMPINGS = (1e-4, 0.03, 1.0, 30.0)
 _SHORTER = (1.0, 0.3)
 #: near the end, steps that bring less than so many of what ends the search, the logarithms of the
-#: noise are given information beyond their own (a proximal point): what hardly matters stays where it
-#: is. From far it may not: what little is told of a drift points the way
+#: noise are given information beyond their own (a proximal point): what hardly matters stays where
+#: it is. From far it may not: what little is told of a drift points the way
 _PROXIMAL, _NEAR_END = 0.1, 20.0
 _ENOUGH = 2.0  # of -2 log L over the inflation: a step that brings less ends the search
 #: how far numbers (of what is believed of them) and logarithms of the noise may be from where

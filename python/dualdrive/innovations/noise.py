@@ -22,7 +22,6 @@ _COURSE = 0.1  # s: over which a torque of unknown course changes
 _WANDER = 0.2  # s: over which a sensor's zero drifts
 _DRIFT = 0.3  # of what drives a sensor's noise: its zero's drift at first
 _SHORTEST, _LONGEST = 10.0, 1e6  # samples: over which a zero may drift, where that is sought
-_FAR = 10.0  # of a sensor's noise: how far its zero may drift at most, standard deviation
 _FARTHEST = 14.0  # of a logarithm, from where the search began
 
 
@@ -211,8 +210,7 @@ class Logarithms:
             pole = _logit(own.memory[kind])
             # what changes more slowly than a torque of unknown course is no sensor's noise
             ends.append((_logit(_LEAST_MEMORY) - pole, _logit(own.course) - pole))
-        for kind in sorted(own.drift):
-            ends.append((-_FARTHEST, _FARTHEST))
+        ends += [(-_FARTHEST, _FARTHEST)] * len(own.drift)
         for kind in sorted(own.drift) if own.seeks else ():
             samples = -1.0 / np.log(own.wander[kind])
             ends.append((float(np.log(_SHORTEST / samples)), float(np.log(_LONGEST / samples))))

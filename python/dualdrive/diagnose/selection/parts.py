@@ -1,9 +1,10 @@
 """Refits of parts that are put in: shafts, play, limits, dead times.
 
 Limits and lags are tried at several sizes beside the leader first: where none would bring anything,
-the shared numbers moved along their derivatives, nothing is refitted. A joint softens or frees what the numbers of the machine had stood for. Its refit begins at several
-sizes from the data sheet, under so much unknown torque that any machine follows the record, and by
-successive halving the likeliest go on while that torque is lowered.
+the shared numbers moved along their derivatives, nothing is refitted. A joint softens or frees what
+the numbers of the machine had stood for. Its refit begins at several sizes from the data sheet,
+under so much unknown torque that any machine follows the record, and by successive halving the
+likeliest go on while that torque is lowered.
 """
 
 from __future__ import annotations
