@@ -69,3 +69,59 @@ TEST_CASE("every build of the kernels computes the same but for rounding") {
         }
     }
 }
+
+TEST_CASE("products of many columns, inverses and factors, in every build") {
+    std::vector<const Kernels*> built{&build::baseline};
+#if DUALDRIVE_KERNELS_X86
+    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) built.push_back(&build::avx2);
+    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl")) built.push_back(&build::avx512);
+#endif
+    Draw draw(11);
+    for (int n = 1; n <= 41; n += draw.whole(1, 3)) {
+        const int rows = padded(n);
+        const auto at = [&](int i, int j) { return static_cast<std::size_t>(j * rows + i); };
+        const auto size = static_cast<std::size_t>(rows * n);
+        std::vector<double> A(size, 0.0), B(size, 0.0);
+        for (int j = 0; j < n; ++j)
+            for (int i = 0; i < n; ++i) A[at(i, j)] = draw.normal(), B[at(i, j)] = draw.normal();
+        const auto product = [&](const std::vector<double>& a, const std::vector<double>& b, bool transposed) {
+            std::vector<Fine> out(size, Fine(0));
+            for (int j = 0; j < n; ++j)
+                for (int k = 0; k < n; ++k)
+                    for (int i = 0; i < n; ++i)
+                        out[at(i, j)] += Fine(a[at(i, k)]) * Fine(transposed ? b[at(j, k)] : b[at(k, j)]);
+            return out;
+        };
+        // of rank n/2, so that columns of its factor vanish
+        std::vector<double> half(A);
+        for (int j = n / 2; j < n; ++j)
+            for (int i = 0; i < n; ++i) half[at(i, j)] = 0.0;
+        const std::vector<Fine> whole = product(half, half, true), expected = product(A, B, false);
+        for (const Kernels* kernels : built) {
+            CAPTURE(std::string(kernels->name));
+            CAPTURE(n);
+            std::vector<double> out(size);
+            kernels->product(rows, n, A.data(), rows, B.data(), n, out.data());
+            for (std::size_t i = 0; i < size; ++i)
+                CHECK(std::abs(Fine(out[i]) - expected[i]) <= Fine(100 * n * epsilon));
+            std::vector<double> inverse(A);
+            std::vector<int> scratch(static_cast<std::size_t>(n));
+            CHECK(kernels->invert(rows, n, inverse.data(), scratch.data()));
+            double largest = 1.0;
+            for (const double x : inverse) largest = std::max(largest, std::abs(x));
+            const std::vector<Fine> one = product(A, inverse, false);
+            for (int j = 0; j < n; ++j)
+                for (int i = 0; i < n; ++i)
+                    CHECK(std::abs(one[at(i, j)] - Fine(i == j)) <= Fine(1e3 * n * epsilon * largest));
+            std::vector<double> L(size);
+            for (std::size_t i = 0; i < size; ++i) L[i] = static_cast<double>(whole[i]);
+            kernels->cholesky(rows, n, 1e-12, L.data());
+            const std::vector<Fine> again = product(L, L, true);
+            for (int j = 0; j < n; ++j)
+                for (int i = 0; i < n; ++i) CHECK(std::abs(again[at(i, j)] - whole[at(i, j)]) <= Fine(1e-9 * n));
+        }
+    }
+    std::vector<double> singular(16, 0.0);
+    std::vector<int> scratch(4);
+    for (const Kernels* kernels : built) CHECK_FALSE(kernels->invert(4, 4, singular.data(), scratch.data()));
+}

@@ -127,6 +127,15 @@ def test_which_clock_was_even_is_read_off_the_motion(even: bool) -> None:
         assert size == 0.0
 
 
+def test_where_the_motion_does_not_tell_the_clock_is_even() -> None:
+    t = 1e-3 * np.arange(4000)
+    jittered = t + rng.normal(scale=2e-6, size=4000)
+    rounded = np.round(1e4 * np.sin(0.1 * t)) / 1e4  # its own steps hide what stamps would do
+    found, size = evened(Trace(jittered, {"theta_ref": rounded}))
+    assert size == pytest.approx(2e-6, rel=0.1)
+    assert np.ptp(np.diff(found.t)) < 1e-12
+
+
 @pytest.mark.parametrize("rate", [500.0, 2048.0, 501.37])
 def test_a_rate_is_taken_as_set_unless_the_stamps_tell_it_apart(rate: float) -> None:
     """To rounding where it is round hertz to four digits; as fitted where it is not."""

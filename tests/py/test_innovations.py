@@ -97,6 +97,21 @@ def test_without_unknown_torque_it_is_a_simulation(
     assert found["switches"] > 4, "the meshes' flanks open and close in this record"
 
 
+def test_loops_that_tick_read_a_corner_as_the_engine_does() -> None:
+    """Straight lines between samples, and loops that tick at them: the rate is that of the next."""
+    core = bench()
+    for loop in ("position", "speed"):
+        core.set(f"controller.{loop}_sample", STEP)
+    core.set("controller.f_v", 1.0)
+    t = STEP * np.arange(1500, dtype=np.float64)
+    corners = np.interp(t, [0.0, 0.2003, 0.6107, 0.9002, 1.5], [0.0, 0.0, 0.02, -0.01, -0.01])
+    inputs = {"theta_ref": _core.sampled(t, corners, _core.Interpolation.linear)}
+    truth = run(core, inputs, len(t))
+    found = predicted(core, record(inputs, truth), {}, states=True)
+    off = np.max(np.abs(found["innovations"]), axis=0) / np.std(truth, axis=0)
+    assert np.max(off) < 1e-3
+
+
 def test_gains_are_those_of_a_riccati_equation() -> None:
     """In contact, against scipy: the torque of unknown course is a state with a memory."""
     core = bench()

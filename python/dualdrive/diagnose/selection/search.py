@@ -42,7 +42,7 @@ Array = NDArray[np.float64]
 
 _LOWERED = (1.0, 0.1, 0.01)  # of the wide torque, under which numbers are fitted one after another
 _AGAIN = (0.1, 0.01)  # and from which the base's valley is sought anew
-_SLOWER = (1.0, 100.0)  # than a fifth of a second: where times of drifting zeros are sought from
+_SLOWER = 100.0  # times as slow: where times of drifting zeros are sought from once more
 _CLEARLY = 2.0  # of -2 log L over the inflation: less is where a fit happened to end
 _PAIR = 2  # effects, of which the first was chosen by what both leave together
 
@@ -344,11 +344,11 @@ class _Search:
         late sensors. And with zeros that drift over times of their own, from a fraction of a second
         (1/f) to minutes.
         """
-        base = self._richer(base, base.noise.of_order_two(), len(base.noise.drive))
-        for slower in _SLOWER:
-            noise = base.noise.slower(slower / (_SLOWER[0] if base.noise.seeks else 1.0))
-            base = self._richer(base, noise, 0 if base.noise.seeks else len(noise.drift))
-        return base
+        kinds, two = len(base.noise.drive), base.noise.of_order_two()
+        drifting = self._richer(base, two.slower(1.0), kinds + len(two.drift))
+        if drifting is base:
+            return self._richer(base, two, kinds)
+        return self._richer(drifting, drifting.noise.slower(_SLOWER), 0)
 
     def _richer(self, base: Fitted, noise: Noise, numbers: int) -> Fitted:
         """The base under this noise, of so many numbers more, or as it is."""
