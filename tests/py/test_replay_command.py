@@ -8,7 +8,7 @@ import pytest
 from dualdrive import motion
 from dualdrive.replay.record import waveform
 
-T = 1e-3 * np.arange(4000)
+T = 1e-3 * np.arange(4000, dtype=np.float64)
 MIDDLES = T[:-1] + 0.5e-3
 
 

@@ -1,10 +1,9 @@
 """Refits of parts that are put in: shafts, play, limits, dead times.
 
-Limits and lags are tried at several sizes beside the leader first: where none would bring anything,
-the shared numbers moved along their derivatives, nothing is refitted. A joint softens or frees what
-the numbers of the machine had stood for. Its refit begins at several sizes from the data sheet,
-under so much unknown torque that any machine follows the record, and by successive halving the
-likeliest go on while that torque is lowered.
+A part is scored beside the leader at several sizes first, as laws are; where that says nothing,
+nothing is refitted. A part softens or frees what the numbers of the machine had stood for. Its
+refit begins at several sizes from the data sheet, under so much unknown torque that any machine
+follows the record, and by successive halving the likeliest go on while that torque is lowered.
 """
 
 from __future__ import annotations
@@ -15,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
-from dualdrive.innovations import GreyBox, Noise, Point, Variant, fit, flat
+from dualdrive.innovations import GreyBox, Noise, Point, Variant, fit, flat, inflation
 
 Array = NDArray[np.float64]
 
 _HALVING = ((1.0, 3), (0.2, 2), (0.04, 1))  # of the wide torque, valleys followed there
 _JOINT = (1.0, 0.3, 0.1, 3.0, 10.0)  # where the first number of a joint begins, times its usual one
 _LIMIT = (1.0, 0.3)  # and that of a limit or a lag, whose likelihood has no valleys
-_TRIED = (1.0, 0.8, 0.6, 0.3)  # sizes of a limit or a lag at which it is tried first
+_TRIED = (3.0, 1.0, 0.3, 0.1)  # times its usual one: sizes at which a part is scored
 
 
 def is_part(variant: Variant) -> bool:
@@ -35,46 +34,50 @@ def is_joint(variant: Variant) -> bool:
     return bool(variant.effects and _core.effect_type(variant.effects[-1][0]).brings)
 
 
-def part_gain(
+def part_score(
     grey: GreyBox,
     point: Point,
     columns: Sequence[Array],
     variant: Variant,
-    start: Array,
     noise: Noise,
 ) -> float:
-    """Fall of -2 log L that a limit or a lag brings beside a leader, at the best of some sizes.
+    """Score of a part beside a leader, over what the leader's innovations count themselves.
+
+    The change of the innovations that a part of some size makes, its gains its own, less what the
+    leader's numbers could do as well, is its regressor; the best of several sizes counts. One-sided
+    like the score of a law: no part is there to a negative degree.
 
     Args:
         grey: the records.
         point: the leader.
         columns: derivatives of its innovations by all its unknowns.
         variant: the leader with the part in it, last of its effects.
-        start: its numbers, shape (unknowns,); the first beyond the leader's is the part's.
         noise: the leader's.
 
     """
     known = len(point.theta)
-    J = np.stack(columns)
-    weight = np.zeros(known)
-    weight[: grey.shared] = 1.0 / grey.sigma**2
-    off = np.zeros(known)
-    off[: grey.shared] = point.theta[: grey.shared] - grey.centre
+    J, r = np.stack(columns), flat(point.residuals)
     H = J @ J.T
-    H += np.diag(weight + 1e-12 * np.max(np.diag(H)))
+    H += np.diag(1e-12 * np.max(np.diag(H)) + np.zeros(known))
+    H[range(grey.shared), range(grey.shared)] += 1.0 / grey.sigma**2
 
-    def least(p: Point) -> float:
-        """-2 log L with the leader's numbers moved along their derivatives."""
-        g = J @ flat(p.residuals) + weight * off
-        return p.minus_two_log - float(g @ np.linalg.solve(H, g))
+    def apart(change: Array) -> Array:
+        """What the leader's numbers can't do."""
+        return change - J.T @ np.linalg.solve(H, J @ change)
 
-    places = []
+    rest, places = apart(r), []
     for factor in _TRIED:
-        there = start.copy()
+        there = np.r_[point.theta, [p.start for p in variant.extra[known - grey.shared :]]]
         there[known] *= factor
         places.append((there, noise))
-    found = [least(f[0]) for f in grey.likelihoods(variant, places) if f is not None]
-    return least(point) - min(found, default=np.inf)
+    best = 0.0
+    for found in grey.likelihoods(variant, places):
+        if found is None:
+            continue
+        change = apart(flat(found[0].residuals) - r)
+        along = -float(change @ rest) / max(float(np.linalg.norm(change)), 1e-300)
+        best = max(best, along)
+    return best**2 / inflation(point)
 
 
 def part_refitted(

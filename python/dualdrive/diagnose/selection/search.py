@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from dualdrive.diagnose.screening import Library, Scored, scores
 from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selection
-from dualdrive.diagnose.selection.parts import is_joint, is_part, part_gain, part_refitted
+from dualdrive.diagnose.selection.parts import is_joint, is_part, part_refitted, part_score
 from dualdrive.diagnose.selection.residual_analysis import leaves_noise
 from dualdrive.diagnose.thresholds import threshold
 from dualdrive.diagnose.work import Leader
@@ -67,6 +67,7 @@ class _Search:
         self.screened: list[tuple[str, Scored]] = []
         self.tried: dict[str, float] = {}
         self.finals: dict[str, Fitted] = {}
+        self.looked_at: GreyBox | None = None  # on what laws have been sought
         self.wide = first_noise(core, grey.records, threshold("wide torque"))
         self.floor = first_noise(core, grey.records, threshold("least torque")).torque
 
@@ -78,15 +79,17 @@ class _Search:
         base = self._base()
         self._keep([base])
         stop = self.whole.counter.stop
-        leader = self._forward(base, parts=True)
+        leader = self._forward(base)
         if self.grey is not self.whole and stop():
             self._replayed_on_all_samples(base)
         elif self.grey is not self.whole:
             leader = self._on_all_samples()
-            if not leader.variant.effects:
-                leader = self._forward(leader, parts=False)
         if not leader.variant.effects and not stop():
+            # joints first: what a soft shaft does a law of the drives would describe, too
             self._keep(self._joints(leader))
+            leader = min(self.finals.values(), key=self._criterion)
+            if self.looked_at is not self.grey or leader.variant.effects:
+                leader = self._forward(leader)
         if not self.screened and not stop():
             self._scores(leader)
         own = (replace(f, criterion=self._criterion(f)) for f in self.finals.values())
@@ -96,14 +99,15 @@ class _Search:
         done = not self.grey.counter.stop()
         return Selection(self.whole, base, every, order, self.tried, done)
 
-    def _forward(self, leader: Fitted, parts: bool) -> Fitted:
+    def _forward(self, leader: Fitted) -> Fitted:
         """Law by law, while they bring enough; the leader then."""
-        for count in range(self.effort.most):
+        self.looked_at = self.grey
+        for count in range(self.effort.most - len(leader.variant.effects)):
             if self.grey.counter.stop():
                 break
             if leaves_noise(self.core, self.grey, leader):
                 break
-            found = self._step(leader, self._scores(leader), parts=parts and count == 0)
+            found = self._step(leader, self._scores(leader), parts=count == 0)
             self._keep(found)
             if found:
                 richer = min(found, key=self._criterion)
@@ -190,8 +194,12 @@ class _Search:
         tell them apart, and no score of a law without states of its own.
         """
         found = []
+        point, grey = leader.point, self.grey
+        columns = grey.columns(point, range(len(point.theta)), leader.gains)
         for variant in self.library.variants(leader.variant, self._everywhere(leader)):
-            if not is_joint(variant) or self.grey.counter.stop():
+            if not is_joint(variant) or grey.counter.stop():
+                continue
+            if not part_score(grey, point, columns, variant, leader.noise) > threshold("hopeless"):
                 continue
             self.tell(f"{variant.key} on all samples")
             begin = np.r_[leader.point.theta, [p.start for p in variant.extra]]
@@ -459,10 +467,8 @@ class _Search:
         if not is_part(variant):
             shared = columns[: grey.shared]
             return fit(grey, variant, start, gains, steps=5, shared_columns=shared, refresh=(2,))
-        if not is_joint(variant):
-            gain = part_gain(grey, point, columns, variant, start, noise) / inflation(point)
-            if not gain > threshold("hopeless"):
-                return replace(point, variant=variant, lost=True)
+        if not part_score(grey, point, columns, variant, noise) > threshold("hopeless"):
+            return replace(point, variant=variant, lost=True)
         # from the data sheet: the part may stand for what the numbers had stood for
         start[: grey.shared] = grey.start(Variant(self.core))
         wide = replace(noise, torque=self.wide.torque)
