@@ -53,6 +53,11 @@ THRESHOLDS = {
     "early": Threshold(
         0.25, "share of that price that a law must gain before the noise is estimated beside it"
     ),
+    "runner-up": Threshold(
+        0.5,
+        "of the leader's gain: a law that alone gains more may be the first of the pair that is "
+        "missing. The prototype's share; set after one pair was read",
+    ),
     "hopeless": Threshold(
         3.0, "gain of a score test, over the inflation, below which no refit is worth its replays"
     ),

@@ -26,7 +26,7 @@ class Effort:
 
 EFFORTS = {
     "quick": Effort(4, 2, 2),
-    "normal": Effort(8, 3, 3),
+    "normal": Effort(8, 4, 3),
     "thorough": Effort(20, 5, 3),
 }
 

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive import _core
 from dualdrive.diagnose.screening import Library, Scored, scores
 from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selection
 from dualdrive.diagnose.selection.parts import is_joint, is_part, part_refitted, part_score
@@ -44,6 +45,7 @@ _LOWERED = (1.0, 0.1, 0.01)  # of the wide torque, under which numbers are fitte
 _AGAIN = (0.1, 0.01)  # and from which the base's valley is sought anew
 _SLOWER = 100.0  # times as slow: where times of drifting zeros are sought from once more
 _CLEARLY = 2.0  # of -2 log L over the inflation: less is where a fit happened to end
+_ORDERS = 2  # of one law that are refitted beside a leader
 _PAIR = 2  # effects, of which the first was chosen by what both leave together
 
 
@@ -110,6 +112,7 @@ class _Search:
                 break
             found = self._step(leader, self._scores(leader), parts=count == 0)
             self._keep(found)
+            self._keep(self._beside_the_runner_up(leader))
             if found:
                 richer = min(found, key=self._criterion)
                 if simpler := self._without(richer, leader.variant):
@@ -124,6 +127,22 @@ class _Search:
             if len(leader.variant.effects) == _PAIR:
                 leader = self._swapped(leader)
         return leader
+
+    def _beside_the_runner_up(self, leader: Fitted) -> list[Fitted]:
+        """Pairs with the second-best law, where it is nearly as good alone as the leader.
+
+        Of two laws that are both missing, what each takes of the other's share decides which leads.
+        """
+        singles = [f for f in self.finals.values() if len(f.variant.effects) == 1]
+        if leader not in singles or self.grey.counter.stop():
+            return []
+        nothing = self._criterion(self.finals["nothing"])
+        least = threshold("runner-up") * (nothing - self._criterion(leader))
+        rivals = [f for f in singles if f is not leader and nothing - self._criterion(f) > least]
+        if not rivals:
+            return []
+        second = min(rivals, key=self._criterion)
+        return self._step(second, self._scores(second), parts=False)
 
     def _swapped(self, leader: Fitted) -> Fitted:
         """What came before the last effect taken out again, and others tried in its place."""
@@ -431,7 +450,13 @@ class _Search:
         looked = [(gains_of[p.variant.key] - 2.0 * np.log(p.variant.looks), p) for p in refits]
         looked.sort(key=lambda x: -x[0])
         enough = max(threshold("gain"), threshold("early") * self._price())
-        best = _one_each([p for gain, p in looked if gain > enough])[: self.effort.finals]
+        ranked = _one_each([p for gain, p in looked if gain > enough])
+        best = ranked[: self.effort.finals]
+        best += [
+            p
+            for p in ranked
+            if p not in best and any(_confused(q.variant, p.variant) for q in best)
+        ][: self.effort.finals]
         return self._compared(best, noise)
 
     def _scores(self, leader: Fitted) -> tuple[list[Scored], list[Array]]:
@@ -472,7 +497,19 @@ class _Search:
         """What is refitted: the best scores, and parts whose probe says little of their size."""
         known = [s for s in found if np.isfinite(s.gain)]
         known.sort(key=lambda s: -(s.gain - 2.0 * np.log(s.variant.looks)))
-        best = [s for s in known if s.gain > threshold("hopeless")][: self.effort.refitted]
+        hopeful, orders = list[Scored](), dict[str, int]()
+        for s in known:
+            orders[s.variant.label] = orders.get(s.variant.label, 0) + 1
+            if s.gain > threshold("hopeless") and orders[s.variant.label] <= _ORDERS:
+                hopeful.append(s)
+        best = hopeful[: self.effort.refitted]
+        # and what the best are taken for, whose own score may be faint while another law is missing
+        rivals = [
+            s
+            for s in known
+            if s.gain > 0.0 and s not in best and any(_confused(b.variant, s.variant) for b in best)
+        ]
+        best += rivals[: self.effort.refitted // 2]
         far = [s for s in found if s not in best and is_part(s.variant)] if parts else []
         return best + far
 
@@ -498,6 +535,12 @@ class _Search:
 
 def _paths(variant: Variant) -> list[str]:
     return [p.path for p in variant.extra]
+
+
+def _confused(known: Variant, other: Variant) -> bool:
+    """Whether the library declares the other's last law as what the known one's is taken for."""
+    (effect, place), (rival, at) = known.effects[-1], other.effects[-1]
+    return place == at and rival in str(_core.effect_type(effect).confused_with).split(",")
 
 
 def _one_each(points: Sequence[Point]) -> list[Point]:
