@@ -16,8 +16,9 @@ from dualdrive.traces import Trace
 Array = NDArray[np.float64]
 
 _JITTER = 0.3  # of a sampling interval: beyond it the clock has pauses, not jitter
+_ROUNDING = 1e-3  # of a sampling interval: as in `compare.clocks`
 _SURE = 3.0  # standard errors of a clock
-_CLEARLY = 0.7  # of the roughness on the even clock: stamps that read smoother are true
+_CLEARLY = 0.7  # of the roughness on the other clock
 
 
 def evened(trace: Trace) -> tuple[Trace, float]:
@@ -45,10 +46,12 @@ def evened(trace: Trace) -> tuple[Trace, float]:
         return trace, 0.0
     for name in ("theta_ref", "theta_m", "theta_1"):
         if name in trace:
-            # where nothing tells, as where all was slow, a converter's own clock is the likelier
-            if _roughness(t, trace[name]) < _CLEARLY * _roughness(even, trace[name]):
-                return trace, 0.0
-            return replace(trace, t=even), size
+            stamped, evenly = _roughness(t, trace[name]), _roughness(even, trace[name])
+            # where nothing tells, as where all was slow, a converter's own clock is the likelier;
+            # what is no more than the rounding of stamps stays as every other verb reads it
+            told = evenly < _CLEARLY * stamped
+            likelier = size > _ROUNDING * step and not stamped < _CLEARLY * evenly
+            return (replace(trace, t=even), size) if told or likelier else (trace, 0.0)
     return trace, 0.0
 
 
