@@ -1,11 +1,11 @@
-"""python -m tests.blind generate | check | run | score"""
+"""python -m tests.blind generate | check | truth | run | score"""
 
 from __future__ import annotations
 
 import sys
 from importlib import import_module
 
-VERBS = ("generate", "check", "run", "score")
+VERBS = ("generate", "check", "truth", "run", "score")
 
 
 def main() -> int:

@@ -20,6 +20,7 @@ Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 
 _SAFE: Final = ("GET", "HEAD")
+_LITTLE: Final = 65536  # bytes of a refused body that are still read
 #: of every answer; nothing from elsewhere, nothing framed, nothing kept, nothing guessed
 HEADERS: Final = {
     "Cache-Control": "no-store",
@@ -51,6 +52,7 @@ class Guard:
             return
         status, why = self._refusal(scope)
         if status:
+            await _read_little(scope, receive)
             await self._refuse(scope, send, status, why)
             return
         _, _, rest = scope["path"].removeprefix("/").partition("/")
@@ -93,3 +95,23 @@ class Guard:
             await send(message)
 
         return sealed
+
+
+async def _read_little(scope: Scope, receive: Receive) -> None:
+    """Take in a short body before the connection is closed.
+
+    A client that is still sending would be told of a broken connection instead of the reason.
+    """
+    if scope["type"] != "http":
+        return
+    told = next((v for k, v in scope["headers"] if k.lower() == b"content-length"), b"0")
+    if not told.isdigit() or len(told) > len(str(_LITTLE)) or int(told) > _LITTLE:
+        return
+    left = int(told)
+    while left > 0:
+        message = await receive()
+        if message["type"] != "http.request":
+            return
+        left -= len(message.get("body", b""))
+        if not message.get("more_body", False):
+            return
