@@ -281,8 +281,10 @@ def _screened(found: Selection, known: Sequence[Candidate]) -> list[Candidate]:
         v = s.variant
         if v.label in labels or not s.gain > 0.0 or len(known) + len(rest) >= _TOLD:
             continue
-        labels.add(v.label)
         refitted = found.tried.get(v.key)
+        if refitted is not None and not refitted > 0.0:
+            continue  # its score promised what no refit kept
+        labels.add(v.label)
         note = "screened only" if refitted is None else "refitted beside the data sheet's noise"
         gain = s.gain if refitted is None else refitted
         rest.append(Candidate(v.effects, 0.0, {}, nan, nan, gain, nan, False, note))
