@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dualdrive.diagnose.screening.orders import strongest_orders
-from dualdrive.diagnose.screening.score import Scored, scores
+from dualdrive.diagnose.screening.score import Scored, residual_maker, scores
 from dualdrive.diagnose.screening.variants import Library
 
-__all__ = ["Library", "Scored", "scores", "strongest_orders"]
+__all__ = ["Library", "Scored", "residual_maker", "scores", "strongest_orders"]

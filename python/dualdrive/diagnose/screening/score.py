@@ -79,13 +79,8 @@ def scores(
 
     """
     r = flat(base.residuals)
-    known = len(base.theta)
-    J = np.stack(columns)
-    prior = np.zeros(known)
-    prior[: grey.shared] = 1.0 / grey.sigma**2
-    H = J @ J.T + np.diag(prior + 1e-12 * np.max(np.abs(np.diag(J @ J.T))))
-    factor = np.linalg.inv(H)
-    rest = r - J.T @ (factor @ (J @ r))
+    apart = residual_maker(grey, base, columns)
+    rest = apart(r)
 
     within = _WITHIN * min(x.sampled.step for x in grey.records)
     jobs: list[tuple[int, Variant, Array, _Probe]] = []
@@ -107,12 +102,31 @@ def scores(
         batch = jobs[first : first + _BATCH]
         points = grey.points([j[1] for j in batch], [j[2] for j in batch], gains)
         for (k, _, _, probe), p in zip(batch, points, strict=True):
-            change = flat(p.residuals) - r
             if not p.lost:
-                own_change = change - J.T @ (factor @ (J @ change))
-                found.setdefault(k, []).append((probe, own_change))
+                found.setdefault(k, []).append((probe, apart(flat(p.residuals) - r)))
         tell(min(first + _BATCH, len(jobs)), len(jobs))
     return [_scored(v, found.get(k, []), rest, inflation) for k, v in enumerate(variants)]
+
+
+def residual_maker(
+    grey: GreyBox, base: Point, columns: Sequence[Array]
+) -> Callable[[Array], Array]:
+    """What the numbers of a base point, moved within their priors, leave of a change.
+
+    The residual maker of a regression on its derivatives (Greene, Econometric Analysis, 3.2).
+
+    Args:
+        grey: records and shared unknowns.
+        base: the point.
+        columns: derivatives of its innovations by all its unknowns.
+
+    """
+    J = np.stack(columns)
+    prior = np.zeros(len(base.theta))
+    prior[: grey.shared] = 1.0 / grey.sigma**2
+    H = J @ J.T + np.diag(prior + 1e-12 * np.max(np.abs(np.diag(J @ J.T))))
+    factor = np.linalg.inv(H)
+    return lambda change: change - J.T @ (factor @ (J @ change))
 
 
 def _probes(core: object, free: Sequence[Unknown]) -> list[_Probe]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
+from dualdrive.diagnose.screening import residual_maker
 from dualdrive.innovations import GreyBox, Noise, Point, Variant, fit, flat, inflation
 
 Array = NDArray[np.float64]
@@ -55,16 +56,8 @@ def part_score(
         noise: the leader's.
 
     """
-    known = len(point.theta)
-    J, r = np.stack(columns), flat(point.residuals)
-    H = J @ J.T
-    H += np.diag(1e-12 * np.max(np.diag(H)) + np.zeros(known))
-    H[range(grey.shared), range(grey.shared)] += 1.0 / grey.sigma**2
-
-    def apart(change: Array) -> Array:
-        """What the leader's numbers can't do."""
-        return change - J.T @ np.linalg.solve(H, J @ change)
-
+    known, r = len(point.theta), flat(point.residuals)
+    apart = residual_maker(grey, point, columns)
     rest, places = apart(r), []
     for factor in _TRIED:
         there = np.r_[point.theta, [p.start for p in variant.extra[known - grey.shared :]]]

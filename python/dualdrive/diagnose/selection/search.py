@@ -19,33 +19,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive import _core
 from dualdrive.diagnose.screening import Library, Scored, scores
+from dualdrive.diagnose.selection.base import refitted_base
+from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selection
-from dualdrive.diagnose.selection.parts import is_joint, is_part, part_refitted, part_score
+from dualdrive.diagnose.selection.parts import is_joint, part_score
+from dualdrive.diagnose.selection.refits import refitted, with_rivals, worth_refitting
 from dualdrive.diagnose.selection.residual_analysis import leaves_noise, white
 from dualdrive.diagnose.thresholds import threshold
 from dualdrive.diagnose.work import Leader
-from dualdrive.identify import FitError
-from dualdrive.innovations import (
-    GreyBox,
-    Noise,
-    Point,
-    Variant,
-    first_noise,
-    fit,
-    inflation,
-    maximum_likelihood,
-    some,
-)
+from dualdrive.innovations import GreyBox, Noise, Point, Variant, fit, inflation
 
 Array = NDArray[np.float64]
 
-_LOWERED = (1.0, 0.1, 0.01)  # of the wide torque, under which numbers are fitted one after another
-_AGAIN = (0.1, 0.01)  # and from which the base's valley is sought anew
-_SLOWER = 100.0  # times as slow: where times of drifting zeros are sought from once more
-_CLEARLY = 2.0  # of -2 log L over the inflation: less is where a fit happened to end
-_ORDERS = 2  # of one law that are refitted beside a leader
 _PAIR = 2  # effects, of which the first was chosen by what both leave together
 
 
@@ -70,15 +56,15 @@ class _Search:
         self.tried: dict[str, float] = {}
         self.finals: dict[str, Fitted] = {}
         self.looked_at: GreyBox | None = None  # on what laws have been sought
-        self.wide = first_noise(core, grey.records, threshold("wide torque"))
-        self.floor = first_noise(core, grey.records, threshold("least torque")).torque
+        self.estimator = Estimator(core, grey)
 
     def tell(self, what: str) -> None:
         """Say what is tried, and what is best so far."""
         self.told(f"{what}{self.leader}")
 
     def run(self) -> Selection:
-        base = self._base()
+        self.tell("refitting the data sheet's numbers")
+        base, self.grey = refitted_base(self.estimator, self.whole)
         self._keep([base])
         stop = self.whole.counter.stop
         leader = self._forward(base)
@@ -175,7 +161,9 @@ class _Search:
                 )
                 extra = [known.get(path, 0.0) for path in _paths(variant)]
                 theta = np.r_[leader.point.theta[: self.grey.shared], extra]
-                if (found := self._likeliest(variant, theta, leader.noise)) is not None:
+                if (
+                    found := self.estimator.likeliest(self.grey, variant, theta, leader.noise)
+                ) is not None:
                     fewer.append(found)
             self._keep(fewer)
             best = min(fewer, key=self._criterion, default=leader)
@@ -197,7 +185,7 @@ class _Search:
             if self.grey.counter.stop():
                 break
             self.tell(f"{f.variant.key} on all samples")
-            again = self._likeliest(f.variant, f.point.theta, f.noise)
+            again = self.estimator.likeliest(self.grey, f.variant, f.point.theta, f.noise)
             if again is not None:
                 found.append(again)
         if not any(f.variant.key == base.variant.key for f in found):
@@ -211,7 +199,7 @@ class _Search:
         """Joints that give, beside a machine whose numbers alone leave noise.
 
         On stretches such numbers and drifting zeros do as well as a soft shaft; only long records
-        tell them apart, and no score of a law without states of its own.
+        tell them apart.
         """
         found = []
         point, grey = leader.point, self.grey
@@ -223,7 +211,7 @@ class _Search:
                 continue
             self.tell(f"{variant.key} on all samples")
             begin = np.r_[leader.point.theta, [p.start for p in variant.extra]]
-            own = self._likeliest(variant, begin, leader.noise)
+            own = self.estimator.likeliest(self.grey, variant, begin, leader.noise)
             if own is None:
                 continue
             gain = (leader.point.minus_two_log - own.point.minus_two_log) / leader.inflation
@@ -235,11 +223,7 @@ class _Search:
     def _replayed_on_all_samples(self, base: Fitted) -> None:
         """Of a search that was stopped on stretches: the base alone, as it was found there."""
         self.grey = self.whole
-        [found] = self.whole.likelihoods(base.variant, [(base.point.theta, base.noise)])
-        if found is None:
-            raise FitError(f"{base.variant.key}: stopped before it was fitted to all samples")
-        point, gains = found
-        self.finals = {base.variant.key: Fitted(point, base.noise, inflation(point), 0.0, gains)}
+        self.finals = {base.variant.key: on_all_samples(self.whole, base)}
 
     def _keep(self, found: Sequence[Fitted]) -> None:
         for f in found:
@@ -255,7 +239,7 @@ class _Search:
         """
         self.tell(f"{variant.key} from the numbers of {richer.variant.key}")
         theta = richer.point.theta[: self.grey.shared + len(variant.extra)]
-        return self._likeliest(variant, theta, richer.noise)
+        return self.estimator.likeliest(self.grey, variant, theta, richer.noise)
 
     def _criterion(self, f: Fitted) -> float:
         """Under the inflation of the best, lest a bad model's colour speaks for it."""
@@ -273,106 +257,6 @@ class _Search:
         share = threshold("price of a number") * explained / self._least()
         return float(np.log(self.grey.samples) + share)
 
-    def _from_far(self, point: Point) -> Fitted | None:
-        """A variant under its own noise; None where it can't be followed.
-
-        Its numbers are fitted under much unknown torque, where any machine follows, and on under
-        less (a homotopy); numbers and noise together go on from the likeliest.
-        """
-        grey, variant, theta = self.grey, point.variant, point.theta
-        found: list[tuple[Point, Noise]] = []
-        for lower in _LOWERED:
-            noise = self.wide.with_torque(lower)
-            try:
-                gains = grey.gains(variant, theta, noise)
-            except ValueError:
-                break
-            near = fit(grey, variant, theta, gains, refresh=(0, 2, 4))
-            # gains were held: under its own a point far away may be worse than where it came from
-            places = [(near.theta, noise), (theta, noise)]
-            seen = [f[0] for f in grey.likelihoods(variant, places) if f]
-            if not seen:
-                break
-            found.append((min(seen, key=lambda p: p.minus_two_log), noise))
-            theta = found[-1][0].theta
-        if not found:
-            return None
-        best, noise = min(found, key=lambda f: f[0].minus_two_log)
-        return self._likeliest(variant, best.theta, noise)
-
-    def _likeliest(
-        self, variant: Variant, theta: Array, noise: Noise, grey: GreyBox | None = None
-    ) -> Fitted | None:
-        """Numbers and noise together, from a point; None where it can't be followed."""
-        found = maximum_likelihood(grey or self.grey, variant, theta, noise, floor=self.floor)
-        if found is None:
-            return None
-        point, own, gains = found
-        return Fitted(point, own, inflation(point), 0.0, gains)
-
-    def _base(self) -> Fitted:
-        """Nothing is missing: numbers alone, from far."""
-        self.tell("refitting the data sheet's numbers")
-        whole = self.whole
-        nothing = Variant(self.core)
-        theta = whole.start(nothing)
-        lost = FitError(f"{self.core.name}: no Kalman filter follows these records")
-        try:
-            gains = whole.gains(nothing, theta, self.wide)
-        except ValueError:
-            raise lost from None
-        [point] = whole.points([nothing], [theta], gains)
-        self.grey = some(whole, point, gains, int(threshold("stretches")))
-        found = self._from_far(point)
-        if found is None:
-            raise lost
-        # stretches that begin from where the refitted machine has them
-        self.grey = self._some(found)
-        found = self._likeliest(nothing, found.point.theta, found.noise) or found
-        better = self._other_valleys(found)
-        if better is not None:
-            found = self._likeliest(nothing, better.theta, found.noise) or found
-            self.grey = self._some(found)
-            found = self._likeliest(nothing, found.point.theta, found.noise) or found
-        return self._noise_order(found)
-
-    def _other_valleys(self, found: Fitted) -> Point | None:
-        """Numbers that are likelier than the base's under its own noise; None where none are.
-
-        From under less unknown torque: a record that begins within the play has a valley for each
-        flank that may be meant. And from the data sheet's numbers, held at first: those that are
-        told only together wander off while much torque is unknown, and may end worse than where
-        they began. All end under one noise, where they can be compared.
-        """
-        grey, n = self.grey, len(self.grey.nominal)
-        sheet = found.point.theta.copy()
-        sheet[:n] = grey.centre[:n]
-        begins = [(grey, found.point.theta, lower) for lower in _AGAIN]
-        begins.append((grey.held(), sheet, 1.0))
-        best, least = None, found.point.minus_two_log - _CLEARLY * found.inflation
-        for own, theta, lower in begins:
-            if grey.counter.stop():
-                break
-            wide = replace(found.noise, torque=self.wide.with_torque(lower).torque)
-            for box, noise in ((own, wide), (grey, found.noise)):
-                try:
-                    gains = box.gains(found.variant, theta, noise)
-                except ValueError:
-                    break
-                theta = fit(box, found.variant, theta, gains, refresh=(0, 2, 4)).theta
-            [there] = grey.likelihoods(found.variant, [(theta, found.noise)])
-            if there is not None and there[0].minus_two_log < least:
-                best, least = there[0], there[0].minus_two_log
-        return best
-
-    def _noise_order(self, base: Fitted) -> Fitted:
-        """The same under sensors' noise of order two where the Bayesian criterion asks for it.
-
-        A converter's filter makes such noise; taken for one of order one it speaks for late
-        sensors.
-        """
-        return self._richer(base, base.noise.of_order_two(), len(base.noise.drive))
-
     def _weigh_drifting_zeros(self) -> None:
         """What the best machine leaves, explained by zeros that drift over times of their own.
 
@@ -384,39 +268,12 @@ class _Search:
         if self.grey.counter.stop() or white(best):
             return
         self.tell(f"drifting zeros beside {best.variant.key}")
-        own = self._drifting(best)
+        own = self.estimator.drifting(self.grey, best)
         self._keep([own])
         if best is not base:
-            alone = self._drifting(base)
+            alone = self.estimator.drifting(self.grey, base)
             if self._criterion(alone) < self._criterion(own):
                 self._keep([alone])
-
-    def _drifting(self, f: Fitted) -> Fitted:
-        found = self._richer(f, f.noise.slower(1.0), len(f.noise.drift))
-        return self._richer(
-            found, f.noise.slower(_SLOWER), 0 if found is not f else len(f.noise.drift)
-        )
-
-    def _richer(self, base: Fitted, noise: Noise, numbers: int) -> Fitted:
-        """The base under this noise, of so many numbers more, or as it is."""
-        if self.grey.counter.stop():
-            return base
-        own = self._likeliest(base.variant, base.point.theta, noise)
-        if own is None:
-            return base
-        gained = (base.point.minus_two_log - own.point.minus_two_log) / own.inflation
-        return own if gained > numbers * float(np.log(self.grey.samples)) else base
-
-    def _some(self, f: Fitted) -> GreyBox:
-        """Stretches of the records, begun as a fitted machine has it."""
-        return some(self.whole, *self._on_whole(f), int(threshold("stretches")))
-
-    def _on_whole(self, f: Fitted) -> tuple[Point, list[Any]]:
-        """A fitted machine on all samples, and its gains there."""
-        [found] = self.whole.likelihoods(f.variant, [(f.point.theta, f.noise)])
-        if found is None:
-            raise FitError(f"{f.variant.key}: no Kalman filter follows the whole of these records")
-        return found
 
     def _step(
         self, leader: Fitted, scored: tuple[list[Scored], list[Array]], parts: bool
@@ -427,12 +284,12 @@ class _Search:
         over = inflation(point)
         found, columns = scored
         refits: list[Point] = []
-        chosen = self._chosen(found, parts)
+        chosen = worth_refitting(found, self.effort.refitted, parts)
         for k, s in enumerate(chosen, 1):
             if grey.counter.stop():
                 break
             self.tell(f"refitting {s.variant.key} ({k} of {len(chosen)})")
-            own = self._refit(point, s, columns, gains, noise)
+            own = refitted(self.estimator, grey, leader, s, columns)
             if not own.lost:
                 refits.append(own)
                 gain = point.minus_two_log - own.minus_two_log
@@ -450,13 +307,7 @@ class _Search:
         looked = [(gains_of[p.variant.key] - 2.0 * np.log(p.variant.looks), p) for p in refits]
         looked.sort(key=lambda x: -x[0])
         enough = max(threshold("gain"), threshold("early") * self._price())
-        ranked = _one_each([p for gain, p in looked if gain > enough])
-        best = ranked[: self.effort.finals]
-        best += [
-            p
-            for p in ranked
-            if p not in best and any(_confused(q.variant, p.variant) for q in best)
-        ][: self.effort.finals]
+        best = with_rivals([p for gain, p in looked if gain > enough], self.effort.finals)
         return self._compared(best, noise)
 
     def _scores(self, leader: Fitted) -> tuple[list[Scored], list[Array]]:
@@ -475,7 +326,7 @@ class _Search:
 
     def _everywhere(self, f: Fitted) -> Point:
         """Its innovations on all samples: orders show over long ways only."""
-        return f.point if self.grey is self.whole else self._on_whole(f)[0]
+        return f.point if self.grey is self.whole else on_all_samples(self.whole, f).point
 
     def _compared(self, points: Sequence[Point], noise: Noise) -> list[Fitted]:
         """Laws, each under the noise that it leaves itself.
@@ -488,64 +339,11 @@ class _Search:
             if self.grey.counter.stop():
                 break
             self.tell(f"the noise beside {point.variant.key}")
-            own = self._likeliest(point.variant, point.theta, noise)
+            own = self.estimator.likeliest(self.grey, point.variant, point.theta, noise)
             if own is not None:
                 found.append(own)
         return found
 
-    def _chosen(self, found: Sequence[Scored], parts: bool) -> list[Scored]:
-        """What is refitted: the best scores, and parts whose probe says little of their size."""
-        known = [s for s in found if np.isfinite(s.gain)]
-        known.sort(key=lambda s: -(s.gain - 2.0 * np.log(s.variant.looks)))
-        hopeful, orders = list[Scored](), dict[str, int]()
-        for s in known:
-            orders[s.variant.label] = orders.get(s.variant.label, 0) + 1
-            if s.gain > threshold("hopeless") and orders[s.variant.label] <= _ORDERS:
-                hopeful.append(s)
-        best = hopeful[: self.effort.refitted]
-        # and what the best are taken for, whose own score may be faint while another law is missing
-        rivals = [
-            s
-            for s in known
-            if s.gain > 0.0 and s not in best and any(_confused(b.variant, s.variant) for b in best)
-        ]
-        best += rivals[: self.effort.refitted // 2]
-        far = [s for s in found if s not in best and is_part(s.variant)] if parts else []
-        return best + far
-
-    def _refit(
-        self, point: Point, s: Scored, columns: Sequence[Array], gains: Sequence[Any], noise: Noise
-    ) -> Point:
-        grey, variant = self.grey, s.variant
-        start = np.r_[point.theta, grey.start(variant)[len(point.theta) :]]
-        for k, p in enumerate(variant.extra, grey.shared):
-            if p.path in s.start:
-                start[k] = p.coordinate(min(max(s.start[p.path], p.low), p.high))
-        if not is_part(variant):
-            shared = columns[: grey.shared]
-            return fit(grey, variant, start, gains, steps=5, shared_columns=shared, refresh=(2,))
-        if not part_score(grey, point, columns, variant, noise) > threshold("hopeless"):
-            return replace(point, variant=variant, lost=True)
-        # from the data sheet: the part may stand for what the numbers had stood for
-        start[: grey.shared] = grey.start(Variant(self.core))
-        wide = replace(noise, torque=self.wide.torque)
-        found = part_refitted(grey, variant, start, len(point.theta), noise, wide)
-        return found or replace(point, variant=variant, lost=True)
-
 
 def _paths(variant: Variant) -> list[str]:
     return [p.path for p in variant.extra]
-
-
-def _confused(known: Variant, other: Variant) -> bool:
-    """Whether the library declares the other's last law as what the known one's is taken for."""
-    (effect, place), (rival, at) = known.effects[-1], other.effects[-1]
-    return place == at and rival in str(_core.effect_type(effect).confused_with).split(",")
-
-
-def _one_each(points: Sequence[Point]) -> list[Point]:
-    """The best of each label: orders of one law are one law."""
-    found: dict[str, Point] = {}
-    for p in points:
-        found.setdefault(p.variant.label, p)
-    return list(found.values())

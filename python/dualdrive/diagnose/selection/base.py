@@ -1,0 +1,84 @@
+"""The machine as it is, its numbers refitted: what every law is weighed against."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
+from dualdrive.diagnose.selection.fitted import Fitted
+from dualdrive.diagnose.thresholds import threshold
+from dualdrive.identify import FitError
+from dualdrive.innovations import GreyBox, Point, Variant, fit, some
+
+_AGAIN = (0.1, 0.01)  # of the wide torque, from which the base's valley is sought anew
+_CLEARLY = 2.0  # of -2 log L over the inflation: less is where a fit happened to end
+
+
+def refitted_base(estimator: Estimator, whole: GreyBox) -> tuple[Fitted, GreyBox]:
+    """Nothing is missing: numbers alone, from far; and the stretches on which that was found.
+
+    Raises:
+        FitError: no filter follows the records.
+
+    """
+    nothing = Variant(estimator.core)
+    theta = whole.start(nothing)
+    lost = FitError(f"{estimator.core.name}: no Kalman filter follows these records")
+    try:
+        gains = whole.gains(nothing, theta, estimator.wide)
+    except ValueError:
+        raise lost from None
+    [point] = whole.points([nothing], [theta], gains)
+    grey = some(whole, point, gains, int(threshold("stretches")))
+    found = estimator.from_far(grey, nothing, theta)
+    if found is None:
+        raise lost
+    # stretches that begin from where the refitted machine has them
+    grey = _stretches(whole, found)
+    found = _again(estimator, grey, found)
+    better = _other_valleys(estimator, grey, found)
+    if better is not None:
+        found = _again(estimator, grey, replace(found, point=better))
+        grey = _stretches(whole, found)
+        found = _again(estimator, grey, found)
+    return estimator.of_order_two(grey, found), grey
+
+
+def _again(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted:
+    return estimator.likeliest(grey, f.variant, f.point.theta, f.noise) or f
+
+
+def _stretches(whole: GreyBox, f: Fitted) -> GreyBox:
+    """Stretches of the records, begun as a fitted machine has it."""
+    everywhere = on_all_samples(whole, f)
+    return some(whole, everywhere.point, everywhere.gains, int(threshold("stretches")))
+
+
+def _other_valleys(estimator: Estimator, grey: GreyBox, found: Fitted) -> Point | None:
+    """Numbers that are likelier than the base's under its own noise; None where none are.
+
+    From under less unknown torque: a record that begins within the play has a valley for each
+    flank that may be meant. And from the data sheet's numbers, held at first: those that are
+    told only together wander off while much torque is unknown, and may end worse than where
+    they began. All end under one noise, where they can be compared.
+    """
+    n = len(grey.nominal)
+    sheet = found.point.theta.copy()
+    sheet[:n] = grey.centre[:n]
+    begins = [(grey, found.point.theta, lower) for lower in _AGAIN]
+    begins.append((grey.held(), sheet, 1.0))
+    best, least = None, found.point.minus_two_log - _CLEARLY * found.inflation
+    for own, theta, lower in begins:
+        if grey.counter.stop():
+            break
+        wide = replace(found.noise, torque=estimator.wide.with_torque(lower).torque)
+        for box, noise in ((own, wide), (grey, found.noise)):
+            try:
+                gains = box.gains(found.variant, theta, noise)
+            except ValueError:
+                break
+            theta = fit(box, found.variant, theta, gains, refresh=(0, 2, 4)).theta
+        [there] = grey.likelihoods(found.variant, [(theta, found.noise)])
+        if there is not None and there[0].minus_two_log < least:
+            best, least = there[0], there[0].minus_two_log
+    return best

@@ -1,0 +1,117 @@
+"""A variant at its best: numbers and noise by likelihood, from near and from far."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive.diagnose.selection.fitted import Fitted
+from dualdrive.diagnose.thresholds import threshold
+from dualdrive.identify import FitError
+from dualdrive.innovations import (
+    GreyBox,
+    Noise,
+    Point,
+    Variant,
+    first_noise,
+    fit,
+    inflation,
+    maximum_likelihood,
+)
+
+Array = NDArray[np.float64]
+
+_LOWERED = (1.0, 0.1, 0.01)  # of the wide torque, under which numbers are fitted one after another
+_SLOWER = 100.0  # times as slow: where times of drifting zeros are sought from once more
+
+
+class Estimator:
+    """Estimates variants of one machine, its noise beginning with what the records show.
+
+    Attributes:
+        core: the machine of the data sheet.
+        wide: a first noise, torques of unknown course so large that any machine follows.
+        floor: body -> what drives the torque of unknown course there at least, N*m.
+
+    """
+
+    def __init__(self, core: Any, grey: GreyBox) -> None:
+        self.core = core
+        self.wide = first_noise(core, grey.records, threshold("wide torque"))
+        self.floor = first_noise(core, grey.records, threshold("least torque")).torque
+
+    def likeliest(
+        self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise
+    ) -> Fitted | None:
+        """Numbers and noise together, from a point; None where it can't be followed."""
+        found = maximum_likelihood(grey, variant, theta, noise, floor=self.floor)
+        if found is None:
+            return None
+        point, own, gains = found
+        return Fitted(point, own, inflation(point), 0.0, gains)
+
+    def from_far(self, grey: GreyBox, variant: Variant, theta: Array) -> Fitted | None:
+        """A variant under its own noise; None where it can't be followed.
+
+        Its numbers are fitted under much unknown torque, where any machine follows, and on under
+        less (a homotopy); numbers and noise together go on from the likeliest.
+        """
+        found: list[tuple[Point, Noise]] = []
+        for lower in _LOWERED:
+            noise = self.wide.with_torque(lower)
+            try:
+                gains = grey.gains(variant, theta, noise)
+            except ValueError:
+                break
+            near = fit(grey, variant, theta, gains, refresh=(0, 2, 4))
+            # gains were held: under its own a point far away may be worse than where it came from
+            places = [(near.theta, noise), (theta, noise)]
+            seen = [f[0] for f in grey.likelihoods(variant, places) if f]
+            if not seen:
+                break
+            found.append((min(seen, key=lambda p: p.minus_two_log), noise))
+            theta = found[-1][0].theta
+        if not found:
+            return None
+        best, noise = min(found, key=lambda f: f[0].minus_two_log)
+        return self.likeliest(grey, variant, best.theta, noise)
+
+    def of_order_two(self, grey: GreyBox, f: Fitted) -> Fitted:
+        """The same under sensors' noise of order two where the Bayesian criterion asks for it.
+
+        A converter's filter makes such noise; taken for one of order one it speaks for late
+        sensors.
+        """
+        return self._richer(grey, f, f.noise.of_order_two(), len(f.noise.drive))
+
+    def drifting(self, grey: GreyBox, f: Fitted) -> Fitted:
+        """The same with zeros that drift over times of their own, where the criterion asks for it.
+
+        From a fraction of a second (1/f noise) to minutes.
+        """
+        count = len(f.noise.drift)
+        found = self._richer(grey, f, f.noise.slower(1.0), count)
+        paid = 0 if found is not f else count
+        return self._richer(grey, found, f.noise.slower(_SLOWER), paid)
+
+    def _richer(self, grey: GreyBox, f: Fitted, noise: Noise, numbers: int) -> Fitted:
+        """The same under this noise, of so many numbers more, or as it is."""
+        if grey.counter.stop():
+            return f
+        own = self.likeliest(grey, f.variant, f.point.theta, noise)
+        if own is None:
+            return f
+        gained = (f.point.minus_two_log - own.point.minus_two_log) / own.inflation
+        return own if gained > numbers * float(np.log(grey.samples)) else f
+
+
+def on_all_samples(whole: GreyBox, f: Fitted) -> Fitted:
+    """A fitted machine on whole records, as it is."""
+    [found] = whole.likelihoods(f.variant, [(f.point.theta, f.noise)])
+    if found is None:
+        raise FitError(f"{f.variant.key}: no Kalman filter follows the whole of these records")
+    point, gains = found
+    return replace(f, point=point, inflation=inflation(point), gains=gains)
