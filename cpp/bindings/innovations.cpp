@@ -50,54 +50,42 @@ void bind_innovations(nb::module_& m) {
              "Raises ValueError for none, for fewer than two samples in one, or beyond the end.")
         .def_prop_ro("step", &SampledRecord::step, "Median distance of the times, s.");
 
-    nb::class_<KalmanGains>(m, "KalmanGains", "Steady-state Kalman gains of a machine, one set per contact pattern.")
+    nb::class_<KalmanGains>(m, "KalmanGains",
+                            "Kalman gains of a machine: the steady ones where all meshes carry, nothing rests and no "
+                            "limit is met, and what was learned along a record.")
         .def("copy", [](const KalmanGains& g) { return KalmanGains(g); })
-        .def(
-            "begin_as",
-            [](KalmanGains& g, const KalmanGains& other) {
-                g.first = other.first;
-                g.steady.insert(other.steady.begin(), other.steady.end());
-            },
-            nb::arg("other"), "Take over what another one has learned of first samples and of patterns.")
+        .def("begin_as", &KalmanGains::begin_as, nb::arg("other"),
+             "Take over how another's stretches begin, and its steady gains.")
         .def("alike", &KalmanGains::alike, nb::arg("other"),
              "Whether these are the gains of the other's machine bit by bit, as far as both are known.")
         .def_prop_ro(
-            "patterns",
-            [](const KalmanGains& g) {
-                std::vector<unsigned> patterns;
-                for (const auto& [pattern, set] : g.steady) patterns.push_back(pattern);
-                return patterns;
-            },
-            "Contact patterns: bit c is set where connection c carries.")
+            "phases", [](const KalmanGains& g) { return g.steady.at(g.carrying).sets.size(); },
+            "Samples after which the ticks of sampled loops repeat; each has gains of its own.")
         .def(
-            "phases", [](const KalmanGains& g, unsigned pattern) { return g.steady.at(pattern).sets.size(); },
-            nb::arg("pattern"), "Samples after which the ticks of sampled loops repeat; each has gains of its own.")
-        .def(
-            "K",
-            [](const KalmanGains& g, unsigned pattern, std::size_t phase) { return g.steady.at(pattern)[phase].K; },
-            nb::arg("pattern"), nb::arg("phase") = 0, "Shape (states + torques + channels, channels).")
+            "K", [](const KalmanGains& g, std::size_t phase) { return g.steady.at(g.carrying)[phase].K; },
+            nb::arg("phase") = 0,
+            "The steady gain, shape (states + torques + channels, again where of order two, again where zeros drift; "
+            "channels).")
         .def(
             "whitening",
-            [](const KalmanGains& g, unsigned pattern, std::size_t phase) {
-                return g.steady.at(pattern)[phase].whitening;
-            },
-            nb::arg("pattern"), nb::arg("phase") = 0, "S^(-1/2), lower triangular, shape (channels, channels).")
+            [](const KalmanGains& g, std::size_t phase) { return g.steady.at(g.carrying)[phase].whitening; },
+            nb::arg("phase") = 0, "Its S^(-1/2), lower triangular, shape (channels, channels).")
         .def(
-            "log_det",
-            [](const KalmanGains& g, unsigned pattern, std::size_t phase) {
-                return g.steady.at(pattern)[phase].log_det;
-            },
-            nb::arg("pattern"), nb::arg("phase") = 0)
+            "log_det", [](const KalmanGains& g, std::size_t phase) { return g.steady.at(g.carrying)[phase].log_det; },
+            nb::arg("phase") = 0, "Its log det S.")
         .def_prop_ro(
-            "learned", [](const KalmanGains& g) { return g.first.size(); },
-            "First samples of a record that have gains of their own.");
+            "sigma", [](const KalmanGains& g) { return g.sigma; },
+            "Standard deviation of what is not known of the states before a sample, where the gain is steady.")
+        .def_prop_ro(
+            "learned", [](const KalmanGains& g) { return g.sojourns.size(); },
+            "Stays in one pattern of modes (what carries, what rests, which limits are met) whose gains were learned.");
 
     m.def(
         "kalman_gains",
         [](const Machine& machine, const SampledRecord& record, const std::vector<NoiseTuple>& sensors,
            const std::map<std::string, TorqueTuple>& torque, double speed, const std::vector<TorqueTuple>& drifts,
            const std::map<std::string, TorqueTuple>& first_torque, std::map<std::string, double> first_deviation,
-           bool every, const std::vector<double>& second) {
+           const std::vector<double>& second) {
             NoiseModel noise;
             FirstState first{{}, std::move(first_deviation)};
             for (const auto& [drive, memory, white] : sensors) noise.sensors.push_back({drive, memory, white});
@@ -114,21 +102,18 @@ void bind_innovations(nb::module_& m) {
             for (const auto& [body, n] : torque) noise.torque[body] = {n.first, n.second};
             for (const auto& [body, n] : first_torque) first.torque[body] = {n.first, n.second};
             const nb::gil_scoped_release unlocked;
-            return kalman_gains(machine, record, noise, speed, first, every);
+            return kalman_gains(machine, record, noise, speed, first);
         },
         nb::arg("machine"), nb::arg("record"), nb::arg("sensors"), nb::arg("torque"), nb::arg("speed") = 0.0,
         nb::arg("drifts") = std::vector<TorqueTuple>{}, nb::arg("first_torque") = std::map<std::string, TorqueTuple>{},
-        nb::arg("first_deviation") = std::map<std::string, double>{}, nb::arg("every") = true,
-        nb::arg("second") = std::vector<double>{},
-        "Steady-state Kalman gains.\n\n"
+        nb::arg("first_deviation") = std::map<std::string, double>{}, nb::arg("second") = std::vector<double>{},
+        "Kalman gains: the steady ones where all meshes carry; `predict` learns the others along a record.\n\n"
         "sensors: (drive, memory, white) per channel: n' = memory n + drive w, and a white part. torque: body -> "
         "(drive, memory) of a torque of unknown course, constant over a sample, d' = memory d + drive w, N*m. speed: "
         "table speed, rad/s, about which laws that "
         "are not affine are linearised. drifts: (drive, memory) per channel of a zero that drifts, or none. What is "
         "not known of the first state is where torques like first_torque (those "
-        "of torque unless told) would take it, and first_deviation besides, state -> standard deviation. every: of all "
-        "contact "
-        "patterns, else of the one in which all carry; `predict` works out the others where it meets them. second: per "
+        "of torque unless told) would take it, and first_deviation besides, state -> standard deviation. second: per "
         "channel, the second partial autocorrelation of its noise, none for order one; memory is the first. Raises "
         "ValueError.");
 
@@ -136,8 +121,8 @@ void bind_innovations(nb::module_& m) {
         "predict",
         [](const Machine& machine, const SampledRecord& record, KalmanGains& gains,
            std::vector<std::map<std::string, double>> initial, const std::vector<double>& offsets, int substeps,
-           int given, bool states, bool learn_first) -> nb::typed<nb::dict, std::string, nb::any> {
-            PredictionOptions options{std::move(initial), offsets, substeps, given, states, learn_first};
+           int given, bool states, bool learn) -> nb::typed<nb::dict, std::string, nb::any> {
+            PredictionOptions options{std::move(initial), offsets, substeps, given, states, learn};
             Prediction p;
             {
                 const nb::gil_scoped_release unlocked;
@@ -163,7 +148,7 @@ void bind_innovations(nb::module_& m) {
         },
         nb::arg("machine"), nb::arg("record"), nb::arg("gains"), nb::kw_only(), nb::arg("initial") = nb::list(),
         nb::arg("offsets") = nb::list(), nb::arg("substeps") = 1, nb::arg("given") = 0, nb::arg("states") = false,
-        nb::arg("learn_first") = false,
+        nb::arg("learn") = false,
         "Replay a record, the state corrected at every sample.\n\n"
         "initial: per stretch, state -> value at its first sample, others 0. offsets: per channel, what its sensor "
         "adds. substeps: "
@@ -171,8 +156,8 @@ void bind_innovations(nb::module_& m) {
         "on, "
         "whose residuals are 0. states: also trajectory, corrections (n, states), torques of unknown "
         "course (n, bodies), innovations (n, "
-        "channels) and contact pattern (n,). learn_first: work out the gains of first samples that `gains` does not "
-        "have, into it.\n"
+        "channels) and pattern (n,), bit c of which says whether connection c carries. learn: keep in `gains` what it "
+        "lacks of this record; else that is worked out again each time.\n"
         "Returns a dict: residuals (n, channels), whitened; log_det; finite; switches. The GIL is released. Raises "
         "ValueError.");
 }

@@ -684,14 +684,14 @@ class SampledRecord:
         """Median distance of the times, s."""
 
 class KalmanGains:
-    """Steady-state Kalman gains of a machine, one set per contact pattern."""
+    """
+    Kalman gains of a machine: the steady ones where all meshes carry, nothing rests and no limit is met, and what was learned along a record.
+    """
 
     def copy(self) -> KalmanGains: ...
 
     def begin_as(self, other: KalmanGains) -> None:
-        """
-        Take over what another one has learned of first samples and of patterns.
-        """
+        """Take over how another's stretches begin, and its steady gains."""
 
     def alike(self, other: KalmanGains) -> bool:
         """
@@ -699,38 +699,46 @@ class KalmanGains:
         """
 
     @property
-    def patterns(self) -> list[int]:
-        """Contact patterns: bit c is set where connection c carries."""
-
-    def phases(self, pattern: int) -> int:
+    def phases(self) -> int:
         """
         Samples after which the ticks of sampled loops repeat; each has gains of its own.
         """
 
-    def K(self, pattern: int, phase: int = 0) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]:
-        """Shape (states + torques + channels, channels)."""
+    def K(self, phase: int = 0) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]:
+        """
+        The steady gain, shape (states + torques + channels, again where of order two, again where zeros drift; channels).
+        """
 
-    def whitening(self, pattern: int, phase: int = 0) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]:
-        """S^(-1/2), lower triangular, shape (channels, channels)."""
+    def whitening(self, phase: int = 0) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]:
+        """Its S^(-1/2), lower triangular, shape (channels, channels)."""
 
-    def log_det(self, pattern: int, phase: int = 0) -> float: ...
+    def log_det(self, phase: int = 0) -> float:
+        """Its log det S."""
+
+    @property
+    def sigma(self) -> Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C')]:
+        """
+        Standard deviation of what is not known of the states before a sample, where the gain is steady.
+        """
 
     @property
     def learned(self) -> int:
-        """First samples of a record that have gains of their own."""
+        """
+        Stays in one pattern of modes (what carries, what rests, which limits are met) whose gains were learned.
+        """
 
-def kalman_gains(machine: Machine, record: SampledRecord, sensors: Sequence[tuple[float, float, float]], torque: Mapping[str, tuple[float, float]], speed: float = 0.0, drifts: Sequence[tuple[float, float]] = [], first_torque: Mapping[str, tuple[float, float]] = {}, first_deviation: Mapping[str, float] = {}, every: bool = True, second: Sequence[float] = []) -> KalmanGains:
+def kalman_gains(machine: Machine, record: SampledRecord, sensors: Sequence[tuple[float, float, float]], torque: Mapping[str, tuple[float, float]], speed: float = 0.0, drifts: Sequence[tuple[float, float]] = [], first_torque: Mapping[str, tuple[float, float]] = {}, first_deviation: Mapping[str, float] = {}, second: Sequence[float] = []) -> KalmanGains:
     """
-    Steady-state Kalman gains.
+    Kalman gains: the steady ones where all meshes carry; `predict` learns the others along a record.
 
-    sensors: (drive, memory, white) per channel: n' = memory n + drive w, and a white part. torque: body -> (drive, memory) of a torque of unknown course, constant over a sample, d' = memory d + drive w, N*m. speed: table speed, rad/s, about which laws that are not affine are linearised. drifts: (drive, memory) per channel of a zero that drifts, or none. What is not known of the first state is where torques like first_torque (those of torque unless told) would take it, and first_deviation besides, state -> standard deviation. every: of all contact patterns, else of the one in which all carry; `predict` works out the others where it meets them. second: per channel, the second partial autocorrelation of its noise, none for order one; memory is the first. Raises ValueError.
+    sensors: (drive, memory, white) per channel: n' = memory n + drive w, and a white part. torque: body -> (drive, memory) of a torque of unknown course, constant over a sample, d' = memory d + drive w, N*m. speed: table speed, rad/s, about which laws that are not affine are linearised. drifts: (drive, memory) per channel of a zero that drifts, or none. What is not known of the first state is where torques like first_torque (those of torque unless told) would take it, and first_deviation besides, state -> standard deviation. second: per channel, the second partial autocorrelation of its noise, none for order one; memory is the first. Raises ValueError.
     """
 
-def predict(machine: Machine, record: SampledRecord, gains: KalmanGains, *, initial: Sequence[Mapping[str, float]] = [], offsets: Sequence[float] = [], substeps: int = 1, given: int = 0, states: bool = False, learn_first: bool = False) -> dict[str, Any]:
+def predict(machine: Machine, record: SampledRecord, gains: KalmanGains, *, initial: Sequence[Mapping[str, float]] = [], offsets: Sequence[float] = [], substeps: int = 1, given: int = 0, states: bool = False, learn: bool = False) -> dict[str, Any]:
     """
     Replay a record, the state corrected at every sample.
 
-    initial: per stretch, state -> value at its first sample, others 0. offsets: per channel, what its sensor adds. substeps: per sample, where a law is not affine. given: first samples of a stretch that the likelihood is conditioned on, whose residuals are 0. states: also trajectory, corrections (n, states), torques of unknown course (n, bodies), innovations (n, channels) and contact pattern (n,). learn_first: work out the gains of first samples that `gains` does not have, into it.
+    initial: per stretch, state -> value at its first sample, others 0. offsets: per channel, what its sensor adds. substeps: per sample, where a law is not affine. given: first samples of a stretch that the likelihood is conditioned on, whose residuals are 0. states: also trajectory, corrections (n, states), torques of unknown course (n, bodies), innovations (n, channels) and pattern (n,), bit c of which says whether connection c carries. learn: keep in `gains` what it lacks of this record; else that is worked out again each time.
     Returns a dict: residuals (n, channels), whitened; log_det; finite; switches. The GIL is released. Raises ValueError.
     """
 

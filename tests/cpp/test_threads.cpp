@@ -78,7 +78,7 @@ TEST_CASE("predictions that share record and gains have the bits of one alone") 
     const KalmanGains gains = kalman_gains(machine, record, noise, 0.1);
     PredictionOptions options;
     KalmanGains own = gains;
-    options.learn_first = true;
+    options.learn = true;
     const Prediction alone = predict(machine, record, own, options);
     REQUIRE(alone.finite);
     std::vector<Prediction> found(several);

@@ -2,8 +2,9 @@
 //
 // The machine is a stochastic grey box (Kristensen, Madsen, Jørgensen, Automatica 40 (2004) 225–237): its own equations with
 // all their switches, driven besides by torques d of unknown course, one per equation, states of the filter themselves; and
-// sensors with noise that has a memory. Between samples the state flows as it does in a simulation; at a sample it is corrected by the steady-state Kalman
-// gain of the contact pattern it is in:
+// sensors with noise that has a memory. Between samples the state flows as it does in a simulation; at a sample it is
+// corrected by the gain of an extended Kalman filter, whose covariance P goes along through every change of the modes
+// (Jazwinski, Stochastic Processes and Filtering Theory, 1970, §8.3):
 //
 //   e_k = y_k − h(z⁻_k) − n⁻_k,   (z_k, d_k, n_k) = (z⁻_k, d⁻_k, n⁻_k) + K_s e_k,   r_k = S_s^(−1/2) e_k
 //
@@ -19,6 +20,7 @@
 
 #include "dualdrive/machine.hpp"
 #include "dualdrive/signal.hpp"
+#include "dualdrive/switching.hpp"
 
 namespace dualdrive {
 
@@ -88,10 +90,14 @@ class SampledRecord {
     double step_ = 0.0, begin_ = 0.0;
 };
 
-// Steady-state Kalman gains of a machine, one set per contact pattern (bit c: connection c carries), and those of the first
-// samples of a stretch, while the filter still learns where the state is: as if the pattern had been the present one from
-// the first sample on, so that no gain depends on the way there and residuals change smoothly with the numbers. Patterns that are not
-// there yet are worked out when a record meets them: of many drives most never occur.
+// The gains of an extended Kalman filter along a record, and what is needed to go on with them.
+//
+// A tangent belongs to a pattern of modes: which meshes carry, what rests, which limits are met. While it holds, gains are
+// those of a linear system and can be worked out beforehand; where it changes, the covariance goes on from what it had become.
+// So they are kept by sojourn: a stay in one pattern, from the covariance with which it began. The first ones of a stretch
+// begin with what is not known of its state; all others where another one was left. A replay under other numbers that leaves
+// a sojourn a sample sooner or later takes the gains of the nearest that is known, so that residuals change smoothly with the
+// numbers.
 struct KalmanGains {
     struct Set {
         // (states + torques + channels, again where of order two, again where zeros drift) × channels
@@ -106,24 +112,38 @@ struct KalmanGains {
     };
     struct Piece {
         Phased sets;
-        std::size_t end = 0;  // samples after the first: till there they serve
+        std::size_t end = 0;  // samples after the first of the sojourn: till there they serve
     };
-    struct First {
+    struct Exit {
+        std::size_t age = 0;   // samples after the first, of the last sample before another pattern
+        Modes pattern;         // that one
+        std::size_t next = 0;  // sojourn that follows
+    };
+    struct Sojourn {
+        Modes pattern;
+        std::size_t phase = 0;  // of its first sample
+        Eigen::MatrixXd begin;  // covariance of the state before its first sample
+        Eigen::MatrixXd P;      // and before the sample `of`, where the pieces go on
+        std::size_t of = 0;     // samples after the first
+        bool settled = false;   // the steady gains serve from the end of the pieces on
         std::vector<Piece> pieces;
-        Eigen::MatrixXd P;     // covariance of the state before the sample `of`, where they go on
-        std::size_t of = 0;    // samples after the first
-        bool settled = false;  // the steady gains serve from their end on
+        std::vector<Exit> exits;
     };
-    using Begin = std::pair<unsigned, std::size_t>;  // pattern, and phase of a stretch's first sample
+    using Begin = std::pair<Modes, std::size_t>;  // pattern, and phase of a stretch's first sample
     NoiseModel noise;
     Eigen::VectorXd at_first;  // standard deviation of what is not known of each state at the first sample
     double speed = 0.0;        // table speed about which laws that are not affine are linearised, rad/s
-    std::map<unsigned, Phased> steady;
-    std::map<Begin, First> first;
+    Modes carrying;            // the pattern in which all meshes carry, nothing rests and no limit is met
+    Eigen::VectorXd sigma;     // standard deviation of what is not known of each state there
+    std::map<Modes, Phased> steady;
+    std::vector<Sojourn> sojourns;
+    std::map<Begin, std::size_t> first;  // those with which stretches begin
 
     // Whether these are the gains of the other's machine bit by bit, as far as both are known: settings of a record that
     // no tangent feels, as its tension, make no difference.
     bool alike(const KalmanGains& other) const;
+    // Takes over how another's stretches begin, and its steady gains.
+    void begin_as(const KalmanGains& other);
 };
 
 // What is not known of the state at the first sample: where torques of unknown course of this size would take it, and, by
@@ -133,11 +153,11 @@ struct FirstState {
     std::map<std::string, double> deviation;
 };
 
-// The gains of the machine's tangents about motion at table speed `speed`, rad/s. Throws std::domain_error where a Riccati
-// equation has no solution: a state that grows and that no sensor sees.
-// every: of all patterns, else of the one in which all contacts carry alone.
+// The gains of the machine's tangents about motion at table speed `speed`, rad/s: the steady ones where all meshes carry; all
+// others are learned along a record. Throws std::domain_error where the Riccati equation has no solution: a state that grows
+// and that no sensor sees.
 KalmanGains kalman_gains(const Machine& machine, const SampledRecord& record, const NoiseModel& noise, double speed,
-                         const FirstState& first = {}, bool every = true);
+                         const FirstState& first = {});
 
 struct PredictionOptions {
     // per stretch: state name -> value at its first sample; all others 0, and those of stretches without an entry
@@ -146,7 +166,7 @@ struct PredictionOptions {
     int substeps = 1;             // per sample, where a law is not affine
     int given = 0;                // first samples of a stretch that the likelihood is conditioned on: they do not count
     bool states = false;          // keep states and contact patterns
-    bool learn_first = false;     // what gains.first and gains.steady lack along this record is kept there
+    bool learn = false;           // what `gains` lacks along this record is kept there
 };
 
 struct Prediction {
@@ -160,11 +180,11 @@ struct Prediction {
     std::vector<std::string> bodies;  // of the torques of unknown course
     std::vector<double> torques;      // samples × bodies, corrected, N·m
     std::vector<double> innovations;  // samples × channels: e, in the channels' units
-    std::vector<int> pattern;         // contact pattern per sample
+    std::vector<int> pattern;         // per sample, bit c: connection c carries
     static constexpr double lost = 300.0;
 };
 
-// One replay. `gains` belong to a machine of the same states; with learn_first they are completed.
+// One replay. `gains` belong to a machine of the same states; with `learn` they are completed.
 Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGains& gains,
                    const PredictionOptions& options);
 

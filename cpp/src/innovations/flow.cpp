@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <stdexcept>
 
 #include "../simulation/affine.hpp"
@@ -74,10 +75,33 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
 
 Flow::~Flow() = default;
 
-unsigned Flow::pattern_of(const Modes& modes) const {
+unsigned Flow::contacts_of(const Modes& modes) const {
     unsigned pattern = 0;
     for (std::size_t c = 0; c < contacts_.size(); ++c)
         if (flank::carries(modes[static_cast<std::size_t>(contacts_[c])])) pattern |= 1u << c;
+    return pattern;
+}
+
+Modes Flow::pattern_of(const Modes& modes) const {
+    Modes pattern = modes;
+    for (std::size_t e = 0; e < modes.size(); ++e) {
+        const SwitchKind kind = layout_.switches[e].kind;
+        if (kind == SwitchKind::flank)
+            pattern[e] = flank::carries(modes[e]) ? flank::front : flank::gap;
+        else if (kind != SwitchKind::branch)
+            pattern[e] = static_cast<Mode>(std::abs(modes[e]));
+    }
+    return pattern;
+}
+
+Modes Flow::carrying() const {
+    Modes pattern(layout_.switches.size(), limiter::linear);
+    for (std::size_t e = 0; e < pattern.size(); ++e) {
+        const SwitchKind kind = layout_.switches[e].kind;
+        if (kind == SwitchKind::flank) pattern[e] = flank::front;
+        if (kind == SwitchKind::stick) pattern[e] = stick::forward;
+        if (kind == SwitchKind::branch) pattern[e] = branch::positive;
+    }
     return pattern;
 }
 
@@ -142,31 +166,37 @@ Frozen& Flow::frozen() {
         known = std::make_unique<Frozen>(
             prepare(affine_ ? reader_.read(modes_) : reader_.tangent(modes_, cell_.low, y_.data()), modes_));
         known->pattern = pattern_of(modes_);
+        known->contacts = contacts_of(modes_);
     }
     return *known;
 }
 
-Frozen Flow::tangent(unsigned pattern, double speed) {
-    Modes modes(layout_.switches.size(), 0);
+Frozen Flow::tangent(const Modes& pattern, double speed, const Eigen::VectorXd& sigma) {
     std::vector<double> z(static_cast<std::size_t>(states()), 0.0);
-    for (std::size_t e = 0; e < modes.size(); ++e) {
-        const Switch& s = layout_.switches[e];
-        if (s.kind == SwitchKind::stick) modes[e] = stick::forward;
-        if (s.kind == SwitchKind::branch) modes[e] = branch::positive;
-    }
     for (int g = 0; g < layout_.groups; ++g) z[static_cast<std::size_t>(g)] = speed;
-    for (std::size_t c = 0; c < contacts_.size(); ++c)
-        if (pattern >> c & 1u) {
-            const auto e = static_cast<std::size_t>(contacts_[c]);
-            const auto connection = static_cast<std::size_t>(layout_.switches[e].index);
-            modes[e] = flank::front;
-            const auto p =
-                read_component<Connection<double>>(machine_.values().data() + machine_.connections()[connection].first);
-            z[static_cast<std::size_t>(layout_.twist[connection])] = 1.5 * p.gap + 1e-4;
-        }
-    model_.evaluate(0.0, z.data(), {modes.data(), cell_, nullptr, nullptr});
-    Frozen f = prepare(affine_ ? reader_.read(modes) : reader_.tangent(modes, 0.0, z.data()), modes);
+    for (const int element : sticks_)
+        if (pattern[static_cast<std::size_t>(element)] == stick::stuck) z[resting(element)] = 0.0;
+    for (const int element : contacts_) {
+        const auto e = static_cast<std::size_t>(element);
+        if (pattern[e] != flank::front) continue;
+        const auto connection = static_cast<std::size_t>(layout_.switches[e].index);
+        const auto p =
+            read_component<Connection<double>>(machine_.values().data() + machine_.connections()[connection].first);
+        z[static_cast<std::size_t>(layout_.twist[connection])] = 1.5 * p.gap + 1e-4;
+    }
+    model_.evaluate(0.0, z.data(), {pattern.data(), cell_, nullptr, nullptr});
+    Frozen f = prepare(affine_ ? reader_.read(pattern) : reader_.tangent(pattern, 0.0, z.data()), pattern);
     f.pattern = pattern;
+    f.contacts = contacts_of(pattern);
+    for (std::size_t b = 0; b < bodies_.size() && sigma.size() > 0; ++b) {
+        const int g = layout_.group_of[static_cast<std::size_t>(bodies_[b])];
+        const int element = layout_.stick_of[static_cast<std::size_t>(g)];
+        if (element < 0 || pattern[static_cast<std::size_t>(element)] != stick::stuck) continue;
+        const double viscous = std::sqrt(2.0 / std::numbers::pi) * model_.friction_limit(g, stick::forward);
+        if (viscous > 0.0)
+            f.A.col(first_torque() + static_cast<Eigen::Index>(b)) +=
+                f.A.col(g) * (model_.ratio(bodies_[b]) * sigma(g) / viscous);
+    }
     return f;
 }
 

@@ -29,7 +29,8 @@ struct Frozen {
     std::vector<double> packed;  // A, column-major, padded rows
     double bound = 0.0;          // on its spectral radius, 1/s
     std::vector<Step> steps;     // most_lengths at most
-    unsigned pattern = 0;        // contacts that carry
+    unsigned contacts = 0;       // bit c: connection c carries
+    Modes pattern;               // what its tangent depends on: see Flow::pattern_of
     std::vector<std::vector<double>>
         guard_gain;  // by phase: G K of the steady gain, column-major; empty until asked for
 };
@@ -66,9 +67,13 @@ class Flow final {
     // motion. steady: K is that of the pattern and the phase, whose effect on the guards is kept.
     void correct(std::size_t sample, const Eigen::MatrixXd& K, const double* e, const double* moved, bool holds,
                  bool steady);
-    // The tangent for gains: given contacts carry, bodies slide at table speed `speed`, limiters are linear.
-    Frozen tangent(unsigned pattern, double speed);
-    unsigned patterns() const { return 1u << contacts_.size(); }
+    Modes carrying() const;  // all meshes carry, all slides, no limit is met
+    // The tangent for gains in a pattern: what slides does so at table speed `speed`, and what rests creeps under torques of
+    // unknown course. That it rests is known no better than its speed, by a standard deviation σ: dry friction F is to the
+    // filter viscous friction √(2/π) F/σ (statistical linearisation; Gelb, Vander Velde, Multiple-Input Describing Functions
+    // and Nonlinear System Design, 1968). Without it no torque of unknown course could be told while a body rests.
+    // sigma: by state; empty: no creep.
+    Frozen tangent(const Modes& pattern, double speed, const Eigen::VectorXd& sigma);
     // Samples after which the ticks of sampled loops repeat; 1 where none tick, or too many would be.
     std::size_t phases() const { return phases_; }
     std::size_t phase(std::size_t sample) const;
@@ -101,7 +106,10 @@ class Flow final {
     double next_tick(double t) const;
     void settle(std::size_t sample);
     void stop_or_slide(double t, int element);
-    unsigned pattern_of(const Modes& modes) const;
+    unsigned contacts_of(const Modes& modes) const;
+    // Modes whose tangents are alike as one: a mesh carries or not, a body rests or slides, a limit is met or not, whichever
+    // way.
+    Modes pattern_of(const Modes& modes) const;
 
     const Machine& machine_;
     const SampledRecord& record_;

@@ -1,74 +1,140 @@
 #include "gain_schedule.hpp"
 
+#include <stdexcept>
+#include <utility>
+
 namespace dualdrive::innovations {
 
+namespace {
+
+// Samples of a stay, from which the steady gains of its pattern are worth working out.
+constexpr std::size_t long_stay = 400;
+// Sojourns that are kept: some 100 kB each where they last long. What comes after is worked out again by every replay.
+constexpr std::size_t most_sojourns = 2000;
+
+}  // namespace
+
 GainSchedule::GainSchedule(const Machine& machine, const SampledRecord& record, KalmanGains& gains, bool learn)
-    : machine_(machine), record_(record), gains_(gains), learn_(learn), early_(learn || !gains.first.empty()) {}
+    : machine_(machine), record_(record), gains_(gains), learn_(learn) {}
 
-void GainSchedule::begin(std::size_t phase) {
-    begin_ = phase;
-    for (auto& [pattern, own] : patterns_) own.first = nullptr;
-}
-
-GainSchedule::Scheduled GainSchedule::at(unsigned pattern, std::size_t sample, std::size_t phase) {
-    Pattern& own = patterns_[pattern];
-    if (!own.steady) find_steady(pattern);
-    if (early_) {
-        if (!own.first) find_first(pattern);
-        if (!own.first->settled && (own.first->pieces.empty() || own.first->pieces.back().end <= sample))
-            reach(pattern, sample);
-        const auto& pieces = own.first->pieces;
-        while (own.piece < pieces.size() && pieces[own.piece].end <= sample) ++own.piece;
-        if (own.piece < pieces.size()) return {pieces[own.piece].sets[phase], false};
+void GainSchedule::begin(const Modes& pattern, std::size_t phase) {
+    age_ = piece_ = 0;
+    const KalmanGains::Begin key{pattern, phase};
+    if (const auto known = gains_.first.find(key); known != gains_.first.end()) {
+        now_ = {false, known->second};
+    } else if (const auto own = own_first_.find(key); own != own_first_.end()) {
+        now_ = own->second;
+    } else {
+        Sojourn first;
+        first.pattern = pattern;
+        first.phase = phase;
+        first.begin = space(pattern).start(gains_.at_first);
+        now_ = more(std::move(first), learn_);
+        if (now_.own)
+            own_first_[key] = now_;
+        else
+            gains_.first[key] = now_.index;
     }
-    return {(*own.steady)[phase], true};
 }
 
-StateSpace& GainSchedule::space(unsigned pattern) {
-    Pattern& own = patterns_[pattern];
+void GainSchedule::depart(const Modes& pattern, std::size_t phase) {
+    if (pattern == sojourn(now_).pattern) {
+        ++age_;
+        return;
+    }
+    now_ = after(pattern, phase);
+    age_ = piece_ = 0;
+}
+
+GainSchedule::Scheduled GainSchedule::at(const Modes& pattern, std::size_t phase) {
+    for (;;) {
+        const Sojourn& own = sojourn(now_);
+        while (piece_ < own.pieces.size() && own.pieces[piece_].end <= age_) ++piece_;
+        if (piece_ < own.pieces.size()) return {own.pieces[piece_].sets[phase], false};
+        if (!own.settled) {
+            work_out();
+            continue;
+        }
+        const KalmanGains::Phased* last = steady(own.pattern);
+        if (!last) throw std::domain_error("predict: no steady gain; a state grows that no sensor sees");
+        return {(*last)[phase], pattern == own.pattern};
+    }
+}
+
+const KalmanGains::Sojourn& GainSchedule::sojourn(const Place& place) const {
+    return place.own ? own_[place.index] : gains_.sojourns[place.index];
+}
+
+GainSchedule::Place GainSchedule::more(Sojourn sojourn, bool kept) {
+    if (kept && gains_.sojourns.size() < most_sojourns) {
+        gains_.sojourns.push_back(std::move(sojourn));
+        return {false, gains_.sojourns.size() - 1};
+    }
+    own_.push_back(std::move(sojourn));
+    return {true, own_.size() - 1};
+}
+
+// The sojourn that follows where the present one is left after this sample.
+GainSchedule::Place GainSchedule::after(const Modes& pattern, std::size_t phase) {
+    const KalmanGains::Exit* nearest = nullptr;
+    const auto off = [&](const KalmanGains::Exit& e) { return e.age > age_ ? e.age - age_ : age_ - e.age; };
+    for (const auto& exit : sojourn(now_).exits)
+        if (exit.pattern == pattern && (!nearest || off(exit) < off(*nearest))) nearest = &exit;
+    if (nearest && (!learn_ || nearest->age == age_)) return {false, nearest->next};
+    const std::tuple key{now_, age_, pattern};
+    if (const auto own = own_exits_.find(key); own != own_exits_.end()) return own->second;
+
+    StateSpace &here = space(sojourn(now_).pattern), &there = space(pattern);
+    const Eigen::MatrixXd P = covariance(sojourn(now_), here, age_);
+    Sojourn next;
+    next.pattern = pattern;
+    next.phase = (phase + 1) % there.phases();
+    next.begin = there.next(P, here.gain(P), phase);
+    const Place place = more(std::move(next), learn_ && !now_.own);
+    if (place.own)
+        own_exits_[key] = place;
+    else
+        gains_.sojourns[now_.index].exits.push_back({age_, pattern, place.index});
+    return place;
+}
+
+// Gains of the present sojourn, till the present sample at least.
+void GainSchedule::work_out() {
+    if (!now_.own && !learn_) {
+        const auto [longer, added] = longer_.try_emplace(now_.index, Place{true, own_.size()});
+        if (added) own_.push_back(gains_.sojourns[now_.index]);
+        now_ = longer->second;
+    }
+    Sojourn& own = now_.own ? own_[now_.index] : gains_.sojourns[now_.index];
+    const bool lasts = own.pattern == gains_.carrying || age_ >= long_stay;
+    reach(own, space(own.pattern), age_, lasts ? steady(own.pattern) : nullptr);
+}
+
+StateSpace& GainSchedule::space(const Modes& pattern) {
+    Tangent& own = tangents_[pattern];
     if (!own.space) {
-        if (!tangents_) {
+        if (!flow_) {
             std::vector<std::string> bodies;
             for (const auto& [body, torque] : gains_.noise.torque) bodies.push_back(body);
-            tangents_ = std::make_unique<Flow>(machine_, record_, 1, bodies);
+            flow_ = std::make_unique<Flow>(machine_, record_, 1, bodies);
         }
-        own.space = std::make_unique<StateSpace>(*tangents_, record_, gains_.noise, pattern, gains_.speed);
+        own.space = std::make_unique<StateSpace>(*flow_, record_, gains_.noise, pattern, gains_.speed, gains_.sigma);
     }
     return *own.space;
 }
 
-void GainSchedule::find_steady(unsigned pattern) {
-    Pattern& own = patterns_[pattern];
-    if (const auto known = gains_.steady.find(pattern); known != gains_.steady.end()) {
-        own.steady = &known->second;
-    } else {
+const KalmanGains::Phased* GainSchedule::steady(const Modes& pattern) {
+    Tangent& own = tangents_[pattern];
+    if (own.steady || own.wanders) return own.steady;
+    if (const auto known = gains_.steady.find(pattern); known != gains_.steady.end())
+        return own.steady = &known->second;
+    try {
         auto& more = learn_ ? gains_.steady : own_steady_;
         own.steady = &more.emplace(pattern, space(pattern).steady()).first->second;
+    } catch (const std::domain_error&) {
+        own.wanders = true;
     }
-}
-
-void GainSchedule::find_first(unsigned pattern) {
-    Pattern& own = patterns_[pattern];
-    const KalmanGains::Begin begins{pattern, begin_};
-    own.piece = 0;
-    if (const auto known = gains_.first.find(begins); known != gains_.first.end())
-        own.first = &known->second;
-    else
-        own.first = learn_ ? &gains_.first[begins] : &own_first_[begins];
-}
-
-void GainSchedule::reach(unsigned pattern, std::size_t sample) {
-    Pattern& own = patterns_[pattern];
-    auto learning = own.learning.find(begin_);
-    if (learning == own.learning.end()) {
-        const KalmanGains::Begin begins{pattern, begin_};
-        KalmanGains::First& kept = learn_ ? gains_.first[begins] : own_first_[begins];
-        if (own.first != &kept) kept = *own.first;
-        own.first = &kept;
-        learning = own.learning.try_emplace(begin_, space(pattern), gains_.at_first, begin_, kept).first;
-    }
-    own.first = &learning->second.kept();
-    learning->second.reach(sample, *own.steady);
+    return own.steady;
 }
 
 }  // namespace dualdrive::innovations

@@ -1,50 +1,63 @@
-// Which Kalman gain serves at a sample: by contact pattern, phase of the ticks, and how long ago the stretch began.
+// Which Kalman gain serves at a sample: by the way that the modes took since the stretch began.
 #pragma once
 
+#include <deque>
 #include <map>
 #include <memory>
+#include <tuple>
 
-#include "gains.hpp"
+#include "sojourn.hpp"
 
 namespace dualdrive::innovations {
 
 class GainSchedule {
   public:
-    // Machine, record and gains must outlive it. learn: what is worked out on the way stays in `gains`, first gains included;
-    // else it is forgotten, and first gains are in use where `gains` has some.
+    // Machine, record and gains must outlive it. learn: what is worked out on the way stays in `gains`; else it is forgotten.
     GainSchedule(const Machine& machine, const SampledRecord& record, KalmanGains& gains, bool learn);
 
-    // A stretch begins, at this phase.
-    void begin(std::size_t phase);
+    // A stretch begins, its first sample of this phase.
+    void begin(const Modes& pattern, std::size_t phase);
+    // On to the next sample, in the pattern in which the present one, of this phase, is left.
+    void depart(const Modes& pattern, std::size_t phase);
     struct Scheduled {
         const KalmanGains::Set& set;
-        bool steady;
+        bool steady;  // it is the steady one of this pattern
     };
-    // sample: counted from the first of the stretch, not less than before. Throws std::domain_error.
-    Scheduled at(unsigned pattern, std::size_t sample, std::size_t phase);
+    // At the present sample, to which this pattern led. Throws std::domain_error.
+    Scheduled at(const Modes& pattern, std::size_t phase);
 
   private:
-    struct Pattern {
-        const KalmanGains::Phased* steady = nullptr;
-        const KalmanGains::First* first = nullptr;  // of the present stretch
-        std::size_t piece = 0;                      // of them, at the last sample asked for
-        std::unique_ptr<StateSpace> space;          // empty until asked for
-        std::map<std::size_t, FirstGains> learning;
+    using Sojourn = KalmanGains::Sojourn;
+    struct Place {  // of a sojourn: among those of `gains`, or own ones
+        bool own;
+        std::size_t index;
+        auto operator<=>(const Place&) const = default;
     };
-    StateSpace& space(unsigned pattern);
-    void find_steady(unsigned pattern);
-    void find_first(unsigned pattern);
-    void reach(unsigned pattern, std::size_t sample);
+    struct Tangent {
+        std::unique_ptr<StateSpace> space;            // empty until asked for
+        const KalmanGains::Phased* steady = nullptr;  // likewise
+        bool wanders = false;                         // there are none
+    };
+    StateSpace& space(const Modes& pattern);
+    const KalmanGains::Phased* steady(const Modes& pattern);  // null where there are none
+    const Sojourn& sojourn(const Place& place) const;
+    Place more(Sojourn sojourn, bool kept);
+    Place after(const Modes& pattern, std::size_t phase);
+    void work_out();
 
     const Machine& machine_;
     const SampledRecord& record_;
     KalmanGains& gains_;
-    const bool learn_, early_;
-    std::size_t begin_ = 0;  // phase of the present stretch's first sample
-    std::map<unsigned, Pattern> patterns_;
-    std::map<unsigned, KalmanGains::Phased> own_steady_;
-    std::map<KalmanGains::Begin, KalmanGains::First> own_first_;
-    std::unique_ptr<Flow> tangents_;  // apart from the flow of the replay, whose state it would disturb
+    const bool learn_;
+    Place now_ = {true, 0};
+    std::size_t age_ = 0, piece_ = 0;  // of the present sample in its sojourn
+    std::deque<Sojourn> own_;
+    std::map<KalmanGains::Begin, Place> own_first_;
+    std::map<std::tuple<Place, std::size_t, Modes>, Place> own_exits_;
+    std::map<std::size_t, Place> longer_;  // own ones that go on where one of `gains` ends
+    std::map<Modes, Tangent> tangents_;
+    std::map<Modes, KalmanGains::Phased> own_steady_;
+    std::unique_ptr<Flow> flow_;  // apart from the flow of the replay, whose state it would disturb
 };
 
 }  // namespace dualdrive::innovations

@@ -18,7 +18,8 @@ bool NoiseModel::of_order_two() const {
 }
 
 bool KalmanGains::alike(const KalmanGains& other) const {
-    if (at_first.size() != other.at_first.size() || at_first != other.at_first) return false;
+    if (carrying != other.carrying || at_first.size() != other.at_first.size() || at_first != other.at_first)
+        return false;
     for (const auto& [pattern, own] : steady) {
         const auto found = other.steady.find(pattern);
         if (found == other.steady.end()) continue;
@@ -31,6 +32,17 @@ bool KalmanGains::alike(const KalmanGains& other) const {
     return true;
 }
 
+void KalmanGains::begin_as(const KalmanGains& other) {
+    sojourns.clear();
+    first.clear();
+    for (const auto& [begin, index] : other.first) {
+        first[begin] = sojourns.size();
+        sojourns.push_back(other.sojourns[index]);
+        sojourns.back().exits.clear();
+    }
+    steady.insert(other.steady.begin(), other.steady.end());
+}
+
 namespace innovations {
 
 using Eigen::MatrixXd;
@@ -41,19 +53,17 @@ namespace {
 constexpr std::size_t short_while = 100;  // samples within which a state's typical size is reached
 constexpr double forgotten = 100.0;       // s: see steady()
 constexpr double unknown = 100.0;         // of that size: what is not known of the first state
-constexpr int eighths = 3;                // of every octave, then: a power of two of pieces
-constexpr std::size_t most_pieces = 400;
-constexpr double settled_gain = 1e-7;  // difference of log det S per channel: the steady gain takes over unnoticed
-constexpr double white_floor = 1e-3;   // of a sensor's drive: no reading is exact, and R has an inverse
+constexpr double white_floor = 1e-3;      // of a sensor's drive: no reading is exact, and R has an inverse
 
 // 1 − memory², by which a stationary variance is larger than what drives it.
 double unforgotten(double memory) { return std::max(1e-9, 1.0 - memory * memory); }
 
 }  // namespace
 
-StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel& noise, unsigned pattern, double speed)
+StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel& noise, const Modes& pattern,
+                       double speed, const VectorXd& sigma)
     : states_(flow.states()), step_(record.step()) {
-    const Frozen frozen = flow.tangent(pattern, speed);
+    const Frozen frozen = flow.tangent(pattern, speed, sigma);
     const auto torques = Eigen::Index{flow.torque_count()}, n = states_ + torques,
                m = static_cast<Eigen::Index>(record.channels().size());
     const Eigen::Index before = noise.of_order_two() ? m : 0, drifts = noise.drifts() ? m : 0;
@@ -102,8 +112,16 @@ StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel
         F_.push_back(F);
         moved_.emplace_back(F.topLeftCorner(states_, n));
     }
-    scale_ = reached();
-    units_ = (scale_.array() > 0.0).select(scale_, 1.0);
+}
+
+const VectorXd& StateSpace::scale() {
+    if (scale_.size() == 0) scale_ = reached();
+    return scale_;
+}
+
+const VectorXd& StateSpace::units() {
+    if (units_.size() == 0) units_ = (scale().array() > 0.0).select(scale(), 1.0);
+    return units_;
 }
 
 VectorXd StateSpace::reached() const {
@@ -129,8 +147,8 @@ KalmanGains::Set StateSpace::gain(const MatrixXd& P) const {
     return set;
 }
 
-RiccatiDoubling StateSpace::doubling(double kept) const {
-    const VectorXd& s = units_;
+RiccatiDoubling StateSpace::doubling(double kept) {
+    const VectorXd& s = units();
     const VectorXd outputs = (C_ * s.asDiagonal()).rowwise().norm().cwiseMax(R_.diagonal().cwiseSqrt());
     const MatrixXd own = outputs.cwiseInverse().asDiagonal(), inverse = s.cwiseInverse().asDiagonal();
     std::vector<MatrixXd> scaled;
@@ -152,27 +170,28 @@ KalmanGains::Phased StateSpace::gains(MatrixXd P, std::size_t phase) const {
     return found;
 }
 
-KalmanGains::Phased StateSpace::steady() {
-    if (Q_.rows() == sensors_ + C_.rows() && scale_.head(sensors_).isZero(0)) {
+MatrixXd StateSpace::steady_covariance() {
+    if (Q_.rows() == sensors_ + C_.rows() && scale().head(sensors_).isZero(0)) {
         // a simulation: nothing but the sensors' own noise is to be learned
         MatrixXd P = MatrixXd::Zero(Q_.rows(), Q_.rows());
         for (Eigen::Index j = sensors_, k = 0; j < Q_.rows(); ++j, ++k) {
             const double f = F_.front()(j, j), q = Q_(j, j), r = R_(k, k), b = r * (1.0 - f * f) - q;
             P(j, j) = 0.5 * (-b + std::sqrt(b * b + 4.0 * q * r));
         }
-        return {{gain(P)}};
+        return P;
     }
     // what nothing shows and nothing feels may walk away, as the difference of two slaves' equalisers does that both act on
     // the master: forgotten over minutes it stays finite, and no gain feels it
     Steady found = horizon().steady();
     if (!found.converged) found = doubling(std::exp(-step_ / forgotten)).steady();
     if (!found.converged) throw std::domain_error("kalman_gains: no steady gain; a state grows that no sensor sees");
-    return gains(units_.asDiagonal() * found.P * units_.asDiagonal(), 0);
+    return units().asDiagonal() * found.P * units().asDiagonal();
 }
 
 MatrixXd StateSpace::later(const MatrixXd& P, std::size_t periods) {
-    const auto inverse = units_.cwiseInverse().asDiagonal();
-    return units_.asDiagonal() * horizon().after(inverse * P * inverse, periods) * units_.asDiagonal();
+    const VectorXd& s = units();
+    const MatrixXd scaled = s.cwiseInverse().asDiagonal() * P * s.cwiseInverse().asDiagonal();
+    return s.asDiagonal() * horizon().after(scaled, periods) * s.asDiagonal();
 }
 
 MatrixXd StateSpace::start(const VectorXd& deviation) const {
@@ -198,51 +217,10 @@ MatrixXd StateSpace::next(const MatrixXd& P, const KalmanGains::Set& set, std::s
     return next;
 }
 
-FirstGains::FirstGains(StateSpace& space, const VectorXd& deviation, std::size_t phase, KalmanGains::First& kept)
-    : space_(space), phase_(phase), kept_(kept) {
-    if (kept_.P.size() == 0) kept_.P = space_.start(deviation);
-}
-
-void FirstGains::reach(std::size_t sample, const KalmanGains::Phased& steady) {
-    auto& pieces = kept_.pieces;
-    const std::size_t period = space_.phases();
-    const auto phase = [&](std::size_t k) { return (phase_ + k) % period; };
-    while (!kept_.settled && (pieces.empty() || pieces.back().end <= sample)) {
-        const std::size_t begin = pieces.empty() ? 0 : pieces.back().end;
-        std::size_t length = 1, middle = begin;
-        if (begin >= one_by_one) {
-            length = std::max(period, std::size_t{1} << (std::ilogb(static_cast<double>(begin)) - eighths));
-            middle = begin + length / 2;
-            middle += (period - phase(middle)) % period;  // from there whole periods are leapt over
-        }
-        go_on_to(middle);
-        auto sets = length == 1 ? KalmanGains::Phased{{space_.gain(kept_.P)}} : space_.gains(kept_.P, phase(middle));
-        const double away = std::abs(sets[phase(middle)].log_det - steady[phase(middle)].log_det);
-        // the machine's tangent may grow beyond numbers
-        kept_.settled = !(away > settled_gain * static_cast<double>(space_.outputs())) || pieces.size() >= most_pieces;
-        if (std::isfinite(away)) pieces.push_back({std::move(sets), begin + length});
-    }
-}
-
-// Sample by sample to the first phase, then whole periods at once.
-void FirstGains::go_on_to(std::size_t sample) {
-    const std::size_t period = space_.phases();
-    const auto phase = [&] { return (phase_ + kept_.of) % period; };
-    const auto one = [&] {
-        kept_.P = space_.next(kept_.P, space_.gain(kept_.P), phase());
-        ++kept_.of;
-    };
-    while (kept_.of < sample && (phase() != 0 || sample - kept_.of == 1)) one();
-    const std::size_t leap = (sample - kept_.of) / period * period;
-    if (leap > 0) kept_.P = space_.later(kept_.P, leap / period);
-    kept_.of += leap;
-    while (kept_.of < sample) one();
-}
-
 }  // namespace innovations
 
 KalmanGains kalman_gains(const Machine& machine, const SampledRecord& record, const NoiseModel& noise, double speed,
-                         const FirstState& first, bool every) {
+                         const FirstState& first) {
     if (noise.sensors.size() != record.channels().size())
         throw std::invalid_argument("kalman_gains: " + std::to_string(noise.sensors.size()) + " noises for " +
                                     std::to_string(record.channels().size()) + " channels");
@@ -252,13 +230,16 @@ KalmanGains kalman_gains(const Machine& machine, const SampledRecord& record, co
     KalmanGains gains;
     gains.noise = noise;
     gains.speed = speed;
-    const unsigned all = flow.patterns() - 1;
-    for (unsigned pattern = every ? 0 : all; pattern <= all; ++pattern)
-        gains.steady[pattern] = innovations::StateSpace(flow, record, noise, pattern, speed).steady();
+    gains.carrying = flow.carrying();
+    innovations::StateSpace carrying(flow, record, noise, gains.carrying, speed, {});
+    const Eigen::MatrixXd P = carrying.steady_covariance();
+    gains.steady[gains.carrying] = carrying.gains(P, 0);
+    gains.sigma = P.diagonal().head(flow.states()).cwiseMax(0.0).cwiseSqrt();
     NoiseModel wide = noise;
     for (const auto& [body, torque] : first.torque)
         if (wide.torque.contains(body)) wide.torque[body] = torque;
-    gains.at_first = innovations::unknown * innovations::StateSpace(flow, record, wide, all, speed).scale();
+    gains.at_first =
+        innovations::unknown * innovations::StateSpace(flow, record, wide, gains.carrying, speed, {}).scale();
     for (const auto& [name, deviation] : first.deviation)
         if (const int k = flow.layout().state(name); k >= 0)
             gains.at_first(k) = std::hypot(gains.at_first(k), deviation);

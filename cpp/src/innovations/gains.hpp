@@ -1,4 +1,4 @@
-// The linear state space of one contact pattern over a sample, sensors' noise included, and its Kalman gains.
+// The linear state space of one pattern of modes over a sample, sensors' noise included, and its Kalman gains.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,15 +14,18 @@ namespace dualdrive::innovations {
 // where those drift).
 class StateSpace {
   public:
-    StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel& noise, unsigned pattern, double speed);
+    // sigma: standard deviation of what is not known of the states while all slides; see Flow::tangent.
+    StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel& noise, const Modes& pattern, double speed,
+               const Eigen::VectorXd& sigma);
 
     std::size_t phases() const { return F_.size(); }
     Eigen::Index outputs() const { return C_.rows(); }
-    const Eigen::VectorXd& scale() const { return scale_; }  // typical size of each state within a short while
-    KalmanGains::Set gain(const Eigen::MatrixXd& P) const;   // from the covariance before a measurement
+    const Eigen::VectorXd& scale();                         // typical size of each state within a short while
+    KalmanGains::Set gain(const Eigen::MatrixXd& P) const;  // from the covariance before a measurement
     // From a covariance at a phase: of that phase and those which follow it, by phase.
     KalmanGains::Phased gains(Eigen::MatrixXd P, std::size_t phase) const;
-    KalmanGains::Phased steady();  // throws std::domain_error
+    Eigen::MatrixXd steady_covariance();  // before a measurement at phase 0; throws std::domain_error
+    KalmanGains::Phased steady() { return gains(steady_covariance(), 0); }
     // Covariance of what is not known at first; of the machine's states by their standard deviations.
     Eigen::MatrixXd start(const Eigen::VectorXd& deviation) const;
     // The covariance before the next measurement, from that before this one and its gain.
@@ -32,8 +35,9 @@ class StateSpace {
 
   private:
     Eigen::VectorXd reached() const;
-    // In units of `scale` and of the outputs' own sizes; of every state a share `kept` a sample.
-    RiccatiDoubling doubling(double kept) const;
+    const Eigen::VectorXd& units();  // `scale`, 1 where that is 0
+    // In these units and the outputs' own sizes; of every state a share `kept` a sample.
+    RiccatiDoubling doubling(double kept);
     RiccatiDoubling& horizon();  // all of every state kept; empty until asked for
 
     std::vector<Eigen::MatrixXd> F_;
@@ -46,26 +50,6 @@ class StateSpace {
     double step_;                 // s
     Eigen::VectorXd scale_, units_;
     std::unique_ptr<RiccatiDoubling> horizon_;
-};
-
-constexpr std::size_t one_by_one = 50;  // first samples with gains of their own
-
-// The gains of a contact pattern for the first samples of a stretch: one by one, then eight of every octave, each that of the
-// middle of the samples which it serves.
-class FirstGains {
-  public:
-    // The state space must outlive it. deviation: of the machine's states at first; phase: of the first sample; kept: where the gains stand.
-    FirstGains(StateSpace& space, const Eigen::VectorXd& deviation, std::size_t phase, KalmanGains::First& kept);
-    // Works them out until one serves the sample, counted from the first, or `steady` does.
-    void reach(std::size_t sample, const KalmanGains::Phased& steady);
-    const KalmanGains::First& kept() const { return kept_; }
-
-  private:
-    void go_on_to(std::size_t sample);
-
-    StateSpace& space_;
-    std::size_t phase_;
-    KalmanGains::First& kept_;
 };
 
 }  // namespace dualdrive::innovations

@@ -86,7 +86,7 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
         throw std::invalid_argument("predict: more initial states than stretches");
     const std::map<std::string, double> at_zero;
     Vector noise = Vector::Zero(m), past = noise, drift = Vector::Zero(m), e(m), r(m), output(m), correction(size);
-    innovations::GainSchedule schedule(machine, record, gains, options.learn_first);
+    innovations::GainSchedule schedule(machine, record, gains, options.learn);
     std::size_t stretch = 0, begin = 0, end = 0;
     for (std::size_t k = 0; k < samples; ++k) {
         if (k == end) {
@@ -96,7 +96,7 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
             past.setZero();
             drift.setZero();
             end = ++stretch < record.starts().size() ? record.starts()[stretch] : samples;
-            schedule.begin(flow.phase(k));
+            schedule.begin(flow.now().pattern, flow.phase(k));
         }
         innovations::Frozen* now = &flow.now();
         flow.outputs(output.data());
@@ -112,7 +112,7 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
             const std::size_t row = k + readings[static_cast<std::size_t>(j)].shift();
             e(j) = row < end ? record.measured(row)[j] - offsets(j) - output(j) - noise(j) - drift(j) : 0.0;
         }
-        const auto [set, steady] = schedule.at(now->pattern, k - begin, flow.phase(k));
+        const auto [set, steady] = schedule.at(now->pattern, flow.phase(k));
         r.noalias() = set.whitening * e;
         // what is not known of the state at first costs a model with more states more: that is not held against it
         const bool counts = k - begin >= static_cast<std::size_t>(options.given);
@@ -142,9 +142,10 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
             std::copy_n(correction.data(), states, out.corrections.begin() + row * states);
             std::copy_n(flow.torques(), torques, out.torques.begin() + row * torques);
             std::copy_n(e.data(), m, out.innovations.begin() + static_cast<std::ptrdiff_t>(k) * m);
-            out.pattern[k] = static_cast<int>(flow.now().pattern);
+            out.pattern[k] = static_cast<int>(flow.now().contacts);
         }
         if (k + 1 == end) continue;
+        schedule.depart(flow.now().pattern, flow.phase(k));
         if (!flow.flow(k)) {
             out.finite = false;
             return out;

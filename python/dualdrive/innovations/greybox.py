@@ -230,7 +230,7 @@ class GreyBox:
                         there, r.sampled, noise.sensors(r), noise.torques(), self.speed,
                         drifts=noise.drifts(r), second=noise.seconds(r),
                         first_torque=self.first_torque,
-                        first_deviation=r.unsure, every=False,
+                        first_deviation=r.unsure,
                     )  # fmt: skip
                 except ValueError:
                     return None

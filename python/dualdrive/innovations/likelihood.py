@@ -157,15 +157,12 @@ def _scale_information(
     """
     total = np.zeros((len(moved), len(moved)))
     for k, (own, r) in enumerate(zip(gains, point.residuals, strict=True)):
-        pattern = max(own.patterns)
-        phases = own.phases(pattern)
+        phases = own.phases
         for phase in range(phases):
-            W = own.whitening(pattern, phase)
+            W = own.whitening(phase)
             inverse = np.linalg.inv(W)
             rows = [
-                ((f[1][k].whitening(pattern, phase) - W) / s @ inverse).ravel()
-                if f
-                else np.zeros(W.size)
+                ((f[1][k].whitening(phase) - W) / s @ inverse).ravel() if f else np.zeros(W.size)
                 for f, s in zip(moved, steps, strict=True)
             ]
             B = np.stack(rows)

@@ -69,7 +69,7 @@ def replayed(job: tuple[Any, Mapping[str, float], Predictable, Any, bool]) -> Re
     if core is None:
         return nothing
     try:
-        found = predicted(core, offsets, record, gains, given=GIVEN, learn_first=learn)
+        found = predicted(core, offsets, record, gains, given=GIVEN, learn=learn)
     except (ValueError, RuntimeError):
         return nothing
     residuals = np.clip(found["residuals"], -_LOST, _LOST)

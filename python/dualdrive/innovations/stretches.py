@@ -65,7 +65,7 @@ def some(grey: GreyBox, point: Point, gains: Sequence[Any], most: int) -> GreyBo
     if grey.samples <= most:
         return grey
     core, offsets = grey.machine(point.variant, point.theta), grey.constants(point.theta)
-    periods = [own.phases(max(own.patterns)) for own in gains]
+    periods = [own.phases for own in gains]
     chosen = spread([len(r.measured) for r in grey.records], most, periods)
 
     def one(job: tuple[Predictable, Any, list[tuple[int, int]]]) -> Predictable:
