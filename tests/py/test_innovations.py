@@ -175,7 +175,7 @@ def test_innovations_of_a_right_model_are_white(friction: float) -> None:
 
 
 def test_they_are_white_through_every_change_of_contact() -> None:
-    """The covariance goes along: steady gains of each pattern for itself left 12 sigma."""
+    """The covariance goes along: steady gains of each pattern left 12 sigma."""
     samples, random = 8000, np.random.default_rng(9)
     core = bench()
     core.set("controller.T_ten", 0.0)
