@@ -196,7 +196,7 @@ def test_gains_that_are_kept_are_those_worked_out_on_the_way() -> None:
 
 
 def test_a_little_other_machine_takes_the_gains_that_are_known() -> None:
-    """It leaves its sojourns at other samples; residuals change smoothly, and nothing is learned."""
+    """It leaves its sojourns at other samples; residuals change smoothly, nothing is learned."""
     core = bench()
     core.set("controller.T_ten", 0.0)
     seen = record({"theta_ref": REVERSALS}, run(core, {"theta_ref": REVERSALS}, 3000))
