@@ -21,6 +21,9 @@ constexpr int most_terms = 80;
 constexpr std::size_t most_lengths = 8;  // of time with propagators of their own, per set of modes
 constexpr int worth = 12;                // times that a length is flown by a series before it gets one
 constexpr double alike = 1e-9;           // of a substep: lengths that are the same
+// How much more readily what rests creeps, to the filter: it bears a load, and real friction gives before it slides. By hand;
+// docs/theory/innovations.md says what a tenth and ten times of it do.
+constexpr double creeps = 100.0;
 
 std::vector<int> signals_of(const Layout& layout, const SampledRecord& record) {
     std::vector<int> signals;
@@ -195,7 +198,7 @@ Frozen Flow::tangent(const Modes& pattern, double speed, const Eigen::VectorXd& 
         const double viscous = std::sqrt(2.0 / std::numbers::pi) * model_.friction_limit(g, stick::forward);
         if (viscous > 0.0)
             f.A.col(first_torque() + static_cast<Eigen::Index>(b)) +=
-                f.A.col(g) * (model_.ratio(bodies_[b]) * sigma(g) / viscous);
+                f.A.col(g) * (model_.ratio(bodies_[b]) * creeps * sigma(g) / viscous);
     }
     return f;
 }

@@ -71,7 +71,8 @@ class Flow final {
     // The tangent for gains in a pattern: what slides does so at table speed `speed`, and what rests creeps under torques of
     // unknown course. That it rests is known no better than its speed, by a standard deviation σ: dry friction F is to the
     // filter viscous friction √(2/π) F/σ (statistical linearisation; Gelb, Vander Velde, Multiple-Input Describing Functions
-    // and Nonlinear System Design, 1968). Without it no torque of unknown course could be told while a body rests.
+    // and Nonlinear System Design, 1968), or a hundredth of that: part of F is taken up by a load, and real friction gives
+    // before it slides. Without it no torque of unknown course could be told while a body rests.
     // sigma: by state; empty: no creep.
     Frozen tangent(const Modes& pattern, double speed, const Eigen::VectorXd& sigma);
     // Samples after which the ticks of sampled loops repeat; 1 where none tick, or too many would be.
