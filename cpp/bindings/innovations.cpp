@@ -74,9 +74,6 @@ void bind_innovations(nb::module_& m) {
             "log_det", [](const KalmanGains& g, std::size_t phase) { return g.steady.at(g.carrying)[phase].log_det; },
             nb::arg("phase") = 0, "Its log det S.")
         .def_prop_ro(
-            "sigma", [](const KalmanGains& g) { return g.sigma; },
-            "Standard deviation of what is not known of the states before a sample, where the gain is steady.")
-        .def_prop_ro(
             "learned", [](const KalmanGains& g) { return g.sojourns.size(); },
             "Stays in one pattern of modes (what carries, what rests, which limits are met) whose gains were learned.");
 

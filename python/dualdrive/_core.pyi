@@ -716,12 +716,6 @@ class KalmanGains:
         """Its log det S."""
 
     @property
-    def sigma(self) -> Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C')]:
-        """
-        Standard deviation of what is not known of the states before a sample, where the gain is steady.
-        """
-
-    @property
     def learned(self) -> int:
         """
         Stays in one pattern of modes (what carries, what rests, which limits are met) whose gains were learned.

@@ -134,7 +134,6 @@ struct KalmanGains {
     Eigen::VectorXd at_first;  // standard deviation of what is not known of each state at the first sample
     double speed = 0.0;        // table speed about which laws that are not affine are linearised, rad/s
     Modes carrying;            // the pattern in which all meshes carry, nothing rests and no limit is met
-    Eigen::VectorXd sigma;     // standard deviation of what is not known of each state there
     std::map<Modes, Phased> steady;
     std::vector<Sojourn> sojourns;
     std::map<Begin, std::size_t> first;  // those with which stretches begin

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <stdexcept>
 
 #include "../simulation/affine.hpp"
@@ -21,9 +20,8 @@ constexpr int most_terms = 80;
 constexpr std::size_t most_lengths = 8;  // of time with propagators of their own, per set of modes
 constexpr int worth = 12;                // times that a length is flown by a series before it gets one
 constexpr double alike = 1e-9;           // of a substep: lengths that are the same
-// How much more readily what rests creeps, to the filter: it bears a load, and real friction gives before it slides. By hand;
-// docs/theory/innovations.md says what a tenth and ten times of it do.
-constexpr double creeps = 100.0;
+// Samples for which what rests may slip, to the filter. By hand; docs/theory/innovations.md says what others do.
+constexpr double slips = 10.0;
 
 std::vector<int> signals_of(const Layout& layout, const SampledRecord& record) {
     std::vector<int> signals;
@@ -174,7 +172,7 @@ Frozen& Flow::frozen() {
     return *known;
 }
 
-Frozen Flow::tangent(const Modes& pattern, double speed, const Eigen::VectorXd& sigma) {
+Frozen Flow::tangent(const Modes& pattern, double speed) {
     std::vector<double> z(static_cast<std::size_t>(states()), 0.0);
     for (int g = 0; g < layout_.groups; ++g) z[static_cast<std::size_t>(g)] = speed;
     for (const int element : sticks_)
@@ -191,14 +189,12 @@ Frozen Flow::tangent(const Modes& pattern, double speed, const Eigen::VectorXd& 
     Frozen f = prepare(affine_ ? reader_.read(pattern) : reader_.tangent(pattern, 0.0, z.data()), pattern);
     f.pattern = pattern;
     f.contacts = contacts_of(pattern);
-    for (std::size_t b = 0; b < bodies_.size() && sigma.size() > 0; ++b) {
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
         const int g = layout_.group_of[static_cast<std::size_t>(bodies_[b])];
         const int element = layout_.stick_of[static_cast<std::size_t>(g)];
         if (element < 0 || pattern[static_cast<std::size_t>(element)] != stick::stuck) continue;
-        const double viscous = std::sqrt(2.0 / std::numbers::pi) * model_.friction_limit(g, stick::forward);
-        if (viscous > 0.0)
-            f.A.col(first_torque() + static_cast<Eigen::Index>(b)) +=
-                f.A.col(g) * (model_.ratio(bodies_[b]) * creeps * sigma(g) / viscous);
+        const double speed_per_torque = model_.ratio(bodies_[b]) * slips * record_.step() / model_.group_inertia(g);
+        f.A.col(first_torque() + static_cast<Eigen::Index>(b)) += f.A.col(g) * speed_per_torque;
     }
     return f;
 }

@@ -69,12 +69,9 @@ class Flow final {
                  bool steady);
     Modes carrying() const;  // all meshes carry, all slides, no limit is met
     // The tangent for gains in a pattern: what slides does so at table speed `speed`, and what rests creeps under torques of
-    // unknown course. That it rests is known no better than its speed, by a standard deviation σ: dry friction F is to the
-    // filter viscous friction √(2/π) F/σ (statistical linearisation; Gelb, Vander Velde, Multiple-Input Describing Functions
-    // and Nonlinear System Design, 1968), or a hundredth of that: part of F is taken up by a load, and real friction gives
-    // before it slides. Without it no torque of unknown course could be told while a body rests.
-    // sigma: by state; empty: no creep.
-    Frozen tangent(const Modes& pattern, double speed, const Eigen::VectorXd& sigma);
+    // unknown course, as if each had moved it freely for a few samples. Whether it rests is known by the mean alone; and
+    // without it no such torque could be told while a body rests.
+    Frozen tangent(const Modes& pattern, double speed);
     // Samples after which the ticks of sampled loops repeat; 1 where none tick, or too many would be.
     std::size_t phases() const { return phases_; }
     std::size_t phase(std::size_t sample) const;

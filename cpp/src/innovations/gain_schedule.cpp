@@ -118,7 +118,7 @@ StateSpace& GainSchedule::space(const Modes& pattern) {
             for (const auto& [body, torque] : gains_.noise.torque) bodies.push_back(body);
             flow_ = std::make_unique<Flow>(machine_, record_, 1, bodies);
         }
-        own.space = std::make_unique<StateSpace>(*flow_, record_, gains_.noise, pattern, gains_.speed, gains_.sigma);
+        own.space = std::make_unique<StateSpace>(*flow_, record_, gains_.noise, pattern, gains_.speed);
     }
     return *own.space;
 }

@@ -61,9 +61,9 @@ double unforgotten(double memory) { return std::max(1e-9, 1.0 - memory * memory)
 }  // namespace
 
 StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel& noise, const Modes& pattern,
-                       double speed, const VectorXd& sigma)
+                       double speed)
     : states_(flow.states()), step_(record.step()) {
-    const Frozen frozen = flow.tangent(pattern, speed, sigma);
+    const Frozen frozen = flow.tangent(pattern, speed);
     const auto torques = Eigen::Index{flow.torque_count()}, n = states_ + torques,
                m = static_cast<Eigen::Index>(record.channels().size());
     const Eigen::Index before = noise.of_order_two() ? m : 0, drifts = noise.drifts() ? m : 0;
@@ -231,15 +231,11 @@ KalmanGains kalman_gains(const Machine& machine, const SampledRecord& record, co
     gains.noise = noise;
     gains.speed = speed;
     gains.carrying = flow.carrying();
-    innovations::StateSpace carrying(flow, record, noise, gains.carrying, speed, {});
-    const Eigen::MatrixXd P = carrying.steady_covariance();
-    gains.steady[gains.carrying] = carrying.gains(P, 0);
-    gains.sigma = P.diagonal().head(flow.states()).cwiseMax(0.0).cwiseSqrt();
+    gains.steady[gains.carrying] = innovations::StateSpace(flow, record, noise, gains.carrying, speed).steady();
     NoiseModel wide = noise;
     for (const auto& [body, torque] : first.torque)
         if (wide.torque.contains(body)) wide.torque[body] = torque;
-    gains.at_first =
-        innovations::unknown * innovations::StateSpace(flow, record, wide, gains.carrying, speed, {}).scale();
+    gains.at_first = innovations::unknown * innovations::StateSpace(flow, record, wide, gains.carrying, speed).scale();
     for (const auto& [name, deviation] : first.deviation)
         if (const int k = flow.layout().state(name); k >= 0)
             gains.at_first(k) = std::hypot(gains.at_first(k), deviation);

@@ -14,9 +14,7 @@ namespace dualdrive::innovations {
 // where those drift).
 class StateSpace {
   public:
-    // sigma: standard deviation of what is not known of the states while all slides; see Flow::tangent.
-    StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel& noise, const Modes& pattern, double speed,
-               const Eigen::VectorXd& sigma);
+    StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel& noise, const Modes& pattern, double speed);
 
     std::size_t phases() const { return F_.size(); }
     Eigen::Index outputs() const { return C_.rows(); }
@@ -24,8 +22,7 @@ class StateSpace {
     KalmanGains::Set gain(const Eigen::MatrixXd& P) const;  // from the covariance before a measurement
     // From a covariance at a phase: of that phase and those which follow it, by phase.
     KalmanGains::Phased gains(Eigen::MatrixXd P, std::size_t phase) const;
-    Eigen::MatrixXd steady_covariance();  // before a measurement at phase 0; throws std::domain_error
-    KalmanGains::Phased steady() { return gains(steady_covariance(), 0); }
+    KalmanGains::Phased steady() { return gains(steady_covariance(), 0); }  // throws std::domain_error
     // Covariance of what is not known at first; of the machine's states by their standard deviations.
     Eigen::MatrixXd start(const Eigen::VectorXd& deviation) const;
     // The covariance before the next measurement, from that before this one and its gain.
@@ -35,7 +32,8 @@ class StateSpace {
 
   private:
     Eigen::VectorXd reached() const;
-    const Eigen::VectorXd& units();  // `scale`, 1 where that is 0
+    const Eigen::VectorXd& units();       // `scale`, 1 where that is 0
+    Eigen::MatrixXd steady_covariance();  // before a measurement at phase 0
     // In these units and the outputs' own sizes; of every state a share `kept` a sample.
     RiccatiDoubling doubling(double kept);
     RiccatiDoubling& horizon();  // all of every state kept; empty until asked for
