@@ -212,6 +212,25 @@ def test_a_little_other_machine_takes_the_gains_that_are_known() -> None:
     assert np.linalg.norm(bend) < 0.1 * np.linalg.norm(slope)
 
 
+def test_gains_are_held_where_a_law_with_modes_of_its_own_is_tried() -> None:
+    """The change that a small friction makes is that of the machine, in proportion to its size."""
+    plain = bench()
+    inputs = {"theta_ref": REVERSALS}
+    seen = record(inputs, run(plain, inputs, 3000) + coloured(np.random.default_rng(2), 3000))
+    gains = _core.kalman_gains(plain, seen, SENSORS, {"table": (1e-2, 0.99)})
+    before = _core.predict(plain, seen, gains, learn=True)["residuals"]
+    learned, changes = gains.learned, []
+    for torque in (0.02, 0.04):
+        tried = bench({"coulomb@table": {"torque": torque}})
+        changes.append(_core.predict(tried, seen, gains)["residuals"] - before)
+        with pytest.raises(ValueError, match="only the gains' own machine can learn"):
+            _core.predict(tried, seen, gains.copy(), learn=True)
+    assert gains.learned == learned
+    assert np.linalg.norm(changes[0]) > 1.0
+    bend = np.linalg.norm(changes[1] - 2.0 * changes[0]) / np.linalg.norm(changes[1])
+    assert bend < 0.1
+
+
 def test_loops_that_tick_fast_have_the_gains_of_continuous_ones() -> None:
     """An independent way to the same limit: no tick, or twenty in a sample."""
     gains = []

@@ -97,7 +97,8 @@ class SampledRecord {
 // So they are kept by sojourn: a stay in one pattern, from the covariance with which it began. The first ones of a stretch
 // begin with what is not known of its state; all others where another one was left. A replay under other numbers that leaves
 // a sojourn a sample sooner or later takes the gains of the nearest that is known, so that residuals change smoothly with the
-// numbers.
+// numbers. Elements that their machine lacks, such as the friction of a law that is tried, do not count for a replay that
+// does not learn: gains are held where a law is scored.
 struct KalmanGains {
     struct Set {
         // (states + torques + channels, again where of order two, again where zeros drift) × channels
@@ -131,9 +132,10 @@ struct KalmanGains {
     };
     using Begin = std::pair<Modes, std::size_t>;  // pattern, and phase of a stretch's first sample
     NoiseModel noise;
-    Eigen::VectorXd at_first;  // standard deviation of what is not known of each state at the first sample
-    double speed = 0.0;        // table speed about which laws that are not affine are linearised, rad/s
-    Modes carrying;            // the pattern in which all meshes carry, nothing rests and no limit is met
+    Eigen::VectorXd at_first;           // standard deviation of what is not known of each state at the first sample
+    double speed = 0.0;                 // table speed about which laws that are not affine are linearised, rad/s
+    std::vector<std::string> elements;  // of the patterns: switches of the machine
+    Modes carrying;                     // the pattern in which all meshes carry, nothing rests and no limit is met
     std::map<Modes, Phased> steady;
     std::vector<Sojourn> sojourns;
     std::map<Begin, std::size_t> first;  // those with which stretches begin

@@ -95,6 +95,12 @@ Modes Flow::pattern_of(const Modes& modes) const {
     return pattern;
 }
 
+std::vector<std::string> Flow::elements() const {
+    std::vector<std::string> names;
+    for (const Switch& s : layout_.switches) names.push_back(s.name);
+    return names;
+}
+
 Modes Flow::carrying() const {
     Modes pattern(layout_.switches.size(), limiter::linear);
     for (std::size_t e = 0; e < pattern.size(); ++e) {

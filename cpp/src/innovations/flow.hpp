@@ -67,7 +67,8 @@ class Flow final {
     // motion. steady: K is that of the pattern and the phase, whose effect on the guards is kept.
     void correct(std::size_t sample, const Eigen::MatrixXd& K, const double* e, const double* moved, bool holds,
                  bool steady);
-    Modes carrying() const;  // all meshes carry, all slides, no limit is met
+    std::vector<std::string> elements() const;  // of the patterns
+    Modes carrying() const;                     // all meshes carry, all slides, no limit is met
     // The tangent for gains in a pattern: what slides does so at table speed `speed`, and what rests creeps under torques of
     // unknown course, as if each had moved it freely for a few samples. Whether it rests is known by the mean alone; and
     // without it no such torque could be told while a body rests.

@@ -1,5 +1,7 @@
 #include "gain_schedule.hpp"
 
+#include <algorithm>
+#include <limits>
 #include <stdexcept>
 #include <utility>
 
@@ -11,13 +13,31 @@ namespace {
 constexpr std::size_t long_stay = 400;
 // Sojourns that are kept: some 100 kB each where they last long. What comes after is worked out again by every replay.
 constexpr std::size_t most_sojourns = 2000;
+constexpr std::size_t nowhere = std::numeric_limits<std::size_t>::max();
 
 }  // namespace
 
-GainSchedule::GainSchedule(const Machine& machine, const SampledRecord& record, KalmanGains& gains, bool learn)
-    : machine_(machine), record_(record), gains_(gains), learn_(learn) {}
+GainSchedule::GainSchedule(const Machine& machine, const SampledRecord& record, KalmanGains& gains, bool learn,
+                           const Flow& flow)
+    : machine_(machine), record_(record), gains_(gains), learn_(learn), all_(flow.carrying()), known_(gains.carrying) {
+    const auto elements = flow.elements();
+    same_ = elements == gains.elements;
+    if (!same_ && learn) throw std::invalid_argument("predict: only the gains' own machine can learn");
+    for (const auto& name : gains.elements) {
+        const auto found = std::find(elements.begin(), elements.end(), name);
+        where_.push_back(found == elements.end() ? nowhere : static_cast<std::size_t>(found - elements.begin()));
+    }
+}
 
-void GainSchedule::begin(const Modes& pattern, std::size_t phase) {
+const Modes& GainSchedule::known(const Modes& pattern) {
+    if (same_) return pattern;
+    for (std::size_t e = 0; e < where_.size(); ++e)
+        if (where_[e] != nowhere) known_[e] = pattern[where_[e]];
+    return known_;
+}
+
+void GainSchedule::begin(const Modes& modes, std::size_t phase) {
+    const Modes& pattern = known(modes);
     age_ = piece_ = 0;
     const KalmanGains::Begin key{pattern, phase};
     if (const auto known = gains_.first.find(key); known != gains_.first.end()) {
@@ -37,7 +57,8 @@ void GainSchedule::begin(const Modes& pattern, std::size_t phase) {
     }
 }
 
-void GainSchedule::depart(const Modes& pattern, std::size_t phase) {
+void GainSchedule::depart(const Modes& modes, std::size_t phase) {
+    const Modes& pattern = known(modes);
     if (pattern == sojourn(now_).pattern) {
         ++age_;
         return;
@@ -46,7 +67,8 @@ void GainSchedule::depart(const Modes& pattern, std::size_t phase) {
     age_ = piece_ = 0;
 }
 
-GainSchedule::Scheduled GainSchedule::at(const Modes& pattern, std::size_t phase) {
+GainSchedule::Scheduled GainSchedule::at(const Modes& modes, std::size_t phase) {
+    const Modes& pattern = known(modes);
     for (;;) {
         const Sojourn& own = sojourn(now_);
         while (piece_ < own.pieces.size() && own.pieces[piece_].end <= age_) ++piece_;
@@ -118,7 +140,10 @@ StateSpace& GainSchedule::space(const Modes& pattern) {
             for (const auto& [body, torque] : gains_.noise.torque) bodies.push_back(body);
             flow_ = std::make_unique<Flow>(machine_, record_, 1, bodies);
         }
-        own.space = std::make_unique<StateSpace>(*flow_, record_, gains_.noise, pattern, gains_.speed);
+        Modes modes = same_ ? pattern : all_;  // as the machine has it
+        for (std::size_t e = 0; !same_ && e < where_.size(); ++e)
+            if (where_[e] != nowhere) modes[where_[e]] = pattern[e];
+        own.space = std::make_unique<StateSpace>(*flow_, record_, gains_.noise, modes, gains_.speed);
     }
     return *own.space;
 }

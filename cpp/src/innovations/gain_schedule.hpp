@@ -12,19 +12,19 @@ namespace dualdrive::innovations {
 
 class GainSchedule {
   public:
-    // Machine, record and gains must outlive it. learn: what is worked out on the way stays in `gains`; else it is forgotten.
-    GainSchedule(const Machine& machine, const SampledRecord& record, KalmanGains& gains, bool learn);
+    // Machine, record and gains must outlive it. flow: of the machine. learn: what is worked out on the way stays in `gains`; else it is forgotten.
+    GainSchedule(const Machine& machine, const SampledRecord& record, KalmanGains& gains, bool learn, const Flow& flow);
 
     // A stretch begins, its first sample of this phase.
-    void begin(const Modes& pattern, std::size_t phase);
+    void begin(const Modes& modes, std::size_t phase);
     // On to the next sample, in the pattern in which the present one, of this phase, is left.
-    void depart(const Modes& pattern, std::size_t phase);
+    void depart(const Modes& modes, std::size_t phase);
     struct Scheduled {
         const KalmanGains::Set& set;
         bool steady;  // it is the steady one of this pattern
     };
     // At the present sample, to which this pattern led. Throws std::domain_error.
-    Scheduled at(const Modes& pattern, std::size_t phase);
+    Scheduled at(const Modes& modes, std::size_t phase);
 
   private:
     using Sojourn = KalmanGains::Sojourn;
@@ -38,6 +38,8 @@ class GainSchedule {
         const KalmanGains::Phased* steady = nullptr;  // likewise
         bool wanders = false;                         // there are none
     };
+    // A pattern of the machine, in the elements that the gains know.
+    const Modes& known(const Modes& pattern);
     StateSpace& space(const Modes& pattern);
     const KalmanGains::Phased* steady(const Modes& pattern);  // null where there are none
     const Sojourn& sojourn(const Place& place) const;
@@ -49,6 +51,10 @@ class GainSchedule {
     const SampledRecord& record_;
     KalmanGains& gains_;
     const bool learn_;
+    std::vector<std::size_t>
+        where_;          // of every element that the gains know, its place in the machine's; none: `nowhere`
+    Modes all_, known_;  // the machine's own pattern in which all meshes carry; the last one, as known
+    bool same_;          // the gains know all elements, and no others
     Place now_ = {true, 0};
     std::size_t age_ = 0, piece_ = 0;  // of the present sample in its sojourn
     std::deque<Sojourn> own_;

@@ -18,7 +18,8 @@ bool NoiseModel::of_order_two() const {
 }
 
 bool KalmanGains::alike(const KalmanGains& other) const {
-    if (carrying != other.carrying || at_first.size() != other.at_first.size() || at_first != other.at_first)
+    if (elements != other.elements || carrying != other.carrying || at_first.size() != other.at_first.size() ||
+        at_first != other.at_first)
         return false;
     for (const auto& [pattern, own] : steady) {
         const auto found = other.steady.find(pattern);
@@ -230,6 +231,7 @@ KalmanGains kalman_gains(const Machine& machine, const SampledRecord& record, co
     KalmanGains gains;
     gains.noise = noise;
     gains.speed = speed;
+    gains.elements = flow.elements();
     gains.carrying = flow.carrying();
     gains.steady[gains.carrying] = innovations::StateSpace(flow, record, noise, gains.carrying, speed).steady();
     NoiseModel wide = noise;

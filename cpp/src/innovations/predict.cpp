@@ -86,7 +86,7 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
         throw std::invalid_argument("predict: more initial states than stretches");
     const std::map<std::string, double> at_zero;
     Vector noise = Vector::Zero(m), past = noise, drift = Vector::Zero(m), e(m), r(m), output(m), correction(size);
-    innovations::GainSchedule schedule(machine, record, gains, options.learn);
+    innovations::GainSchedule schedule(machine, record, gains, options.learn, flow);
     std::size_t stretch = 0, begin = 0, end = 0;
     for (std::size_t k = 0; k < samples; ++k) {
         if (k == end) {
