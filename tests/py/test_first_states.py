@@ -213,22 +213,20 @@ def test_a_little_other_machine_takes_the_gains_that_are_known() -> None:
 
 
 def test_gains_are_held_where_a_law_with_modes_of_its_own_is_tried() -> None:
-    """The change that a small friction makes is that of the machine, in proportion to its size."""
+    """A friction next to nought changes next to nothing, though the table rests under it."""
     plain = bench()
     inputs = {"theta_ref": REVERSALS}
     seen = record(inputs, run(plain, inputs, 3000) + coloured(np.random.default_rng(2), 3000))
     gains = _core.kalman_gains(plain, seen, SENSORS, {"table": (1e-2, 0.99)})
-    before = _core.predict(plain, seen, gains, learn=True)["residuals"]
-    learned, changes = gains.learned, []
-    for torque in (0.02, 0.04):
-        tried = bench({"coulomb@table": {"torque": torque}})
-        changes.append(_core.predict(tried, seen, gains)["residuals"] - before)
-        with pytest.raises(ValueError, match="only the gains' own machine can learn"):
-            _core.predict(tried, seen, gains.copy(), learn=True)
+    before = _core.predict(plain, seen, gains, learn=True)
+    learned = gains.learned
+    tried = bench({"coulomb@table": {"torque": 1e-6}})
+    found = _core.predict(tried, seen, gains)
+    assert found["switches"] > before["switches"], "it comes to rest"
     assert gains.learned == learned
-    assert np.linalg.norm(changes[0]) > 1.0
-    bend = np.linalg.norm(changes[1] - 2.0 * changes[0]) / np.linalg.norm(changes[1])
-    assert bend < 0.1
+    assert np.linalg.norm(found["residuals"] - before["residuals"]) < 0.1
+    with pytest.raises(ValueError, match="only the gains' own machine can learn"):
+        _core.predict(tried, seen, gains, learn=True)
 
 
 def test_loops_that_tick_fast_have_the_gains_of_continuous_ones() -> None:
