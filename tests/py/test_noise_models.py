@@ -79,7 +79,7 @@ def test_a_drift_over_seconds_is_recovered() -> None:
             noise[:, column] += lfilter([1.0], [1.0, -pole], w)
         return noise
 
-    own = grey_box(Machine.load("bench"), bench({}), 8000, seed=4, noise=drifting)
+    own = grey_box(Machine.load("bench"), bench({}), 6000, seed=4, noise=drifting)
     nothing = Variant(own.core)
     first = first_noise(own.core, own.records, 1e-3)
     found = maximum_likelihood(own, nothing, own.start(nothing), first)
@@ -89,6 +89,6 @@ def test_a_drift_over_seconds_is_recovered() -> None:
     point, noise, _ = slow
     assert point.minus_two_log < found[0].minus_two_log - 10.0
     seconds = -STEP / np.log(noise.wander["drive angle"])
-    # two sensors, four times over which they drift in the record
+    # two sensors, three times over which they drift in the record
     assert 0.5 < seconds < 8.0
     assert drifts_by(noise)["drive angle"] == pytest.approx(far, rel=0.7)

@@ -18,7 +18,7 @@ SOFT = {"shaft_compliance@gearboxes": {"stiffness": 260.0}}
 @functools.cache
 def score(soft: bool) -> float:
     """Of a shaft that gives, on a record of a bench that has one or none."""
-    own = grey_box(Machine.load("bench"), bench(SOFT if soft else {}), 4000, seed=6)
+    own = grey_box(Machine.load("bench"), bench(SOFT if soft else {}), 2000, seed=6)
     nothing = Variant(own.core)
     found = maximum_likelihood(
         own, nothing, own.start(nothing), first_noise(own.core, own.records, 1e-2)
