@@ -166,7 +166,7 @@ struct PredictionOptions {
     std::vector<double> offsets;  // per channel: what the sensor adds; empty: nothing
     int substeps = 1;             // per sample, where a law is not affine
     int given = 0;                // first samples of a stretch that the likelihood is conditioned on: they do not count
-    bool states = false;          // keep states and contact patterns
+    bool states = false;          // keep states, corrections, torques and contacts
     bool learn = false;           // what `gains` lacks along this record is kept there
 };
 

@@ -58,6 +58,15 @@ THRESHOLDS = {
         "of the leader's gain: a law that alone gains more may be the first of the pair that is "
         "missing. The prototype's share; set after one pair was read",
     ),
+    "clearly": Threshold(
+        2.0,
+        "of -2 log L over the inflation, by which other numbers must be likelier to take over: less "
+        "is where a fit happened to end (its own end is as far)",
+    ),
+    "orders": Threshold(
+        2,
+        "of one law that are refitted beside a leader, lest a law of many orders crowds others out",
+    ),
     "hopeless": Threshold(
         3.0, "gain of a score test, over the inflation, below which no refit is worth its replays"
     ),

@@ -11,7 +11,6 @@ from dualdrive.identify import FitError
 from dualdrive.innovations import GreyBox, Point, Variant, fit, some
 
 _AGAIN = (0.1, 0.01)  # of the wide torque, from which the base's valley is sought anew
-_CLEARLY = 2.0  # of -2 log L over the inflation: less is where a fit happened to end
 
 
 def refitted_base(estimator: Estimator, whole: GreyBox) -> tuple[Fitted, GreyBox]:
@@ -67,7 +66,7 @@ def _other_valleys(estimator: Estimator, grey: GreyBox, found: Fitted) -> Point 
     sheet[:n] = grey.centre[:n]
     begins = [(grey, found.point.theta, lower) for lower in _AGAIN]
     begins.append((grey.held(), sheet, 1.0))
-    best, least = None, found.point.minus_two_log - _CLEARLY * found.inflation
+    best, least = None, found.point.minus_two_log - threshold("clearly") * found.inflation
     for own, theta, lower in begins:
         if grey.counter.stop():
             break

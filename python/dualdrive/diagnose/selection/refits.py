@@ -19,8 +19,6 @@ from dualdrive.innovations import GreyBox, Point, Variant, fit
 
 Array = NDArray[np.float64]
 
-_ORDERS = 2  # of one law that are refitted beside a leader
-
 
 def worth_refitting(found: Sequence[Scored], most: int, parts: bool) -> list[Scored]:
     """The best scores, what they may be taken for, and parts whose probe says little of their size.
@@ -36,7 +34,7 @@ def worth_refitting(found: Sequence[Scored], most: int, parts: bool) -> list[Sco
     hopeful, orders = list[Scored](), dict[str, int]()
     for s in known:
         orders[s.variant.label] = orders.get(s.variant.label, 0) + 1
-        if s.gain > threshold("hopeless") and orders[s.variant.label] <= _ORDERS:
+        if s.gain > threshold("hopeless") and orders[s.variant.label] <= threshold("orders"):
             hopeful.append(s)
     best = hopeful[:most]
     # and what the best are taken for, whose own score may be faint while another law is missing
