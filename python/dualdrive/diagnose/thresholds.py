@@ -60,7 +60,7 @@ THRESHOLDS = {
     ),
     "clearly": Threshold(
         2.0,
-        "of -2 log L over the inflation, by which other numbers must be likelier to take over: less "
+        "of -2 log L over the inflation, by which other numbers must be likelier to lead: less "
         "is where a fit happened to end (its own end is as far)",
     ),
     "orders": Threshold(
