@@ -225,6 +225,7 @@ def test_gains_are_held_where_a_law_with_modes_of_its_own_is_tried() -> None:
     assert found["switches"] > before["switches"], "it comes to rest"
     assert gains.learned == learned
     assert np.linalg.norm(found["residuals"] - before["residuals"]) < 2.0
+    assert found["log_det"] == before["log_det"], "not those of a table at rest"
     with pytest.raises(ValueError, match="only the gains' own machine can learn"):
         _core.predict(tried, seen, gains, learn=True)
 
