@@ -54,30 +54,55 @@ class Estimator:
         return Fitted(point, own, inflation(point), 0.0, gains)
 
     def from_far(self, grey: GreyBox, variant: Variant, theta: Array) -> Fitted | None:
-        """A variant under its own noise; None where it can't be followed.
+        """A variant under its own noise, from under much unknown torque; None where it is lost."""
+        found = self.approach(grey, variant, theta, self.wide)
+        if found is None:
+            return None
+        point, noise = found
+        return self.likeliest(grey, variant, point.theta, noise)
 
-        Its numbers are fitted under much unknown torque, where any machine follows, and on under
-        less (a homotopy); numbers and noise together go on from the likeliest.
+    def approach(
+        self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise
+    ) -> tuple[Point, Noise] | None:
+        """Where a variant comes near its best; None where it can't be followed.
+
+        Under much unknown torque any machine follows the records, and they tell little of its
+        numbers; under less they tell more (a homotopy). The likeliest of all levels is returned,
+        with the noise there.
+
+        Args:
+            grey: the records.
+            variant: what is fitted.
+            theta: where its numbers begin, shape (unknowns,).
+            noise: with which it begins.
+
         """
         found: list[tuple[Point, Noise]] = []
         for lower in _LOWERED:
-            noise = self.wide.with_torque(lower)
+            own = noise.with_torque(lower).at_least(self.floor)
             try:
-                gains = grey.gains(variant, theta, noise)
+                gains = grey.gains(variant, theta, own)
             except ValueError:
                 break
             near = fit(grey, variant, theta, gains, refresh=(0, 2, 4))
             # gains were held: under its own a point far away may be worse than where it came from
-            places = [(near.theta, noise), (theta, noise)]
+            places = [(near.theta, own), (theta, own)]
             seen = [f[0] for f in grey.likelihoods(variant, places) if f]
             if not seen:
                 break
-            found.append((min(seen, key=lambda p: p.minus_two_log), noise))
+            found.append((min(seen, key=lambda p: p.minus_two_log), own))
             theta = found[-1][0].theta
-        if not found:
+        return min(found, key=lambda f: f[0].minus_two_log, default=None)
+
+    def under(self, grey: GreyBox, point: Point, noise: Noise) -> Fitted | None:
+        """A variant refitted under another's noise; None where it can't be followed."""
+        try:
+            gains = grey.gains(point.variant, point.theta, noise)
+        except ValueError:
             return None
-        best, noise = min(found, key=lambda f: f[0].minus_two_log)
-        return self.likeliest(grey, variant, best.theta, noise)
+        near = fit(grey, point.variant, point.theta, gains)
+        [found] = grey.likelihoods(point.variant, [(near.theta, noise)])
+        return Fitted(found[0], noise, inflation(found[0]), 0.0, found[1]) if found else None
 
     def of_order_two(self, grey: GreyBox, f: Fitted) -> Fitted:
         """The same under sensors' noise of order two where the Bayesian criterion asks for it.

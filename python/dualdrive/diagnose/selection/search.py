@@ -181,7 +181,7 @@ class _Search:
         near = [f for f in ranked if self._criterion(f) < beyond][:most]
         base = self.finals["nothing"]
         found = []
-        for f in [*near, *([] if base in near else [base])]:
+        for f in near:
             if self.grey.counter.stop():
                 break
             self.tell(f"{f.variant.key} on all samples")
@@ -332,18 +332,39 @@ class _Search:
         """Laws, each under the noise that it leaves itself.
 
         From the leader's noise, since no law, of size nought at first, can come out less likely
-        than it.
+        than it; and on under less torque of unknown course, which had stood for what the law does.
+        Once one leaves noise, the others are fitted under that: what is far from it there does not
+        come near by more unknown torque.
         """
-        found = []
-        for point in points:
+        near = []
+        for k, point in enumerate(points, 1):
+            if self.grey.counter.stop():
+                break
+            self.tell(f"{point.variant.key} under less unknown torque ({k} of {len(points)})")
+            if own := self.estimator.approach(self.grey, point.variant, point.theta, noise):
+                near.append(own)
+        near.sort(key=lambda f: f[0].minus_two_log)
+        found, settled = list[Fitted](), None
+        for point, noise in near:
             if self.grey.counter.stop():
                 break
             self.tell(f"the noise beside {point.variant.key}")
-            own = self.estimator.likeliest(self.grey, point.variant, point.theta, noise)
-            if own is not None:
-                found.append(own)
+            own = self.estimator.under(self.grey, point, settled.noise) if settled else None
+            if settled is None or own is None or _near(own, settled):
+                own = self.estimator.likeliest(self.grey, point.variant, point.theta, noise)
+            if own is None:
+                continue
+            found.append(own)
+            if settled is None and leaves_noise(self.core, self.grey, own):
+                settled = own
         return found
 
 
 def _paths(variant: Variant) -> list[str]:
     return [p.path for p in variant.extra]
+
+
+def _near(f: Fitted, leader: Fitted) -> bool:
+    """Whether it may come out as likely as the leader, under a noise of its own."""
+    behind = f.point.minus_two_log - leader.point.minus_two_log
+    return behind < threshold("beyond") * leader.inflation
