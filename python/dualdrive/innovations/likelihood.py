@@ -30,6 +30,7 @@ _SHORTER = (1.0, 0.3)
 #: noise are given information beyond their own (a proximal point): what hardly matters stays where
 #: it is. From far it may not: what little is told of a drift points the way
 _PROXIMAL, _NEAR_END = 0.1, 20.0
+_LATELY = 3  # steps, whose best is the present rate of a search
 _ENOUGH = 2.0  # of -2 log L over the inflation: a step that brings less ends the search
 #: how far numbers (of what is believed of them) and logarithms of the noise may be from where
 #: derivatives by the numbers were taken: a chord serves till then; and from where those by the
@@ -44,6 +45,7 @@ def maximum_likelihood(
     noise: Noise,
     *,
     floor: Mapping[str, float] | None = None,
+    rival: float = -np.inf,
     steps: int = 40,
 ) -> tuple[Point, Noise, list[Any]] | None:
     """Numbers and noise under which the records are likeliest, and the gains there.
@@ -56,6 +58,8 @@ def maximum_likelihood(
         theta: where its numbers begin, shape (unknowns,).
         noise: where the noise begins.
         floor: body -> what drives the torque of unknown course at least, N*m.
+        rival: -2 log L of what leads: a search that would not come up to it at its present rate
+            within the steps that it has left ends at once.
         steps: most iterations.
 
     """
@@ -80,7 +84,8 @@ def maximum_likelihood(
     gained, proximal = np.inf, np.r_[np.full(n, 1e-9), np.full(m, _PROXIMAL)]
     columns, taken = list[Array](), x
     noise_slopes, noise_taken = None, x
-    for _ in range(steps):
+    lately = [np.inf] * _LATELY
+    for left in reversed(range(steps)):
         if grey.counter.stop():
             break
         point, gains = now
@@ -117,6 +122,9 @@ def maximum_likelihood(
                 x, now = lowest
                 break
         gained = point.minus_two_log - now[0].minus_two_log
+        lately = [*lately[1:], gained]
+        if now[0].minus_two_log - left * max(lately) > rival > -np.inf:
+            break
         if gained < _ENOUGH * inflation(now[0]):
             if fresh and anew:
                 break

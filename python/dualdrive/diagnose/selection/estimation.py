@@ -44,10 +44,18 @@ class Estimator:
         self.floor = first_noise(core, grey.records, threshold("least torque")).torque
 
     def likeliest(
-        self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise
+        self,
+        grey: GreyBox,
+        variant: Variant,
+        theta: Array,
+        noise: Noise,
+        rival: float = -np.inf,
     ) -> Fitted | None:
-        """Numbers and noise together, from a point; None where it can't be followed."""
-        found = maximum_likelihood(grey, variant, theta, noise, floor=self.floor)
+        """Numbers and noise together, from a point; None where it can't be followed.
+
+        What would not come up to a rival's -2 log L is not followed to its end.
+        """
+        found = maximum_likelihood(grey, variant, theta, noise, floor=self.floor, rival=rival)
         if found is None:
             return None
         point, own, gains = found

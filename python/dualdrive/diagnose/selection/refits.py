@@ -20,13 +20,12 @@ from dualdrive.innovations import GreyBox, Point, Variant, fit
 Array = NDArray[np.float64]
 
 
-def worth_refitting(found: Sequence[Scored], most: int, parts: bool) -> list[Scored]:
-    """The best scores, what they may be taken for, and parts whose probe says little of their size.
+def worth_refitting(found: Sequence[Scored], most: int) -> list[Scored]:
+    """The best scores, and what they may be taken for.
 
     Args:
         found: score tests beside one leader.
         most: how many of the best.
-        parts: whether parts of the machine are tried whatever their score.
 
     """
     known = [s for s in found if np.isfinite(s.gain)]
@@ -43,9 +42,7 @@ def worth_refitting(found: Sequence[Scored], most: int, parts: bool) -> list[Sco
         for s in known
         if s.gain > 0.0 and s not in best and any(confused(b.variant, s.variant) for b in best)
     ]
-    best += rivals[: most // 2]
-    far = [s for s in found if s not in best and is_part(s.variant)] if parts else []
-    return best + far
+    return best + rivals[: most // 2]
 
 
 def refitted(

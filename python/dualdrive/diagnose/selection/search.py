@@ -23,7 +23,7 @@ from dualdrive.diagnose.screening import Library, Scored, scores
 from dualdrive.diagnose.selection.base import refitted_base
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selection
-from dualdrive.diagnose.selection.parts import is_joint, part_score
+from dualdrive.diagnose.selection.parts import is_joint, is_part, part_score
 from dualdrive.diagnose.selection.refits import refitted, with_rivals, worth_refitting
 from dualdrive.diagnose.selection.residual_analysis import leaves_noise, white
 from dualdrive.diagnose.thresholds import threshold
@@ -56,6 +56,7 @@ class _Search:
         self.tried: dict[str, float] = {}
         self.finals: dict[str, Fitted] = {}
         self.looked_at: GreyBox | None = None  # on what laws have been sought
+        self.noisy: dict[Fitted, bool] = {}  # whether what it leaves is noise
         self.estimator = Estimator(core, grey)
 
     def tell(self, what: str) -> None:
@@ -94,11 +95,12 @@ class _Search:
         for count in range(self.effort.most - len(leader.variant.effects)):
             if self.grey.counter.stop():
                 break
-            if leaves_noise(self.core, self.grey, leader):
+            if self._leaves_noise(leader):
                 break
             found = self._step(leader, self._scores(leader), parts=count == 0)
             self._keep(found)
-            self._keep(self._beside_the_runner_up(leader))
+            if not any(map(self._leaves_noise, found)):
+                self._keep(self._beside_the_runner_up(leader))
             if found:
                 richer = min(found, key=self._criterion)
                 if simpler := self._without(richer, leader.variant):
@@ -110,7 +112,7 @@ class _Search:
                 break
             leader = self._eliminated(best)
             self.leader.judged(leader.variant.key, f"gain {gained:.3g}")
-            if len(leader.variant.effects) == _PAIR:
+            if len(leader.variant.effects) == _PAIR and not self._leaves_noise(leader):
                 leader = self._swapped(leader)
         return leader
 
@@ -195,6 +197,11 @@ class _Search:
         self._keep(found)
         return min(self.finals.values(), key=self._criterion)
 
+    def _leaves_noise(self, f: Fitted) -> bool:
+        if f not in self.noisy:
+            self.noisy[f] = leaves_noise(self.core, self.grey, f)
+        return self.noisy[f]
+
     def _joints(self, leader: Fitted) -> list[Fitted]:
         """Joints that give, beside a machine whose numbers alone leave noise.
 
@@ -278,13 +285,27 @@ class _Search:
     def _step(
         self, leader: Fitted, scored: tuple[list[Scored], list[Array]], parts: bool
     ) -> list[Fitted]:
-        """Every law beside the leader: the best scores refitted, and their noise estimated."""
+        """Every law beside the leader: the best scores refitted, and their noise estimated.
+
+        Parts, too, if asked for, where no law leaves noise: whatever their scores, since these say
+        little of what they do at their size.
+        """
+        scores, columns = scored
+        best = worth_refitting(scores, self.effort.refitted)
+        found = self._refitted(leader, best, columns)
+        if parts and not any(map(self._leaves_noise, found)):
+            rest = [s for s in scores if is_part(s.variant) and s not in best]
+            found += self._refitted(leader, rest, columns)
+        return found
+
+    def _refitted(
+        self, leader: Fitted, chosen: Sequence[Scored], columns: Sequence[Array]
+    ) -> list[Fitted]:
+        """Laws refitted under the leader's noise, and what is left of them under their own."""
         grey = self.grey
         noise, point, gains = leader.noise, leader.point, leader.gains
         over = inflation(point)
-        found, columns = scored
         refits: list[Point] = []
-        chosen = worth_refitting(found, self.effort.refitted, parts)
         for k, s in enumerate(chosen, 1):
             if grey.counter.stop():
                 break
@@ -294,6 +315,8 @@ class _Search:
                 refits.append(own)
                 gain = point.minus_two_log - own.minus_two_log
                 self.leader.meets(own.variant.key, own.minus_two_log, f"gain {gain / over:.3g}")
+        if not refits:
+            return []
         # what the best of them leaves is nearest to noise: its colour weighs the gains of all; and
         # what the leader itself would gain by as many steps is no law's
         over = min([over, *map(inflation, refits)])
@@ -351,11 +374,14 @@ class _Search:
             self.tell(f"the noise beside {point.variant.key}")
             own = self.estimator.under(self.grey, point, settled.noise) if settled else None
             if settled is None or own is None or _near(own, settled):
-                own = self.estimator.likeliest(self.grey, point.variant, point.theta, noise)
+                lead = min((f.point.minus_two_log for f in found), default=-np.inf)
+                own = self.estimator.likeliest(
+                    self.grey, point.variant, point.theta, noise, rival=lead
+                )
             if own is None:
                 continue
             found.append(own)
-            if settled is None and leaves_noise(self.core, self.grey, own):
+            if settled is None and self._leaves_noise(own):
                 settled = own
         return found
 
