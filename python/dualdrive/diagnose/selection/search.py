@@ -21,14 +21,16 @@ from numpy.typing import NDArray
 
 from dualdrive.diagnose.screening import Library, Scored, scores
 from dualdrive.diagnose.selection.base import refitted_base
+from dualdrive.diagnose.selection.contest import Contest
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selection
 from dualdrive.diagnose.selection.parts import is_joint, is_part, part_score
-from dualdrive.diagnose.selection.refits import refitted, with_rivals, worth_refitting
-from dualdrive.diagnose.selection.residual_analysis import leaves_noise, white
+from dualdrive.diagnose.selection.ranking import Ranking
+from dualdrive.diagnose.selection.refits import worth_refitting
+from dualdrive.diagnose.selection.residual_analysis import white
 from dualdrive.diagnose.thresholds import threshold
 from dualdrive.diagnose.work import Leader
-from dualdrive.innovations import GreyBox, Noise, Point, Variant, fit, inflation
+from dualdrive.innovations import GreyBox, Point, Variant, inflation
 
 Array = NDArray[np.float64]
 
@@ -53,10 +55,10 @@ class _Search:
         self.effort, self.told, self.leader = effort, tell, Leader()
         self.library = Library(core, grey)
         self.screened: list[tuple[str, Scored]] = []
-        self.tried: dict[str, float] = {}
-        self.finals: dict[str, Fitted] = {}
+        self.tried: dict[
+            str, float
+        ] = {}  # label -> gain under a leader's noise, over the inflation
         self.looked_at: GreyBox | None = None  # on what laws have been sought
-        self.noisy: dict[Fitted, bool] = {}  # whether what it leaves is noise
         self.estimator = Estimator(core, grey)
 
     def tell(self, what: str) -> None:
@@ -65,29 +67,34 @@ class _Search:
 
     def run(self) -> Selection:
         self.tell("refitting the data sheet's numbers")
-        base, self.grey = refitted_base(self.estimator, self.whole)
-        self._keep([base])
+        base, grey = refitted_base(self.estimator, self.whole)
+        self._compare_on(grey, [base])
         stop = self.whole.counter.stop
         leader = self._forward(base)
-        if self.grey is not self.whole and stop():
-            self._replayed_on_all_samples(base)
-        elif self.grey is not self.whole:
-            leader = self._on_all_samples()
+        if grey is not self.whole:
+            self._on_all_samples()
+            leader = self.ranking.best
         if not leader.variant.effects and not stop():
             # joints first: what a soft shaft does a law of the drives would describe, too
-            self._keep(self._joints(leader))
-            leader = min(self.finals.values(), key=self._criterion)
+            self.ranking.keep(self._joints(leader))
+            leader = self.ranking.best
             if self.looked_at is not self.grey or leader.variant.effects:
                 leader = self._forward(leader)
         if not self.screened and not stop():
             self._scores(leader)
         self._weigh_drifting_zeros()
-        own = (replace(f, criterion=self._criterion(f)) for f in self.finals.values())
+        own = (replace(f, criterion=self.ranking.criterion(f)) for f in self.ranking)
         every = sorted(own, key=lambda f: f.criterion)
         order = sorted(self.screened, key=lambda s: -np.nan_to_num(s[1].gain, nan=-np.inf))
         base = next(f for f in every if f.variant.key == base.variant.key)
-        done = not self.grey.counter.stop()
-        return Selection(self.whole, base, every, order, self.tried, done)
+        return Selection(self.whole, base, every, order, self.tried, not stop())
+
+    def _compare_on(self, grey: GreyBox, found: Sequence[Fitted]) -> None:
+        """On these records from now on, this being known there."""
+        self.grey, self.ranking = grey, Ranking(grey.samples, found)
+        self.contest = Contest(
+            self.estimator, grey, self.effort, self.leader, self.tell, self.tried
+        )
 
     def _forward(self, leader: Fitted) -> Fitted:
         """Law by law, while they bring enough; the leader then."""
@@ -95,24 +102,24 @@ class _Search:
         for count in range(self.effort.most - len(leader.variant.effects)):
             if self.grey.counter.stop():
                 break
-            if self._leaves_noise(leader):
+            if self.contest.leaves_noise(leader):
                 break
             found = self._step(leader, self._scores(leader), parts=count == 0)
-            self._keep(found)
-            if not any(map(self._leaves_noise, found)):
-                self._keep(self._beside_the_runner_up(leader))
+            self.ranking.keep(found)
+            if not any(map(self.contest.leaves_noise, found)):
+                self.ranking.keep(self._beside_the_runner_up(leader))
             if found:
-                richer = min(found, key=self._criterion)
+                richer = min(found, key=self.ranking.criterion)
                 if simpler := self._without(richer, leader.variant):
-                    self._keep([simpler])
-                leader = self.finals[leader.variant.key]
-            best = min(self.finals.values(), key=lambda f: self._criterion(f))
-            gained = self._criterion(leader) - self._criterion(best)
+                    self.ranking.keep([simpler])
+                leader = self.ranking[leader.variant.key]
+            best = self.ranking.best
+            gained = self.ranking.criterion(leader) - self.ranking.criterion(best)
             if best is leader or gained < threshold("gain"):
                 break
             leader = self._eliminated(best)
             self.leader.judged(leader.variant.key, f"gain {gained:.3g}")
-            if len(leader.variant.effects) == _PAIR and not self._leaves_noise(leader):
+            if len(leader.variant.effects) == _PAIR and not self.contest.leaves_noise(leader):
                 leader = self._swapped(leader)
         return leader
 
@@ -121,27 +128,29 @@ class _Search:
 
         Of two laws that are both missing, what each takes of the other's share decides which leads.
         """
-        singles = [f for f in self.finals.values() if len(f.variant.effects) == 1]
+        singles = [f for f in self.ranking if len(f.variant.effects) == 1]
         if leader not in singles or self.grey.counter.stop():
             return []
-        nothing = self._criterion(self.finals["nothing"])
-        least = threshold("runner-up") * (nothing - self._criterion(leader))
-        rivals = [f for f in singles if f is not leader and nothing - self._criterion(f) > least]
+        nothing = self.ranking.criterion(self.ranking.base)
+        least = threshold("runner-up") * (nothing - self.ranking.criterion(leader))
+        rivals = [
+            f for f in singles if f is not leader and nothing - self.ranking.criterion(f) > least
+        ]
         if not rivals:
             return []
-        second = min(rivals, key=self._criterion)
+        second = min(rivals, key=self.ranking.criterion)
         return self._step(second, self._scores(second), parts=False)
 
     def _swapped(self, leader: Fitted) -> Fitted:
         """What came before the last effect taken out again, and others tried in its place."""
         for effect in leader.variant.effects[:-1]:
             rest = self.library.without(leader.variant, effect)
-            if rest is None or rest.key not in self.finals or self.grey.counter.stop():
+            if rest is None or rest.key not in self.ranking or self.grey.counter.stop():
                 continue
-            fewer = self.finals[rest.key]
-            self._keep(self._step(fewer, self._scores(fewer), parts=False))
-        best = min(self.finals.values(), key=self._criterion)
-        if self._criterion(leader) - self._criterion(best) < threshold("gain"):
+            fewer = self.ranking[rest.key]
+            self.ranking.keep(self._step(fewer, self._scores(fewer), parts=False))
+        best = self.ranking.best
+        if self.ranking.criterion(leader) - self.ranking.criterion(best) < threshold("gain"):
             return leader
         self.leader.judged(best.variant.key, "instead")
         return self._eliminated(best)
@@ -167,40 +176,34 @@ class _Search:
                     found := self.estimator.likeliest(self.grey, variant, theta, leader.noise)
                 ) is not None:
                     fewer.append(found)
-            self._keep(fewer)
-            best = min(fewer, key=self._criterion, default=leader)
-            if self._criterion(best) > self._criterion(leader):
+            self.ranking.keep(fewer)
+            best = min(fewer, key=self.ranking.criterion, default=leader)
+            if self.ranking.criterion(best) > self.ranking.criterion(leader):
                 break
-            leader = self.finals[best.variant.key]
+            leader = self.ranking[best.variant.key]
         return leader
 
-    def _on_all_samples(self) -> Fitted:
-        """What stands on stretches, refitted on everything; the leader there."""
-        self.grey = self.whole
-        ranked = sorted(self.finals.values(), key=self._criterion)
-        least = self._criterion(ranked[0])
-        most, beyond = int(threshold("contenders")), least + threshold("beyond")
-        near = [f for f in ranked if self._criterion(f) < beyond][:most]
-        base = self.finals["nothing"]
+    def _on_all_samples(self) -> None:
+        """What stands on stretches, refitted on everything.
+
+        Of a search that was stopped, and of a base that is far behind: replayed as it was found.
+        """
+        near = []
+        if not self.whole.counter.stop():
+            ranked = sorted(self.ranking, key=self.ranking.criterion)
+            beyond = self.ranking.criterion(ranked[0]) + threshold("beyond")
+            most = int(threshold("contenders"))
+            near = [f for f in ranked if self.ranking.criterion(f) < beyond][:most]
         found = []
         for f in near:
-            if self.grey.counter.stop():
-                break
             self.tell(f"{f.variant.key} on all samples")
-            again = self.estimator.likeliest(self.grey, f.variant, f.point.theta, f.noise)
+            again = self.estimator.likeliest(self.whole, f.variant, f.point.theta, f.noise)
             if again is not None:
                 found.append(again)
+        base = self.ranking.base
         if not any(f.variant.key == base.variant.key for f in found):
-            self._replayed_on_all_samples(base)
-        else:
-            self.finals.clear()
-        self._keep(found)
-        return min(self.finals.values(), key=self._criterion)
-
-    def _leaves_noise(self, f: Fitted) -> bool:
-        if f not in self.noisy:
-            self.noisy[f] = leaves_noise(self.core, self.grey, f)
-        return self.noisy[f]
+            found.append(on_all_samples(self.whole, base))
+        self._compare_on(self.whole, found)
 
     def _joints(self, leader: Fitted) -> list[Fitted]:
         """Joints that give, beside a machine whose numbers alone leave noise.
@@ -222,21 +225,10 @@ class _Search:
             if own is None:
                 continue
             gain = (leader.point.minus_two_log - own.point.minus_two_log) / leader.inflation
-            if gain > threshold("gain") + len(variant.extra) * self._price():
+            if gain > threshold("gain") + len(variant.extra) * self.ranking.price():
                 self.tried[variant.key] = gain
                 found.append(own)
         return found
-
-    def _replayed_on_all_samples(self, base: Fitted) -> None:
-        """Of a search that was stopped on stretches: the base alone, as it was found there."""
-        self.grey = self.whole
-        self.finals = {base.variant.key: on_all_samples(self.whole, base)}
-
-    def _keep(self, found: Sequence[Fitted]) -> None:
-        for f in found:
-            known = self.finals.get(f.variant.key)
-            if known is None or f.point.minus_two_log < known.point.minus_two_log:
-                self.finals[f.variant.key] = f
 
     def _without(self, richer: Fitted, variant: Variant) -> Fitted | None:
         """A simpler variant, from the numbers and the noise found with more effects.
@@ -248,39 +240,23 @@ class _Search:
         theta = richer.point.theta[: self.grey.shared + len(variant.extra)]
         return self.estimator.likeliest(self.grey, variant, theta, richer.noise)
 
-    def _criterion(self, f: Fitted) -> float:
-        """Under the inflation of the best, lest a bad model's colour speaks for it."""
-        numbers = len(f.variant.extra) * self._price() + 2.0 * np.log(f.variant.looks)
-        return float(f.point.minus_two_log / self._least() + numbers)
-
-    def _least(self) -> float:
-        return min((g.inflation for g in self.finals.values()), default=1.0)
-
-    def _price(self) -> float:
-        """Of a number: that of the Bayesian criterion, and a share of all that is explained."""
-        known = [g.point.minus_two_log for g in self.finals.values()]
-        nothing = self.finals["nothing"].point.minus_two_log if known else 0.0
-        explained = max(0.0, nothing - min(known, default=0.0))
-        share = threshold("price of a number") * explained / self._least()
-        return float(np.log(self.grey.samples) + share)
-
     def _weigh_drifting_zeros(self) -> None:
         """What the best machine leaves, explained by zeros that drift over times of their own.
 
         From a fraction of a second (1/f noise) to minutes. A rival of the laws like any other, and
         the last one: eccentric rings and encoders would pass for it while no law is in.
         """
-        best = min(self.finals.values(), key=self._criterion)
-        base = self.finals["nothing"]
+        best = self.ranking.best
+        base = self.ranking.base
         if self.grey.counter.stop() or white(best):
             return
         self.tell(f"drifting zeros beside {best.variant.key}")
         own = self.estimator.drifting(self.grey, best)
-        self._keep([own])
+        self.ranking.keep([own])
         if best is not base:
             alone = self.estimator.drifting(self.grey, base)
-            if self._criterion(alone) < self._criterion(own):
-                self._keep([alone])
+            if self.ranking.criterion(alone) < self.ranking.criterion(own):
+                self.ranking.keep([alone])
 
     def _step(
         self, leader: Fitted, scored: tuple[list[Scored], list[Array]], parts: bool
@@ -291,47 +267,13 @@ class _Search:
         little of what they do at their size.
         """
         scores, columns = scored
+        contest, price = self.contest, self.ranking.price()
         best = worth_refitting(scores, self.effort.refitted)
-        found = self._refitted(leader, best, columns)
-        if parts and not any(map(self._leaves_noise, found)):
+        found = contest.refitted(leader, best, columns, price)
+        if parts and not any(map(contest.leaves_noise, found)):
             rest = [s for s in scores if is_part(s.variant) and s not in best]
-            found += self._refitted(leader, rest, columns)
+            found += contest.refitted(leader, rest, columns, price)
         return found
-
-    def _refitted(
-        self, leader: Fitted, chosen: Sequence[Scored], columns: Sequence[Array]
-    ) -> list[Fitted]:
-        """Laws refitted under the leader's noise, and what is left of them under their own."""
-        grey = self.grey
-        noise, point, gains = leader.noise, leader.point, leader.gains
-        over = inflation(point)
-        refits: list[Point] = []
-        for k, s in enumerate(chosen, 1):
-            if grey.counter.stop():
-                break
-            self.tell(f"refitting {s.variant.key} ({k} of {len(chosen)})")
-            own = refitted(self.estimator, grey, leader, s, columns)
-            if not own.lost:
-                refits.append(own)
-                gain = point.minus_two_log - own.minus_two_log
-                self.leader.meets(own.variant.key, own.minus_two_log, f"gain {gain / over:.3g}")
-        if not refits:
-            return []
-        # what the best of them leaves is nearest to noise: its colour weighs the gains of all; and
-        # what the leader itself would gain by as many steps is no law's
-        over = min([over, *map(inflation, refits)])
-        known = grey.shared
-        again = fit(
-            grey, point.variant, point.theta, gains, steps=5, shared_columns=columns[:known]
-        )
-        least = min(point.minus_two_log, again.minus_two_log)
-        gains_of = {p.variant.key: (least - p.minus_two_log) / over for p in refits}
-        self.tried.update(gains_of)
-        looked = [(gains_of[p.variant.key] - 2.0 * np.log(p.variant.looks), p) for p in refits]
-        looked.sort(key=lambda x: -x[0])
-        enough = max(threshold("gain"), threshold("early") * self._price())
-        best = with_rivals([p for gain, p in looked if gain > enough], self.effort.finals)
-        return self._compared(best, noise)
 
     def _scores(self, leader: Fitted) -> tuple[list[Scored], list[Array]]:
         """Score tests of every law beside the leader, and the derivatives they stand on."""
@@ -351,46 +293,6 @@ class _Search:
         """Its innovations on all samples: orders show over long ways only."""
         return f.point if self.grey is self.whole else on_all_samples(self.whole, f).point
 
-    def _compared(self, points: Sequence[Point], noise: Noise) -> list[Fitted]:
-        """Laws, each under the noise that it leaves itself.
-
-        From the leader's noise, since no law, of size nought at first, can come out less likely
-        than it; and on under less torque of unknown course, which had stood for what the law does.
-        Once one leaves noise, the others are fitted under that: what is far from it there does not
-        come near by more unknown torque.
-        """
-        near = []
-        for k, point in enumerate(points, 1):
-            if self.grey.counter.stop():
-                break
-            self.tell(f"{point.variant.key} under less unknown torque ({k} of {len(points)})")
-            if own := self.estimator.approach(self.grey, point.variant, point.theta, noise):
-                near.append(own)
-        near.sort(key=lambda f: f[0].minus_two_log)
-        found, settled = list[Fitted](), None
-        for point, noise in near:
-            if self.grey.counter.stop():
-                break
-            self.tell(f"the noise beside {point.variant.key}")
-            own = self.estimator.under(self.grey, point, settled.noise) if settled else None
-            if settled is None or own is None or _near(own, settled):
-                lead = min((f.point.minus_two_log for f in found), default=-np.inf)
-                own = self.estimator.likeliest(
-                    self.grey, point.variant, point.theta, noise, rival=lead
-                )
-            if own is None:
-                continue
-            found.append(own)
-            if settled is None and self._leaves_noise(own):
-                settled = own
-        return found
-
 
 def _paths(variant: Variant) -> list[str]:
     return [p.path for p in variant.extra]
-
-
-def _near(f: Fitted, leader: Fitted) -> bool:
-    """Whether it may come out as likely as the leader, under a noise of its own."""
-    behind = f.point.minus_two_log - leader.point.minus_two_log
-    return behind < threshold("beyond") * leader.inflation
