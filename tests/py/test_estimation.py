@@ -1,4 +1,4 @@
-"""A law comes near its best under less and less unknown torque, and a search knows when to leave one.
+"""A law comes near its best under less unknown torque; a search knows when to leave one.
 
 The record is that of a bench with one motor's encoder late; see `test_likelihood`.
 """
