@@ -59,7 +59,8 @@ class Predictable:
         found = []
         for sample, before in zip(self.sampled.starts, self.begins, strict=True):
             own = self._seen(core, offsets, sample, known)
-            found.append({**own, **{s: x for s, x in before.items() if s in known}})
+            own |= {s: x for s, x in before.items() if s in known}
+            found.append(_joined(core, own, known))
         return found
 
     def _seen(
@@ -97,6 +98,24 @@ class Predictable:
             measured=np.ascontiguousarray(self.measured[rows]),
             begins=tuple(begins),
         )
+
+
+def _joined(core: Any, state: dict[str, float], known: set[str]) -> dict[str, float]:
+    """A state in which motors turn with their pinions, where a joint that nobody knew of is new.
+
+    The joint is wound up by what its motor gives; the angles that encoders see stay as they are.
+    """
+    for motor in core.motors:
+        n = motor.rpartition("_")[2]
+        gearbox, pinion = f"gearbox_{n}", f"omega_c{n}"
+        if f"{gearbox}.twist" not in known or f"{gearbox}.twist" in state or pinion not in state:
+            continue
+        ratio = core.get(f"{gearbox}.ratio")
+        wound = ratio * core.get(f"{motor}.K_d") * state.get(f"I_{n}", 0.0)
+        twist = wound / core.get(f"{gearbox}.stiffness")
+        state |= {f"omega_{n}": ratio * state[pinion], f"{gearbox}.twist": twist}
+        state[f"mesh_{n}.twist"] = state.get(f"mesh_{n}.twist", 0.0) - twist
+    return state
 
 
 def predictable(core: Any, records: Sequence[Record]) -> list[Predictable]:

@@ -52,7 +52,7 @@ class Contest:
         return self._noisy[f]
 
     def refitted(
-        self, leader: Fitted, chosen: Sequence[Scored], columns: Sequence[Array], price: float
+        self, leader: Fitted, chosen: Sequence[Scored], columns: Sequence[Array], least: float
     ) -> list[Fitted]:
         """Laws refitted under the leader's noise, and the best of them under their own.
 
@@ -60,7 +60,7 @@ class Contest:
             leader: beside which they were scored.
             chosen: their scores.
             columns: derivatives of the leader's innovations by all its unknowns.
-            price: of a number.
+            least: gain over the inflation, from which the noise is estimated beside a law.
 
         """
         grey = self.grey
@@ -85,13 +85,12 @@ class Contest:
         again = fit(
             grey, point.variant, point.theta, gains, steps=5, shared_columns=columns[:known]
         )
-        least = min(point.minus_two_log, again.minus_two_log)
-        gains_of = {p.variant.key: (least - p.minus_two_log) / over for p in refits}
+        nothing = min(point.minus_two_log, again.minus_two_log)
+        gains_of = {p.variant.key: (nothing - p.minus_two_log) / over for p in refits}
         self.tried.update(gains_of)
         looked = [(gains_of[p.variant.key] - 2.0 * np.log(p.variant.looks), p) for p in refits]
         looked.sort(key=lambda x: -x[0])
-        enough = max(threshold("gain"), threshold("early") * price)
-        best = with_rivals([p for gain, p in looked if gain > enough], self.effort.finals)
+        best = with_rivals([p for gain, p in looked if gain > least], self.effort.finals)
         return self.compared(best, noise)
 
     def compared(self, points: Sequence[Point], noise: Noise) -> list[Fitted]:

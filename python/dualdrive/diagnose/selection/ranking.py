@@ -39,6 +39,10 @@ class Ranking:
             if known is None or f.point.minus_two_log < known.point.minus_two_log:
                 self._fits[f.variant.key] = f
 
+    def forget(self, f: Fitted) -> None:
+        """As if its variant had not been tried."""
+        del self._fits[f.variant.key]
+
     @property
     def base(self) -> Fitted:
         """The machine as it is, its numbers refitted."""

@@ -12,6 +12,7 @@ where no law stands there, all samples are searched for a faint one.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -24,7 +25,7 @@ from dualdrive.diagnose.selection.base import refitted_base
 from dualdrive.diagnose.selection.contest import Contest
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selection
-from dualdrive.diagnose.selection.parts import is_joint, is_part, part_score
+from dualdrive.diagnose.selection.parts import is_joint, is_part
 from dualdrive.diagnose.selection.ranking import Ranking
 from dualdrive.diagnose.selection.refits import worth_refitting
 from dualdrive.diagnose.selection.residual_analysis import white
@@ -55,10 +56,7 @@ class _Search:
         self.effort, self.told, self.leader = effort, tell, Leader()
         self.library = Library(core, grey)
         self.screened: list[tuple[str, Scored]] = []
-        self.tried: dict[
-            str, float
-        ] = {}  # label -> gain under a leader's noise, over the inflation
-        self.looked_at: GreyBox | None = None  # on what laws have been sought
+        self.tried: dict[str, float] = {}  # see `Contest`
         self.estimator = Estimator(core, grey)
 
     def tell(self, what: str) -> None:
@@ -70,18 +68,15 @@ class _Search:
         base, grey = refitted_base(self.estimator, self.whole)
         self._compare_on(grey, [base])
         stop = self.whole.counter.stop
-        leader = self._forward(base)
+        self._forward(base)
         if grey is not self.whole:
             self._on_all_samples()
-            leader = self.ranking.best
-        if not leader.variant.effects and not stop():
-            # joints first: what a soft shaft does a law of the drives would describe, too
-            self.ranking.keep(self._joints(leader))
-            leader = self.ranking.best
-            if self.looked_at is not self.grey or leader.variant.effects:
-                leader = self._forward(leader)
+        self._forget_faint_joints()
+        leader = self.ranking.best
+        if grey is not self.whole and (not leader.variant.effects or is_joint(leader.variant)):
+            self._forward(leader, joints=False)
         if not self.screened and not stop():
-            self._scores(leader)
+            self._scores(self.ranking.best)
         self._weigh_drifting_zeros()
         own = (replace(f, criterion=self.ranking.criterion(f)) for f in self.ranking)
         every = sorted(own, key=lambda f: f.criterion)
@@ -96,13 +91,14 @@ class _Search:
             self.estimator, grey, self.effort, self.leader, self.tell, self.tried
         )
 
-    def _forward(self, leader: Fitted) -> Fitted:
-        """Law by law, while they bring enough; the leader then."""
-        self.looked_at = self.grey
+    def _forward(self, leader: Fitted, joints: bool = True) -> None:
+        """Law by law, while they bring enough; joints where the base leaves noise."""
         for count in range(self.effort.most - len(leader.variant.effects)):
             if self.grey.counter.stop():
                 break
             if self.contest.leaves_noise(leader):
+                if joints and not leader.variant.effects:
+                    self.ranking.keep(self._joints(leader))
                 break
             found = self._step(leader, self._scores(leader), parts=count == 0)
             self.ranking.keep(found)
@@ -121,7 +117,6 @@ class _Search:
             self.leader.judged(leader.variant.key, f"gain {gained:.3g}")
             if len(leader.variant.effects) == _PAIR and not self.contest.leaves_noise(leader):
                 leader = self._swapped(leader)
-        return leader
 
     def _beside_the_runner_up(self, leader: Fitted) -> list[Fitted]:
         """Pairs with the second-best law, where it is nearly as good alone as the leader.
@@ -208,27 +203,21 @@ class _Search:
     def _joints(self, leader: Fitted) -> list[Fitted]:
         """Joints that give, beside a machine whose numbers alone leave noise.
 
-        On stretches such numbers and drifting zeros do as well as a soft shaft; only long records
-        tell them apart.
+        What a soft shaft does such numbers do nearly as well, and laws of the drives would: it is
+        tried before them, from the data sheet's numbers, and held against all samples.
         """
-        found = []
         point, grey = leader.point, self.grey
         columns = grey.columns(point, range(len(point.theta)), leader.gains)
-        for variant in self.library.variants(leader.variant, self._everywhere(leader)):
-            if not is_joint(variant) or grey.counter.stop():
-                continue
-            if not part_score(grey, point, columns, variant, leader.noise) > threshold("hopeless"):
-                continue
-            self.tell(f"{variant.key} on all samples")
-            begin = np.r_[leader.point.theta, [p.start for p in variant.extra]]
-            own = self.estimator.likeliest(self.grey, variant, begin, leader.noise)
-            if own is None:
-                continue
-            gain = (leader.point.minus_two_log - own.point.minus_two_log) / leader.inflation
-            if gain > threshold("gain") + len(variant.extra) * self.ranking.price():
-                self.tried[variant.key] = gain
-                found.append(own)
-        return found
+        variants = self.library.variants(leader.variant, self._everywhere(leader))
+        joints = [Scored(v, math.nan, {}) for v in variants if is_joint(v)]
+        return self.contest.refitted(leader, joints, columns, least=0.0)
+
+    def _forget_faint_joints(self) -> None:
+        """Those that gain too little to be told from the numbers that do nearly as well."""
+        enough = self.ranking.criterion(self.ranking.base) - threshold("gain")
+        for f in list(self.ranking):
+            if is_joint(f.variant) and self.ranking.criterion(f) > enough:
+                self.ranking.forget(f)
 
     def _without(self, richer: Fitted, variant: Variant) -> Fitted | None:
         """A simpler variant, from the numbers and the noise found with more effects.
@@ -267,12 +256,13 @@ class _Search:
         little of what they do at their size.
         """
         scores, columns = scored
-        contest, price = self.contest, self.ranking.price()
+        contest = self.contest
+        least = max(threshold("gain"), threshold("early") * self.ranking.price())
         best = worth_refitting(scores, self.effort.refitted)
-        found = contest.refitted(leader, best, columns, price)
+        found = contest.refitted(leader, best, columns, least)
         if parts and not any(map(contest.leaves_noise, found)):
             rest = [s for s in scores if is_part(s.variant) and s not in best]
-            found += contest.refitted(leader, rest, columns, price)
+            found += contest.refitted(leader, rest, columns, least)
         return found
 
     def _scores(self, leader: Fitted) -> tuple[list[Scored], list[Array]]:
