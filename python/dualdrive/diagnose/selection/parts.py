@@ -1,25 +1,26 @@
 """Refits of parts that are put in: shafts, play, limits, dead times.
 
 A part is scored beside the leader at several sizes first, as laws are; where that says nothing,
-nothing is refitted. A part softens or frees what the numbers of the machine had stood for. Its
-refit begins at several sizes from the data sheet, under so much unknown torque that any machine
-follows the record, and by successive halving the likeliest go on while that torque is lowered.
+nothing is refitted. A part softens or frees what the numbers of the machine had stood for: its
+refit begins from the data sheet, at the sizes that are likeliest where any machine follows.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.diagnose.screening import residual_maker
-from dualdrive.innovations import GreyBox, Noise, Point, Variant, fit, flat, inflation
+from dualdrive.diagnose.selection.estimation import Estimator
+from dualdrive.innovations import GreyBox, Noise, Point, Variant, flat, inflation
 
 Array = NDArray[np.float64]
 
-_HALVING = ((1.0, 3), (0.2, 2), (0.04, 1))  # of the wide torque, valleys followed there
+_VALLEYS = 2  # sizes from which a part is followed to its best
 _JOINT = (1.0, 0.3, 0.1, 3.0, 10.0)  # where the first number of a joint begins, times its usual one
 _LIMIT = (1.0, 0.3)  # and that of a limit or a lag, whose likelihood has no valleys
 _TRIED = (3.0, 1.0, 0.3, 0.1)  # times its usual one: sizes at which a part is scored
@@ -74,17 +75,19 @@ def part_score(
 
 
 def part_refitted(
-    grey: GreyBox, variant: Variant, start: Array, known: int, noise: Noise, wide: Noise
+    estimator: Estimator, grey: GreyBox, variant: Variant, start: Array, known: int, noise: Noise
 ) -> Point | None:
-    """A part at its best under a noise; None where no replay follows.
+    """A part near its best; None where no replay follows.
+
+    From the sizes that are likeliest under much unknown torque, each on under less.
 
     Args:
+        estimator: of the machine.
         grey: the records.
         variant: the machine with the part in it, last of its effects.
         start: its numbers, those of the data sheet as they are there, shape (unknowns,).
         known: unknowns that it has without the part; the next is the part's first number.
         noise: under which the leader stands.
-        wide: the same with so much unknown torque that any machine follows.
 
     """
     begins = []
@@ -92,22 +95,8 @@ def part_refitted(
         there = start.copy()
         there[known] *= factor
         begins.append(there)
+    wide = replace(noise, torque=estimator.wide.torque)
     seen = grey.likelihoods(variant, [(x, wide) for x in begins])
-    near = [(f[0].minus_two_log, k) for k, f in enumerate(seen) if f]
-    begins = [begins[k] for _, k in sorted(near)]
-    for lower, valleys in _HALVING:
-        own = wide.with_torque(lower)
-        found = [p for p in (_under(grey, variant, x, own, 3) for x in begins[:valleys]) if p]
-        found.sort(key=lambda p: p.minus_two_log)
-        begins = [p.theta for p in found]
-    return _under(grey, variant, begins[0], noise, 6) if begins else None
-
-
-def _under(grey: GreyBox, variant: Variant, theta: Array, noise: Noise, steps: int) -> Point | None:
-    """Fitted with gains of its own; None where it is lost."""
-    try:
-        gains = grey.gains(variant, theta, noise)
-    except ValueError:
-        return None
-    found = fit(grey, variant, theta, gains, steps=steps, refresh=(0, 2, 4))
-    return None if found.lost else found
+    near = sorted((f[0].minus_two_log, k) for k, f in enumerate(seen) if f)
+    found = (estimator.approach(grey, variant, begins[k], noise) for _, k in near[:_VALLEYS])
+    return min((f[0] for f in found if f), key=lambda p: p.minus_two_log, default=None)

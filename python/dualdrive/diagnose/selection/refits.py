@@ -71,8 +71,8 @@ def refitted(
         return lost
     # from the data sheet: the part may stand for what the numbers had stood for
     start[: grey.shared] = grey.start(Variant(estimator.core))
-    wide = replace(leader.noise, torque=estimator.wide.torque)
-    return part_refitted(grey, variant, start, len(point.theta), leader.noise, wide) or lost
+    known = len(point.theta)
+    return part_refitted(estimator, grey, variant, start, known, leader.noise) or lost
 
 
 def with_rivals(ranked: Sequence[Point], most: int) -> list[Point]:

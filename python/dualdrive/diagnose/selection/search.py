@@ -181,21 +181,24 @@ class _Search:
     def _on_all_samples(self) -> None:
         """What stands on stretches, refitted on everything.
 
-        Of a search that was stopped, and of a base that is far behind: replayed as it was found.
+        Of a search that was stopped, the base as it was found.
         """
-        near = []
+        base, near = self.ranking.base, []
         if not self.whole.counter.stop():
             ranked = sorted(self.ranking, key=self.ranking.criterion)
             beyond = self.ranking.criterion(ranked[0]) + threshold("beyond")
             most = int(threshold("contenders"))
             near = [f for f in ranked if self.ranking.criterion(f) < beyond][:most]
+            near += [] if base in near else [base]
         found = []
         for f in near:
             self.tell(f"{f.variant.key} on all samples")
-            again = self.estimator.likeliest(self.whole, f.variant, f.point.theta, f.noise)
+            lead = min((g.point.minus_two_log for g in found), default=-np.inf)
+            again = self.estimator.likeliest(
+                self.whole, f.variant, f.point.theta, f.noise, rival=lead
+            )
             if again is not None:
                 found.append(again)
-        base = self.ranking.base
         if not any(f.variant.key == base.variant.key for f in found):
             found.append(on_all_samples(self.whole, base))
         self._compare_on(self.whole, found)
