@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -103,7 +104,8 @@ class Predictable:
 def _joined(core: Any, state: dict[str, float], known: set[str]) -> dict[str, float]:
     """A state in which motors turn with their pinions, where a joint that nobody knew of is new.
 
-    The joint is wound up by what its motor gives; the angles that encoders see stay as they are.
+    The joint is wound up by what its motor gives, through its play if it has one; the angles that
+    encoders see stay as they are.
     """
     for motor in core.motors:
         n = motor.rpartition("_")[2]
@@ -112,7 +114,8 @@ def _joined(core: Any, state: dict[str, float], known: set[str]) -> dict[str, fl
             continue
         ratio = core.get(f"{gearbox}.ratio")
         wound = ratio * core.get(f"{motor}.K_d") * state.get(f"I_{n}", 0.0)
-        twist = wound / core.get(f"{gearbox}.stiffness")
+        stiffness, play = core.get(f"{gearbox}.stiffness"), core.get(f"{gearbox}.gap")
+        twist = wound / stiffness + math.copysign(play, wound)
         state |= {f"omega_{n}": ratio * state[pinion], f"{gearbox}.twist": twist}
         state[f"mesh_{n}.twist"] = state.get(f"mesh_{n}.twist", 0.0) - twist
     return state

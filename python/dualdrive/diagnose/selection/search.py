@@ -190,7 +190,7 @@ class _Search:
             most = int(threshold("contenders"))
             near = [f for f in ranked if self.ranking.criterion(f) < beyond][:most]
             near += [] if base in near else [base]
-        found = []
+        found = list[Fitted]()
         for f in near:
             self.tell(f"{f.variant.key} on all samples")
             lead = min((g.point.minus_two_log for g in found), default=-np.inf)
