@@ -1,36 +1,58 @@
-"""Scores of parts with states of their own, before anything is refitted."""
+"""Parts with states of their own: their scores, and how records begin with them."""
 
 from __future__ import annotations
 
 import functools
+from typing import Any
+
+import numpy as np
+import pytest
 
 from bench_record import grey_box
 from dualdrive import Machine
 from dualdrive.diagnose.screening import Library
 from dualdrive.diagnose.selection.parts import is_joint, is_part, part_score
 from dualdrive.diagnose.thresholds import threshold
-from dualdrive.innovations import Variant, first_noise, maximum_likelihood
+from dualdrive.innovations import (
+    GreyBox,
+    Noise,
+    Point,
+    Variant,
+    first_noise,
+    maximum_likelihood,
+    some,
+)
 from test_innovations import bench
 
 SOFT = {"shaft_compliance@gearboxes": {"stiffness": 260.0}}
 
 
 @functools.cache
-def score(soft: bool) -> float:
-    """Of a shaft that gives, on a record of a bench that has one or none."""
+def stiff(soft: bool) -> tuple[GreyBox, Point, Noise, list[Any]]:
+    """The bench of the data sheet on a record of one whose shafts give, or do not."""
     own = grey_box(Machine.load("bench"), bench(SOFT if soft else {}), 2000, seed=6)
     nothing = Variant(own.core)
     found = maximum_likelihood(
         own, nothing, own.start(nothing), first_noise(own.core, own.records, 1e-2)
     )
     assert found is not None
-    point, noise, gains = found
-    columns = own.columns(point, range(len(point.theta)), gains)
+    return own, *found
+
+
+def shaft(own: GreyBox, point: Point) -> Variant:
     [variant] = [
         v
-        for v in Library(own.core, own).variants(nothing, point)
+        for v in Library(own.core, own).variants(point.variant, point)
         if v.effects[-1] == ("shaft_compliance", "gearboxes")
     ]
+    return variant
+
+
+@functools.cache
+def score(soft: bool) -> float:
+    own, point, noise, gains = stiff(soft)
+    columns = own.columns(point, range(len(point.theta)), gains)
+    variant = shaft(own, point)
     assert is_part(variant)
     assert is_joint(variant)
     return part_score(own, point, columns, variant, noise)
@@ -43,3 +65,25 @@ def test_a_shaft_that_gives_is_seen_by_its_score() -> None:
 def test_where_none_gives_there_is_less_to_see() -> None:
     """Not nothing: at the sizes that are tried a shaft is no small change of a stiff machine."""
     assert score(soft=False) < 0.5 * score(soft=True)
+
+
+def test_a_stretch_begins_with_its_shafts_wound_up() -> None:
+    """The filter of a stiff machine knew no shaft: one that begins unwound and at rest is lost."""
+    own, point, noise, gains = stiff(soft=True)
+    few = some(own, point, gains, 1000)
+    variant = shaft(own, point)
+    theta = few.start(variant)
+    theta[few.shared] = variant.extra[0].coordinate(260.0)
+    [found] = few.likelihoods(variant, [(theta, noise)])
+    assert found is not None
+    [record] = few.records
+    core = few.machine(variant, theta)
+    for sample, state in zip(record.sampled.starts, record.initial(core, {}), strict=True):
+        begun = found[0].residuals[0][sample + 50 : sample + 200]
+        assert np.mean(begun**2) < 1.5
+        for n in "12":
+            ratio = core.get(f"gearbox_{n}.ratio")
+            assert state[f"omega_{n}"] == pytest.approx(ratio * state[f"omega_c{n}"])
+            wound = state[f"gearbox_{n}.twist"] * core.get(f"gearbox_{n}.stiffness")
+            given = ratio * core.get(f"motor_{n}.K_d") * state[f"I_{n}"]
+            assert wound == pytest.approx(given, rel=1e-9)
