@@ -53,7 +53,7 @@ namespace {
 
 constexpr std::size_t short_while = 100;  // samples within which a state's typical size is reached
 constexpr double forgotten = 100.0;       // s: see steady()
-constexpr double unknown = 10.0;          // of that size: what is not known of the first state
+constexpr double unknown = 100.0;         // of that size: what is not known of the first state
 constexpr double white_floor = 1e-3;      // of a sensor's drive: no reading is exact, and R has an inverse
 
 // 1 − memory², by which a stationary variance is larger than what drives it.

@@ -32,6 +32,7 @@ _ZERO_ANGLE, _ZERO_CURRENT = 1e-3, 0.02
 #: together, and how often that before it is taken anew
 _DIFFERENCE, _LEAST, _SCATTER, _TOO_LONG = 1e-3, 1e-8, 1.0, 3.0
 _FIRST = 0.1  # of the drives' torque: what may have acted before the first sample
+_FILTERED = 0.01  # the same where a filter had followed the record till then
 
 
 class Counter:
@@ -61,7 +62,10 @@ class GreyBox:
         self.pool = ThreadPoolExecutor(self.threads)
         self.counter = counter or Counter()
         self.steps: dict[str, float] = {}  # unknown -> last difference
-        self.first_torque = first_noise(core, self.records, _FIRST).torques()
+        self.first_torque = {
+            filtered: first_noise(core, self.records, share).torques()
+            for filtered, share in ((False, _FIRST), (True, _FILTERED))
+        }
         self.speed = max(
             float(np.sqrt(np.mean(np.gradient(r.record.reference, r.record.t) ** 2)))
             for r in records
@@ -196,7 +200,8 @@ class GreyBox:
         """What the gains of a record depend on."""
         settings = tuple(sorted(record.record.settings.items()))
         unsure = tuple(sorted(record.unsure.items()))
-        return settings, record.sampled.step, record.channels, record.steps, unsure
+        step, channels = record.sampled.step, record.channels
+        return settings, step, channels, record.steps, unsure, record.filtered
 
     def _point(self, variant: Variant, theta: Array, found: Sequence[Replayed]) -> Point:
         det, lost = sum(f.log_det for f in found), any(f.lost for f in found)
@@ -229,7 +234,7 @@ class GreyBox:
                     steady[key] = _core.kalman_gains(
                         there, r.sampled, noise.sensors(r), noise.torques(), self.speed,
                         drifts=noise.drifts(r), second=noise.seconds(r),
-                        first_torque=self.first_torque,
+                        first_torque=self.first_torque[r.filtered],
                         first_deviation=r.unsure,
                     )  # fmt: skip
                 except ValueError:

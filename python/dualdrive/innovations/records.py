@@ -46,6 +46,11 @@ class Predictable:
     unsure: Mapping[str, float] = field(default_factory=dict)
 
     @property
+    def filtered(self) -> bool:
+        """Whether a filter had followed the record to where its stretches begin."""
+        return any(self.begins)
+
+    @property
     def name(self) -> str:
         """Of the record."""
         return self.record.name
