@@ -45,6 +45,7 @@ if TYPE_CHECKING:  # for editors and type checkers: what _HOMES says; a test com
     from dualdrive import replay as replay
     from dualdrive import report as report
     from dualdrive import run as run
+    from dualdrive import said as said
     from dualdrive import simulation as simulation
     from dualdrive import store as store
     from dualdrive import sweeps as sweeps
@@ -125,6 +126,7 @@ _PARTS = (
     "replay",
     "report",
     "run",
+    "said",
     "simulation",
     "store",
     "sweeps",

@@ -14,7 +14,7 @@ import pytest
 from diagnosed import diagnosis
 from dualdrive.compare import compare, failing_stretches, residual_correlations, situations_of
 from dualdrive.demo import records, sheet
-from dualdrive.diagnose.work import Clock, Work, misfit_left
+from dualdrive.diagnose.work import Clock, Leader, Work, misfit_left
 from dualdrive.files import FileError
 from dualdrive.identify import evaluate
 from dualdrive.workbench import keep, views
@@ -76,22 +76,23 @@ def test_progress_is_told_as_numbers_and_names_what_leads(tmp_path: Path) -> Non
     work.leader.judged("viscous@table", misfit_left(90.0, alone=1000.0))  # fewer numbers, say
     work.leader.meets("coulomb@table", 10.0, "")
     assert str(work.leader) == "; best so far viscous@table, 30 % of the misfit left"
-    for line in (*spoken, "score tests beside wear@pinions + play@mesh_1: 16 of 130"):
+    for line in (*spoken, work.leader.after("score tests beside wear@ring; so far: 16 of 130")):
         tell(line)
-    tell("refitting nothing else")
-    tell("60 laws beside nothing")
+    tell("errors of the simulated loop")  # told by whom no search leads: what leads stays
+    tell(Leader().after("60 laws beside nothing"))
     tell("refitting with coulomb@table: simulation 4", best=0.25)
     told = [
         {key: value for key, value in json.loads(line).items() if key != "seconds"}
         for line in (tmp_path / "events.jsonl").read_text("utf-8").splitlines()
     ]
-    beside = "score tests beside wear@pinions + play@mesh_1: 16 of 130"
     assert told == [
         {"text": "refitting with viscous@table"},
         {"text": "refitting with cogging@motors (4 of 9)", "done": 4, "of": 9,
          "leader": "coulomb@table, 10 % of the misfit left"},
-        {"text": beside, "leader": "wear@pinions + play@mesh_1", "done": 16, "of": 130},
-        {"text": "refitting nothing else", "leader": "wear@pinions + play@mesh_1"},
+        {"text": "score tests beside wear@ring; so far: 16 of 130", "done": 16, "of": 130,
+         "leader": "viscous@table, 30 % of the misfit left"},
+        {"text": "errors of the simulated loop",
+         "leader": "viscous@table, 30 % of the misfit left"},
         {"text": "60 laws beside nothing"},
         {"text": "refitting with coulomb@table: simulation 4", "best": 0.25},
     ]  # fmt: skip

@@ -35,6 +35,7 @@ from dualdrive.replay import (
     Record,
     core_of,
 )
+from dualdrive.said import Said
 from dualdrive.traces import Trace
 
 Array = NDArray[np.float64]
@@ -74,7 +75,7 @@ def diagnose_closed_loop(
         threads=job.threads,
         counter=counter,
     )
-    found = select(core, grey, EFFORTS[job.effort], job.tell)
+    found = select(core, grey, EFFORTS[job.effort], lambda line: job.tell(Said.of(line)))
     grey = found.grey
     decision = decide(core, grey, found)
     job.tell("errors of the simulated loop")

@@ -9,6 +9,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import TypeVar
 
+from dualdrive.said import BEST, Said
+
 T = TypeVar("T")
 R = TypeVar("R")
 
@@ -60,7 +62,11 @@ class Leader:
         self._cost, self._said = math.inf, ""
 
     def __str__(self) -> str:
-        return self._said
+        return f"{BEST}{self._said}" if self._said else ""
+
+    def after(self, tried: str) -> Said:
+        """What is tried, and what is best so far."""
+        return Said(tried, self._said)
 
     def meets(self, label: str, cost: float, remark: str) -> None:
         """Take what was refitted, where nothing before it was judged or cost less.
@@ -68,11 +74,11 @@ class Leader:
         label: of the explanation; cost: of any scale, less is better; remark: how good it is
         """
         if cost < self._cost:
-            self._cost, self._said = cost, f"; best so far {label}, {remark}"
+            self._cost, self._said = cost, f"{label}, {remark}"
 
     def judged(self, label: str, remark: str) -> None:
         """Take what is best once its numbers are counted too; costs of refits say no more then."""
-        self._cost, self._said = -math.inf, f"; best so far {label}, {remark}"
+        self._cost, self._said = -math.inf, f"{label}, {remark}"
 
 
 def misfit_left(chi: float, alone: float) -> str:
@@ -91,7 +97,7 @@ class Work:
 
     def tell(self, what: str) -> None:
         """Say what is tried, and what is best so far."""
-        self.told(f"{what}{self.leader}")
+        self.told(self.leader.after(what))
 
     @property
     def stop(self) -> Callable[[], bool]:

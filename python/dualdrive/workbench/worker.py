@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from dualdrive.files import write_atomically
+from dualdrive.said import Said
 from dualdrive.workbench import tasks
 from dualdrive.workbench.limits import MOST_EVENTS, WORKER_MEMORY
 
@@ -25,8 +26,6 @@ __all__ = ["Progress", "main"]
 
 _DONE: Final = object()
 _COUNT = re.compile(r"(\d+) of (\d+)")
-#: a search names what leads it, or tells beside what it goes on
-_LEADER = re.compile(r"; best so far (.+)|(?:laws|tests) beside (\w+(?:@\w+(?: \+ \w+@\w+)*)?)")
 
 
 class Progress:
@@ -38,15 +37,14 @@ class Progress:
         self._leader = ""
 
     def __call__(self, text: str, **more: Any) -> None:
-        """Tell in words; a count ``k of n`` and what leads are told as numbers and a name too."""
+        """Tell in words; a count ``k of n`` and what leads a search are told by themselves too."""
         self._lines += 1
         if self._lines > MOST_EVENTS:
             return
-        if found := _LEADER.search(text):
-            self._leader = found[1] or found[2]
-            text = text.removesuffix(found[0]) if found[1] else text
+        if isinstance(text, Said):
+            text, self._leader = text.tried, text.leader
         event = {"text": text, "seconds": round(time.monotonic() - self._begin, 2), **more}
-        if self._leader and not self._leader.startswith("nothing"):
+        if self._leader:
             event["leader"] = self._leader
         if count := _COUNT.search(text):
             event |= {"done": int(count[1]), "of": int(count[2])}
