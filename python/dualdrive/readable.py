@@ -41,6 +41,7 @@ _READABLE: Final[dict[str, tuple[tuple[float, str], ...]]] = {
     "s": ((0.5, "ms"), (np.inf, "s")),
 }
 
+_NOUGHT: Final = 1e-4  # of an interval's width: below its last digit
 _MOST_DIGITS: Final = 8  # of the ends of an interval, however narrow
 
 
@@ -66,8 +67,8 @@ def interval(value: float, low: float, high: float, unit: str = "", *, digits: i
     """A value and where it lies, all in one unit: ``0.998 mm [0.95 .. 1.05 mm]``.
 
     The largest of the three chooses the unit. A narrow interval has as many digits more as it
-    takes to tell its ends apart; what was counted or held (low = high), or whose ends are not
-    known, has none.
+    takes to tell its ends apart, and what is nothing beside its width is 0. What was counted or
+    held (low = high), or whose ends are not known, has none.
     """
     if not math.isfinite(value):
         return "–"
@@ -75,6 +76,8 @@ def interval(value: float, low: float, high: float, unit: str = "", *, digits: i
         return human(value, unit, digits=digits)
     ends = [abs(x) for x in (value, low, high) if math.isfinite(x)]
     largest, width = max(ends, default=0.0), high - low
+    if math.isfinite(width):
+        value, low, high = (0.0 if abs(x) < _NOUGHT * width else x for x in (value, low, high))
     if 0.0 < width < largest:
         digits = max(digits, min(math.floor(math.log10(largest / width)) + 2, _MOST_DIGITS))
     one, first, last = (human(x, unit, digits=digits, like=largest) for x in (value, low, high))

@@ -185,6 +185,7 @@ def test_human_takes_the_unit_of_another() -> None:
         (12001.0, 11999.0, 12004.0, "N*m", "12.001 kN·m [11.999 .. 12.004 kN·m]"),
         (0.9e-3, 0.8e-3, 1.1e-3, "rad", "0.9 mrad [0.8 .. 1.1 mrad]"),
         (2e-6, -5e-3, 5e-3, "m", "0.002 mm [-5 .. 5 mm]"),
+        (0.38e-3, 2.4e-10, 6.8e-3, "rad/s", "0.38 mrad/s [0 .. 6.8 mrad/s]"),
         (4e-3, 4e-3, math.inf, "s", "4 ms [4 .. inf ms]"),
         (0.0, -0.5, 0.5, "", "0 [-0.5 .. 0.5]"),
         (2e-3, math.nan, math.nan, "s", "2 ms"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import signal
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from dualdrive import traces
+from recorded import DEMO
 from workbench_page import Seen, chromium, needs_chromium
 from workbench_server import Running
 
@@ -119,14 +121,51 @@ def test_every_cause_is_shaded_in_a_look_of_its_own(seen: Seen) -> None:
 
 
 def test_plots_are_taken_away_as_table_and_picture(seen: Seen, tmp_path: Path) -> None:
-    table = seen.saved("#save-csv", tmp_path / "plots.csv").read_text()
-    assert '"following error, measured [arcsec]"' in table
-    assert len(table.splitlines()) > 1000
     seen.click("#copy-png")
     seen.wait(".message", "The picture is")
     script = seen.saved("[id='save-story.py']", tmp_path / "story.py").read_text()
     compile(script, "story.py", "exec")
     assert "schema = 1" in seen.saved("[id='save-machine.toml']", tmp_path / "m.toml").read_text()
+
+
+def test_what_plots_show_is_one_table_with_a_unit_over_every_column(
+    seen: Seen, tmp_path: Path
+) -> None:
+    """Zoomed in it has the samples of the record themselves, to twelve digits."""
+    whole = seen.saved("#save-csv", tmp_path / "whole.csv").read_text().splitlines()
+    assert whole[0] == "# least and greatest value of every pixel; zoom in for every sample"
+    seen.page.locator(".panel").first.focus()
+    for _ in range(12):
+        seen.page.keyboard.press("+")
+    seen.page.wait_for_timeout(400)
+    path = seen.saved("#save-csv", tmp_path / "plots.csv")
+    seen.click("#zoom-all")
+    with path.open(encoding="utf-8", newline="") as file:
+        heads, *rows = csv.reader(file)
+    assert heads[:3] == ["t [s]", "following error, measured [arcsec]",
+                         "following error, nominal [arcsec]"]  # fmt: skip
+    assert all(h.endswith("]") or "-1 back, 0 gap, 1 front" in h for h in heads), heads
+    assert {len(row) for row in rows} == {len(heads)}
+    fit = traces.read(DEMO / "fit.csv")
+    inside = slice(*np.searchsorted(fit.t, [float(rows[0][0]) - 1e-9, float(rows[-1][0]) + 1e-9]))
+    for name, unit in (("I_1", 1.0), ("I_2", 1.0)):
+        written = [float(row[heads.index(f"current {name}, measured [A]")]) for row in rows]
+        np.testing.assert_allclose(written, fit[name][inside] / unit, rtol=1e-11)
+
+
+HOSTILE = """async (title) => (await import("dd/save.js")).csv({
+  timeline: {range: [0, 1]},
+  panels: [{data: [[0, 1], [2, NaN]], exact: true, rung: {unit: "A"},
+            spec: {title, series: [{label: "x"}]}}],
+})"""
+
+
+@pytest.mark.parametrize("title", ['=HYPERLINK("http://a","b")', "+1+1", "@SUM(A1)", "-2", "\t=1"])
+def test_no_name_of_a_recording_becomes_a_formula(seen: Seen, title: str) -> None:
+    """A spreadsheet computes what begins so, quoted or not."""
+    [heads, *rows] = csv.reader(seen.page.evaluate(HOSTILE, title).splitlines())
+    assert heads == ["t [s]", f"'{title}, x [A]"]
+    assert rows == [["0", "2"], ["1", ""]]
 
 
 def test_a_panel_of_ones_own_shifts_one_series_against_another(seen: Seen) -> None:

@@ -227,6 +227,29 @@ def test_a_command_of_a_megabyte_or_of_nonsense_is_refused(server: Running) -> N
     assert server.ask("POST", "do/__class__", "{}").status == 400
 
 
+@pytest.mark.parametrize(
+    ("method", "where", "body"),
+    [
+        ("POST", "series", '{"keys": [], "start": 0, "stop": 1, "pixels": 1e999}'),
+        ("POST", "series", '{"keys": [["1/fit"]], "start": 0, "stop": 1, "pixels": 10}'),
+        ("POST", "series", '{"keys": 5, "start": 0, "stop": 1, "pixels": 10}'),
+        ("POST", "series", '{"keys": [], "start": NaN, "stop": 1, "pixels": 10}'),
+        ("POST", "do/cancel", '{"number": 1e999}'),
+        ("POST", "do/map", '{"trace": {}, "map": [[]]}'),
+        ("POST", "do/preset", "{}"),
+        ("GET", "view/" + "9" * 400, None),
+        ("GET", "view/" + "9" * 5000, None),
+    ],
+)
+def test_numbers_beyond_all_bounds_are_refused_in_words(
+    server: Running, method: str, where: str, body: str | None
+) -> None:
+    """Not met by an error of the server, of which its log would fill."""
+    answer = server.ask(method, where, body)
+    assert answer.status in (400, 404)
+    assert answer.json["refused"]
+
+
 # --- what files hold ------------------------------------------------------------------------------
 
 

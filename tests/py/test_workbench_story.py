@@ -82,9 +82,9 @@ def test_the_demo_from_first_look_to_report(
     seen.page.select_option("#effort", "quick")
     seen.click("#diagnose")
     seen.wait(".job .what", "refitting")
-    seen.wait(".job .what", " of ")
-    seen.wait(".job .what", "best so far coulomb@table", 180)
+    seen.wait(".job .what", re.compile(r"refitting .* of \d+\).* best so far .*, gain \d"), 180)
     shoot(seen, "diagnosing")
+    seen.wait(".job .what", "best so far coulomb@table, probability", 180)
     seen.wait("article.candidate.named h3", "coulomb@table", 180)
     shoot(seen, "diagnosed")
     assert "Coulomb friction of 12 kN·m at the table is missing from the model: " in seen.text(

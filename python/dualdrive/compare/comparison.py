@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,21 @@ from dualdrive.compare.noise import NoiseFloor
 from dualdrive.compare.orders import Order
 from dualdrive.compare.time_skew import Skew
 from dualdrive.compare.where import Condition
+from dualdrive.describe import linear_words
 from dualdrive.units import human
 
 Array = NDArray[np.float64]
+
+#: what a drive engineer calls an equation of motion
+EQUATIONS: Final = {
+    "total": "table",
+    "m": "table",
+    "c1": "drive 1",
+    "c2": "drive 2",
+    "1": "motor 1",
+    "2": "motor 2",
+}
+_LINEAR: Final = ("m", "m/s", "N")  # units of a linear axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +55,16 @@ class Quantity:
     counted: NDArray[np.bool_]
     offset: float
     noise: NoiseFloor
+
+    @property
+    def title(self) -> str:
+        """As plots call it: ``following error``, ``current I_1``; linear: ``force T_1``."""
+        title = f"{self.kind} {self.name}"
+        if self.kind == "following error":
+            title = self.kind
+        elif self.kind == "equation":
+            title = f"torque balance, {EQUATIONS.get(self.name, self.name)}"
+        return linear_words(title) if self.unit in _LINEAR else title
 
     @property
     def residual(self) -> Array:

@@ -78,7 +78,9 @@ def diagnose_closed_loop(
     found = select(core, grey, EFFORTS[job.effort], lambda line: job.tell(Said.of(line)))
     grey = found.grey
     decision = decide(core, grey, found)
-    job.tell("errors of the simulated loop")
+    best, probability = decision.ranked[0]
+    leader = f"{best.variant.label}, probability {probability:.2g}" if best.variant.effects else ""
+    job.tell(Said("errors of the simulated loop", leader))
     return _told(machine, grey, found, decision, played, traces, warnings, job)
 
 

@@ -12,7 +12,6 @@ __all__ = ["HELPS", "closing", "depends", "percent", "unfinished"]
 HELPS = 0.05  # of the unexplained error: what removes less does not help
 _FEW = 3  # warnings that a paragraph can hold
 _OF_NONE = 0.05  # share of the missing torque below which a coordinate tells nothing of it
-_COORDINATE = {"speed": "the speed", "angle": "the angle", "time": "the time"}
 
 
 def percent(share: float | None) -> str:
@@ -39,7 +38,7 @@ def depends(shapes: Sequence[Shape]) -> str:
     share = f"{100 * s.explained:.0f} % of the missing torque of the {s.equation.replace('_', ' ')}"
     if s.coordinate == "direction":
         return f"{share} depends only on the sign of the speed, as dry friction does."
-    return f"{share} depends only on {_COORDINATE.get(s.coordinate, s.coordinate)}."
+    return f"{share} depends only on the {s.coordinate}."
 
 
 def closing(

@@ -7,32 +7,30 @@ coordinate is the one. Neighbouring samples are alike, so that a band counts eff
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.compare.comparison import EQUATIONS
 from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.result import Shape
 from dualdrive.identify import Processing
 from dualdrive.identify.coloured import correlation_time
+from dualdrive.replay import deflections
 from dualdrive.traces import Trace
 
 Array = NDArray[np.float64]
 
 BINS = 24
+_COARSE = 5  # bins at least: with fewer no curve is told from a line
+_BY_CHANCE = (
+    0.1  # of any noise, what a curve may explain that is judged; of the demo half and twice
+)
+#: as much say the same
 _FEWEST = 6  # samples of a bin
 _Z = 1.96
-#: what a drive engineer calls an equation
-NAMES = {
-    "total": "table",
-    "m": "table",
-    "c1": "drive 1",
-    "c2": "drive 2",
-    "1": "motor 1",
-    "2": "motor 2",
-}
 
 
 def shapes(
@@ -44,12 +42,15 @@ def shapes(
 ) -> list[Shape]:
     """Curves of the missing torque, those that explain most first.
 
+    The few that explain most of all, and the best along every coordinate: what a torque does not
+    depend on is told by a flat curve too.
+
     Args:
         machine: the core's machine, its nominal numbers refitted.
         traces: with torques or currents and angles; without them there is no curve.
         settings: of each trace.
         processing: filters of the torque balance.
-        count: how many curves at most.
+        count: how many of those that explain most of all.
 
     """
     try:
@@ -62,21 +63,26 @@ def shapes(
     found: list[Shape] = []
     for e, name in enumerate(balance.equations):
         rows = range(e, len(left), len(balance.equations))
-        series = [balance.series[k] for k in rows]
-        torque = np.concatenate([left[k][s.keep] for k, s in zip(rows, series, strict=True)])
+        torque = np.concatenate([left[k][balance.series[k].keep] for k in rows])
         if len(torque) < 4 * BINS:
             continue
         torque = torque - np.mean(torque)
-        for coordinate, unit, values in _coordinates(balance, list(rows)):
-            shape = _curve(NAMES.get(name, name), coordinate, unit, values, torque)
+        for coordinate, unit, values in _coordinates(machine, balance, e):
+            shape = _curve(EQUATIONS.get(name, name), coordinate, unit, values, torque)
             if shape is not None:
                 found.append(shape)
-    return sorted(found, key=lambda s: -s.explained)[:count]
+    found.sort(key=lambda s: -s.explained)
+    best = {s.coordinate: s for s in reversed(found)}
+    return [s for k, s in enumerate(found) if k < count or best[s.coordinate] is s]
 
 
-def _coordinates(balance: TorqueBalance, rows: Sequence[int]) -> list[tuple[str, str, Array]]:
-    """(name, unit, values at the counted samples) of what the torque may depend on."""
+def _coordinates(core: Any, balance: TorqueBalance, equation: int) -> list[tuple[str, str, Array]]:
+    """(name, unit, values at the counted samples) of what the torque may depend on.
+
+    A drive's torque may depend on the deflection of its own mesh, the table's on those of all.
+    """
     count = len(balance.equations)
+    rows = range(equation, len(balance.series), count)
     held = [balance.held[k // count] for k in rows]
     keep = [balance.series[k].keep for k in rows]
 
@@ -96,6 +102,15 @@ def _coordinates(balance: TorqueBalance, rows: Sequence[int]) -> list[tuple[str,
         found += [("speed", "rad/s", speed), ("direction", "", np.sign(speed))]
     if angle is not None:
         found.append(("angle", "rad", angle))
+    drive = balance.equations[equation].lstrip("c")
+    twists = [deflections(core, h.samples) for h in held]
+    for twist in twists[0]:
+        if drive.isdecimal() and not twist.name.endswith(drive):
+            continue
+        same = [t.measured for own in twists for t in own if t.name == twist.name]
+        if len(same) == len(held):
+            values = np.concatenate([x[own] for x, own in zip(same, keep, strict=True)])
+            found.append((f"deflection {twist.name}", twist.unit, values))
     measured = np.concatenate(
         [balance.series[k].measured[own] for k, own in zip(rows, keep, strict=True)]
     )
@@ -106,27 +121,34 @@ def _coordinates(balance: TorqueBalance, rows: Sequence[int]) -> list[tuple[str,
 
 
 def _curve(equation: str, coordinate: str, unit: str, values: Array, torque: Array) -> Shape | None:
-    edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, BINS + 1)))
+    """The curve over fine bins; the share that it explains is judged over coarse ones.
+
+    A curve through as many bins explains some of any noise, and that is taken off: where samples
+    are so alike that fine bins explain all of it, nothing would be left to judge by.
+    """
+    alike = 1.0 + 2.0 * correlation_time(torque)
+    coarse = int(np.clip(_BY_CHANCE * len(torque) / alike, _COARSE, BINS))
+    drawn = _binned(coordinate, values, torque, BINS)
+    judged = _binned(coordinate, values, torque, coarse)
+    whole = float(torque @ torque)
+    if len(drawn) < 2 or len(judged) < 2 or whole <= 0.0:
+        return None
+    square = sum(len(own) * float(np.mean(own)) ** 2 for _, own in judged)
+    chance = (len(judged) - 1) * alike / len(torque)
+    explained = min(max((square / whole - chance) / max(1.0 - chance, 1e-9), 0.0), 1.0)
+    a = np.array([at for at, _ in drawn])
+    m = np.array([np.mean(own) for _, own in drawn])
+    w = [_Z * np.std(own) / np.sqrt(max(len(own) / alike, 2.0)) for _, own in drawn]
+    return Shape(equation, coordinate, unit, "N*m", a, m, m - w, m + w, explained)
+
+
+def _binned(coordinate: str, values: Array, torque: Array, count: int) -> list[tuple[float, Array]]:
+    """Bins of as many samples each: where they lie, and the torque of their samples."""
+    edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, count + 1)))
     if coordinate == "direction":
         edges = np.array([-1.5, 0.0, 1.5])
     if len(edges) < 3:
-        return None
+        return []
     where = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
-    alike = 1.0 + 2.0 * correlation_time(torque)
-    at, mean, width, square = [], [], [], 0.0
-    for b in range(len(edges) - 1):
-        own = torque[where == b]
-        if len(own) < _FEWEST:
-            continue
-        at.append(float(np.mean(values[where == b])))
-        mean.append(float(np.mean(own)))
-        width.append(_Z * float(np.std(own)) / np.sqrt(max(len(own) / alike, 2.0)))
-        square += len(own) * mean[-1] ** 2
-    whole = float(torque @ torque)
-    if len(at) < 2 or whole <= 0.0:
-        return None
-    a, m, w = np.array(at), np.array(mean), np.array(width)
-    # a curve through as many bins explains some of any noise
-    chance = (len(at) - 1) * alike / len(torque)
-    explained = min(max((square / whole - chance) / max(1.0 - chance, 1e-9), 0.0), 1.0)
-    return Shape(equation, coordinate, unit, "N*m", a, m, m - w, m + w, explained)
+    bins = [where == b for b in range(len(edges) - 1)]
+    return [(float(np.mean(values[b])), torque[b]) for b in bins if b.sum() >= _FEWEST]

@@ -64,7 +64,7 @@ def measured_vs_model(
             q.t[inside], unit(q.simulated[inside]), color=MODEL, lw=1.2, ls="--", label="model"
         )
         axes.margins(y=0.08)
-        axes.set_ylabel(unit.label(_short(q)))
+        axes.set_ylabel(unit.label(q.title))
         axes.set_title(_verdict(q), fontsize=9, fontweight="normal")
     key_above(panels[0])
     panels[-1].set_xlabel("time [s]")
@@ -195,11 +195,6 @@ def _inside(q: Quantity, window: tuple[float, float] | None) -> NDArray[np.bool_
     return inside
 
 
-def _short(q: Quantity) -> str:
-    """``following error``, ``current I_1``: the kind, and the name where there may be several."""
-    return q.kind if q.name == "e" else f"{q.kind} {q.name}"
-
-
 def _verdict(q: Quantity) -> str:
     words = f"error {q.rms / q.spread:.3g} of the signal" if q.spread > 0 else "no signal"
     if np.isfinite(q.noise.rms) and q.spread > 0:
@@ -215,7 +210,7 @@ def _over_time(axes: Axes, q: Quantity) -> None:
     axes.plot(q.t, unit(q.residual), color=FIRST, lw=0.9)
     axes.axhline(0, color=LIMIT, lw=0.6)
     axes.margins(y=0.08)
-    axes.set_ylabel(unit.label(_short(q)))
+    axes.set_ylabel(unit.label(q.title))
     axes.set_title(_verdict(q), fontsize=9, fontweight="normal")
 
 

@@ -7,7 +7,7 @@ make the headline error, the rest is compared and shown.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -72,7 +72,7 @@ def compared_channels(core: Any, trace: Trace, reference: Array | None) -> list[
         parts = (("theta_ref", 1.0), ("theta_m", -1.0))
         text = "following error, commanded minus table angle"
         found.append(Compared("e", "following error", "rad", text, measured, parts))
-    found += _deflections(core, trace)
+    found += deflections(core, trace)
     for name in trace:
         if name in signals and name in CHANNELS and name not in INPUTS:
             kind = _KINDS[name.partition("_")[0]]
@@ -83,7 +83,7 @@ def compared_channels(core: Any, trace: Trace, reference: Array | None) -> list[
     return [c for c in _once(found) if c.spread > 0]
 
 
-def _deflections(core: Any, trace: Trace) -> list[Compared]:
+def deflections(core: Any, trace: Trace | Mapping[str, Array]) -> list[Compared]:
     """Twist between motor (or pinion) encoder and table encoder, in the pinion's frame."""
     found: list[Compared] = []
     for motor in core.motors if "theta_m" in trace else ():

@@ -31,7 +31,7 @@ class Series(Protocol):
     @property
     def name(self) -> str: ...  # noqa: D102
     @property
-    def kind(self) -> str: ...  # noqa: D102
+    def title(self) -> str: ...  # noqa: D102
     @property
     def unit(self) -> str: ...  # noqa: D102
     @property
@@ -76,7 +76,7 @@ class Live:
         panels = [
             {
                 "id": q.name,
-                "title": q.kind if q.name == "e" else f"{q.kind} {q.name}",
+                "title": q.title,
                 "unit": q.unit,
                 "peak": float(np.max(np.abs(q.measured), initial=0.0)),
                 "name": q.name,

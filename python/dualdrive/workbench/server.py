@@ -48,7 +48,8 @@ from dualdrive.workbench.uploads import receive
 __all__ = ["run"]
 
 _PERIOD: Final = 0.1  # s between looks at the jobs under way
-_REFUSED: Final = (FileError, ValueError, KeyError, TypeError)
+#: what a request of nonsense, or a disk that is full, raises; told in words
+_REFUSED: Final = (ValueError, LookupError, TypeError, OverflowError, OSError)
 
 
 class Workbench:
@@ -224,7 +225,7 @@ def _grouped(keys: Sequence[tuple[str, ...]]) -> dict[tuple[str, str], list[str]
 
 
 def _refused(error: Exception, status: int = 400) -> Response:
-    text = str(error) if not isinstance(error, KeyError) else f"{error}: not there"
+    text = f"{error}: not there" if isinstance(error, LookupError) else str(error)
     return JSONResponse({"refused": " ".join(text.split())[:500]}, status)
 
 

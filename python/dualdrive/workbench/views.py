@@ -17,6 +17,7 @@ from dualdrive.workbench.limits import MOST_STRETCHES
 from dualdrive.workbench.series import write_store
 
 if TYPE_CHECKING:
+    from dualdrive.compare import Order
     from dualdrive.diagnose import Diagnosis
 
 __all__ = ["compared", "diagnosis", "machine", "proposal", "record"]
@@ -111,10 +112,12 @@ def compared(
         for q in c.quantities
         if q.headline and len(speed[q.record]) == len(q.t)
     ]
+    titles = {q.name: q.title for q in c.quantities}
     return dict(
         plain(
             {
                 **c.figures(),
+                "orders": [_order(o, titles) for o in c.orders[:3]],
                 "quantities": [_quantity(q) for q in c.quantities],
                 "remarks": c.remarks(),
                 "stretches": [
@@ -131,6 +134,12 @@ def compared(
     )
 
 
+def _order(o: Order, titles: Mapping[str, str]) -> dict[str, Any]:
+    """A line in the spectrum of a residual: of what, how often per turn, how large."""
+    told = {"title": titles.get(o.channel, o.channel), "spoken": o.spoken}
+    return {**told, "amplitude": o.amplitude, "unit": o.unit, "share": o.share}
+
+
 def _quantity(q: Any) -> dict[str, Any]:
     """One quantity of one record; the fit in per cent is that of system identification (NRMSE)."""
     error, floor = q.shares
@@ -138,6 +147,7 @@ def _quantity(q: Any) -> dict[str, Any]:
         "record": q.record,
         "name": q.name,
         "kind": q.kind,
+        "title": q.title,
         "unit": q.unit,
         "long_name": q.long_name,
         "headline": q.headline,

@@ -42,7 +42,7 @@ class Progress:
         if self._lines > MOST_EVENTS:
             return
         if isinstance(text, Said):
-            text, self._leader = text.tried, text.leader
+            self._leader, text = text.leader, text.tried
         event = {"text": text, "seconds": round(time.monotonic() - self._begin, 2), **more}
         if self._leader:
             event["leader"] = self._leader

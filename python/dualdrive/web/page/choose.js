@@ -28,7 +28,7 @@ function compared(models, { record, show, all }) {
     const kind = show === "residual" ? "residual" : "model";
     return {
       id: q.name,
-      title: `${q.kind}${q.name === "e" ? "" : ` ${q.name}`}${show === "residual" ? ", model − measured" : ""}`,
+      title: `${q.title}${show === "residual" ? ", model − measured" : ""}`,
       unit: q.unit,
       peak: show === "residual" ? q.rms * 3 : q.peak,
       series: [...measured, ...lines.map((l) => ({ key: { store: store(l.m), record, name: `${q.name}.${kind}` }, label: l.label, tone: l.tone, dash: l.dash }))],

@@ -13,7 +13,7 @@ import { finding } from "dd/finding.js";
 import { inputs, take } from "dd/inputs.js";
 import { MappingEditor } from "dd/mapping.js";
 import { results } from "dd/results.js";
-import { copyPicture, csv, download, saveFile } from "dd/save.js";
+import { copyPicture, copyTable, csv, download, saveFile } from "dd/save.js";
 import { look } from "dd/shade.js";
 
 const $ = (id) => document.getElementById(id);
@@ -60,7 +60,8 @@ function drawToolbar(state) {
     h("span", { class: "group" }, button("zoom-in", "+", "Zoom in", () => timeline.zoom(0.5)), button("zoom-out", "−", "Zoom out", () => timeline.zoom(2)),
       button("pan-left", "←", "Pan left", () => timeline.pan(-0.25)), button("pan-right", "→", "Pan right", () => timeline.pan(0.25)), button("zoom-all", "All", "All of the record", () => timeline.all())),
     h("span", { class: "group" }, button("own", "Panel …", "Panel … of your own", own), button("copy-png", "PNG", "Copy the plots as a PNG picture", async () => message(await copyPicture(stack, title()), "done")),
-      button("save-csv", "CSV", "Save what the plots show as a CSV table", () => download(new Blob([csv(stack)], { type: "text/csv" }), "plots.csv")))] : []);
+      button("copy-csv", "CSV", "Copy what the plots show as a CSV table", async () => message(await copyTable(stack), "done")),
+      button("save-csv", "Save CSV", "Save CSV: what the plots show as a table", () => download(new Blob([csv(stack)], { type: "text/csv" }), "plots.csv")))] : []);
 }
 
 function title() {

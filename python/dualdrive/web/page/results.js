@@ -32,17 +32,19 @@ function where(side, shade) {
       h("tbody", {}, seen.map((c, k) => h("tr", { class: c.significant ? "marked" : null },
         h("th", { scope: "row" }, h("label", { class: "check" }, h("input", { type: "checkbox", id: `shade-${k}`, checked: shade.chosen.has(key(c)), onchange: (event) => shade.toggle(key(c), event.target.checked) }), c.condition, swatch(c))),
         h("td", { class: "number" }, digits(c.excess)), h("td", { class: "number" }, percent(c.time)))))),
-    side.orders.slice(0, 3).map((o) => h("p", { class: "fine" }, `${o.channel}: ripple of ${digits(o.amplitude)} ${o.unit} per turn, ${percent(o.share)} of the residual's square`)),
+    side.orders.map((o) => h("p", { class: "fine" }, `${o.title}: ripple of ${human(o.amplitude, o.unit)}, ${o.spoken}, ${percent(o.share)} of the residual's square`)),
   ];
 }
 
 function candidates(d, connection, current, own) {
+  const rest = 1 - d.candidates.reduce((sum, c) => sum + (c.resolved ? c.probability : 0), 0);
   return [
     d.unjudged ? h("p", { class: "groups", id: "unjudged" }, d.unjudged) : null,
     d.groups.map((group) => h("p", { class: "groups" }, `This recording can't tell apart: ${group.join(", ")}.`)),
     own ? h("div", { class: "candidate" }, h("div", { class: "row" }, h("span", {}, "the same model, numbers refitted: ", h("strong", {}, percent(d.error.refitted))), h("button", { id: "add-refit", onclick: () => connection.do("add", { label: "" }) }, "Take these numbers"))) : null,
     d.candidates.slice(0, 3).map((c, k) => candidate(c, k, d, connection, current)),
     d.candidates.length > 3 ? h("details", { id: "more-candidates" }, h("summary", {}, `${d.candidates.length - 3} ${d.unjudged ? "more" : "less likely ones"}`), d.candidates.slice(3, 12).map((c, k) => candidate(c, k + 3, d, connection, current))) : null,
+    d.candidates.length && !d.unjudged && rest > 0.01 ? h("p", { class: "fine", id: "rest" }, `probability ${digits(rest)}: nothing, more than one, or what is not listed`) : null,
     d.candidates.length ? null : h("p", {}, "No effect was tried."),
   ];
 }
@@ -64,7 +66,7 @@ function candidate(c, k, d, connection, current) {
 }
 
 function shapes(d) {
-  const shown = d.shapes.filter((s) => s.at.length > 1).sort((a, b) => b.explained - a.explained).slice(0, 8);
+  const shown = d.shapes.filter((s) => s.at.length > 1).sort((a, b) => b.explained - a.explained);
   const missing = Object.entries(d.missing_torque ?? {});
   return [
     missing.length ? table("Torque of unknown course that the refitted model asks for", ["equation", { text: "RMS", number: true }, { text: "of the drive", number: true }], missing.map(([name, m]) => [name, human(m.rms, "N*m"), percent(m.share)])) : null,

@@ -1,5 +1,6 @@
 // Taking things away: files of the project, the plots as a picture, what they show as a table.
 
+import uPlot from "uplot";
 import { h } from "dd/dom.js";
 import { tone } from "dd/plot.js";
 
@@ -56,19 +57,42 @@ export async function copyPicture(stack, title) {
   }
 }
 
-// What the panels show, a column per series; where samples are fewer than pixels, every sample.
-export function csv(stack) {
-  const lines = [];
-  for (const panel of stack.panels) {
-    const [t, ...columns] = panel.data;
-    const [from, to] = panel.timeline.range;
-    lines.push(`# ${panel.exact ? "every sample" : "least and greatest value of every pixel"}`);
-    lines.push(["t [s]", ...panel.spec.series.map((s) => `"${panel.spec.title}, ${s.label} [${panel.rung.unit}]"`)].join(","));
-    for (let k = 0; k < t.length; k++) {
-      if (t[k] < from || t[k] > to) continue;
-      lines.push([t[k], ...columns.map((c) => c[k] ?? "")].join(","));
-    }
-    lines.push("");
+export async function copyTable(stack) {
+  try {
+    await navigator.clipboard.writeText(csv(stack));
+    return "The table is in the clipboard.";
+  } catch {
+    download(new Blob([csv(stack)], { type: "text/csv" }), "plots.csv");
+    return "The table is saved as plots.csv (the browser keeps its clipboard).";
   }
-  return lines.join("\n");
+}
+
+// What the panels show as one table: time, then a column per series with its unit in the header.
+// Where pixels are fewer than samples, a first line says that it holds least and greatest values.
+export function csv(stack) {
+  const { panels, timeline: { range: [from, to] } } = stack;
+  const [t, ...columns] = uPlot.join(panels.map((panel) => panel.data), panels.map((panel) => panel.data.map(() => 0)));
+  const heads = panels.flatMap((panel) => panel.spec.series.map((s) => head(panel, s)));
+  const lines = panels.every((panel) => panel.exact) ? [] : ["# least and greatest value of every pixel; zoom in for every sample"];
+  lines.push(["t [s]", ...heads].map(quoted).join(","));
+  for (let k = 0; k < t.length; k++) {
+    if (t[k] >= from && t[k] <= to) lines.push([t[k], ...columns.map((c) => c[k])].map(number).join(","));
+  }
+  return `${lines.join("\n")}\n`;
+}
+
+// A flank has no unit: its numbers have names.
+function head(panel, series) {
+  const names = panel.spec.ticks ? `: ${Object.entries(panel.spec.ticks).sort(([a], [b]) => a - b).map((pair) => pair.join(" ")).join(", ")}` : "";
+  return `${panel.spec.title}, ${series.label}${names}${panel.rung.unit ? ` [${panel.rung.unit}]` : ""}`;
+}
+
+// As a cell that no spreadsheet takes for a formula: names come from recordings.
+function quoted(text) {
+  return `"${(/^[=+\-@\t\r]/.test(text) ? `'${text}` : text).replaceAll('"', '""')}"`;
+}
+
+// Twelve digits: beyond them stands what the change of units leaves.
+function number(value) {
+  return Number.isFinite(value) ? String(Number(value.toPrecision(12))) : "";
 }
