@@ -47,7 +47,8 @@ from dualdrive.workbench.uploads import receive
 
 __all__ = ["run"]
 
-_PERIOD: Final = 0.1  # s between looks at the jobs under way
+_PERIOD: Final = 0.03  # s between looks at the jobs under way
+_IDLE: Final = 1.0  # where there are none: whoever asks for something wakes the watch
 #: what a request of nonsense, or a disk that is full, raises; told in words
 _REFUSED: Final = (ValueError, LookupError, TypeError, OverflowError, OSError)
 
@@ -60,6 +61,7 @@ class Workbench:
         self.story = Story(project)
         self.commands = Commands(self.story)
         self._tabs: set[asyncio.Event] = set()
+        self._asked = asyncio.Event()
         self._stores: dict[str, Store] = {}
 
     # --- what goes on by itself -------------------------------------------------------------------
@@ -74,10 +76,13 @@ class Workbench:
             if count != told:
                 told = count
                 self.wake()
-            await asyncio.sleep(_PERIOD)
+            self._asked.clear()
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._asked.wait(), _PERIOD if count else _IDLE)
 
     def wake(self) -> None:
         """Let every tab have the state as it is now."""
+        self._asked.set()
         for tab in self._tabs:
             tab.set()
 

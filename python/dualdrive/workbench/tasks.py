@@ -24,7 +24,9 @@ __all__ = ["FOREIGN", "TASKS", "warm_up"]
 
 #: what tasks import, in the order in which a page that has just opened asks for it
 _NEEDED: Final = (
-    "pandas", "tomlkit", "dualdrive.compare", "pint", "dualdrive.diagnose", "scipy.optimize",
+    "pandas", "tomlkit", "dualdrive.compare", "scipy.special", "scipy.linalg", "scipy.optimize",
+    "scipy.interpolate", "scipy.stats", "scipy.signal", "dualdrive.simulation", "dualdrive.linear",
+    "dualdrive.diagnose", "pint",
 )  # fmt: skip
 Request = Mapping[str, Any]
 Tell = Callable[..., None]
