@@ -131,9 +131,7 @@ def test_plots_are_taken_away_as_table_and_picture(seen: Seen, tmp_path: Path) -
 def test_what_plots_show_is_one_table_with_a_unit_over_every_column(
     seen: Seen, tmp_path: Path
 ) -> None:
-    """Zoomed in it has the samples of the record themselves, to twelve digits."""
-    whole = seen.saved("#save-csv", tmp_path / "whole.csv").read_text().splitlines()
-    assert whole[0] == "# least and greatest value of every pixel; zoom in for every sample"
+    """The samples of the record themselves, of the stretch that is shown, to twelve digits."""
     seen.page.locator(".panel").first.focus()
     for _ in range(12):
         seen.page.keyboard.press("+")
@@ -153,17 +151,27 @@ def test_what_plots_show_is_one_table_with_a_unit_over_every_column(
         np.testing.assert_allclose(written, fit[name][inside] / unit, rtol=1e-11)
 
 
-HOSTILE = """async (title) => (await import("dd/save.js")).csv({
+#: the table of one panel of two samples
+TABLE = """async ([title, exact]) => (await import("dd/save.js")).csv({
   timeline: {range: [0, 1]},
-  panels: [{data: [[0, 1], [2, NaN]], exact: true, rung: {unit: "A"},
+  panels: [{data: [[0, 1], [2, NaN]], exact, rung: {unit: "A"},
             spec: {title, series: [{label: "x"}]}}],
 })"""
+
+
+def test_a_table_of_fewer_pixels_than_samples_says_so(seen: Seen) -> None:
+    assert seen.page.evaluate(TABLE, ["current", False]).splitlines() == [
+        "# least and greatest value of every pixel; zoom in for every sample",
+        '"t [s]","current, x [A]"',
+        "0,2",
+        "1,",
+    ]
 
 
 @pytest.mark.parametrize("title", ['=HYPERLINK("http://a","b")', "+1+1", "@SUM(A1)", "-2", "\t=1"])
 def test_no_name_of_a_recording_becomes_a_formula(seen: Seen, title: str) -> None:
     """A spreadsheet computes what begins so, quoted or not."""
-    [heads, *rows] = csv.reader(seen.page.evaluate(HOSTILE, title).splitlines())
+    [heads, *rows] = csv.reader(seen.page.evaluate(TABLE, [title, True]).splitlines())
     assert heads == ["t [s]", f"'{title}, x [A]"]
     assert rows == [["0", "2"], ["1", ""]]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import socket
 import stat
 import struct
@@ -23,6 +24,8 @@ from websockets.typing import Origin
 from dualdrive.files import FileError
 from dualdrive.workbench.names import accepted, inside
 from workbench_server import Answer, Running, running, wait_for
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -352,3 +355,19 @@ def test_the_page_takes_no_markup_from_data() -> None:
             "new Function",
         ):
             assert word not in text, f"{module.name}: {word}"
+
+
+def test_every_threat_has_its_test() -> None:
+    """By the table of the docs; and the tests of this file stand in it, but for what is let in."""
+    told = (ROOT / "docs" / "theory" / "workbench-security.md").read_text("utf-8")
+    lines = [line for line in told.splitlines() if line.startswith("| ")][1:]
+    here, every = (
+        re.findall(r"^def test_(\w+)", "\n".join(p.read_text("utf-8") for p in several), re.M)
+        for several in ([Path(__file__)], sorted(Path(__file__).parent.glob("test_*.py")))
+    )
+    named = [re.findall(r"`(\w+)`", line.rpartition(" | ")[2]) for line in lines]
+    assert all(named), "a threat without a test"
+    prefixes = [name for own in named for name in own]
+    assert [n for n in prefixes if not any(test.startswith(n) for test in every)] == []
+    let_in = ("the_right_socket", "what_people_call", "every_threat")
+    assert [t for t in here if not t.startswith((*prefixes, *let_in))] == []

@@ -16,7 +16,7 @@ export function finding(element, state, diagnosis, connection, effort) {
       h("button", { id: "climb", disabled: !state.ready || !step || busy, onclick: () => connection.do("climb", { effort: effort.value }) }, "Improve until nothing is left"),
       h("label", {}, "effort ", effortChoice(effort))),
     h("div", { id: "jobs" }, state.jobs.map((job) => progress(job, connection))),
-    state.steps.length ? ladder(state.steps, JUDGED[state.steps.findLast((s) => s.mode)?.mode ?? "closed_loop"]) : null);
+    state.steps.length ? ladder(state.steps, judged(state)) : null);
 }
 
 function effortChoice(effort) {
@@ -58,6 +58,11 @@ const JUDGED = {
   closed_loop: "RMS residual over RMS signal",
   balance: "by torque balance, RMS of what the equations of motion leave over RMS torque",
 };
+
+function judged(state) {
+  const words = JUDGED[state.steps.findLast((s) => s.mode)?.mode ?? "closed_loop"];
+  return state.machine?.axis === "linear" ? words.replaceAll("torque", "force") : words;
+}
 
 // A rung per row: bars to one scale, a line at the noise floor, numbers beside them.
 function ladder(steps, judged) {

@@ -15,6 +15,12 @@ export function inputs(element, state, connection, { map, presets, models, refre
       state.machine ? details("part-preset", "Another machine", false, preset(connection, presets)) : null));
 }
 
+// What the reader had to say of a recording: one line as it is, more of them folded.
+function remarks(t, lines) {
+  const told = lines.map((line) => h("p", { class: "fine" }, line));
+  return told.length < 2 ? told : h("details", { id: `remarks-${t.id}` }, h("summary", {}, `${told.length} remarks on reading it`), told);
+}
+
 function recording(t, connection, map) {
   const role = h("select", { id: `role-${t.id}`, "aria-label": `Role of ${t.name}`, onchange: () => connection.do("role", { trace: t.id, role: role.value }) },
     Object.entries(ROLES).map(([value, text]) => h("option", { value }, text)));
@@ -26,7 +32,7 @@ function recording(t, connection, map) {
     t.status === "unread" ? h("p", { class: "warning" }, t.message) : null,
     records.length === 1 ? h("p", { class: "fine" }, `${records[0][1].samples.toLocaleString("en")} samples, ${seconds(records[0][1].span[1] - records[0][1].span[0])}`) : null,
     records.length > 1 ? parts(t, records, connection) : null,
-    [...new Set(records.flatMap(([, r]) => r.log))].slice(0, 4).map((line) => h("p", { class: "fine" }, line)),
+    remarks(t, [...new Set(records.flatMap(([, r]) => r.log))]),
     h("div", { class: "actions" }, role,
       h("button", { id: `map-${t.id}`, onclick: () => map(t.id) }, t.status === "unread" ? "Map its columns" : "Columns"),
       t.map ? h("button", { id: `save-map-${t.id}`, "data-file": `${t.name}.map.toml` }, "Save mapping") : null,
