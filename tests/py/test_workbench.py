@@ -282,13 +282,14 @@ def test_a_report_names_the_command_that_rebuilds_it(tmp_path: Path) -> None:
 
 
 def test_two_servers_do_not_share_a_project(tmp_path: Path) -> None:
-    with running(tmp_path / "p"):
+    """Whoever starts a second one is told where the first is."""
+    with running(tmp_path / "p") as server:
         command = [sys.executable, "-m", "dualdrive_cli", "workbench", "--no-browser"]
         done = subprocess.run(
             [*command, "--project", str(tmp_path / "p")], capture_output=True, text=True, timeout=60
         )
         assert done.returncode == 1
-        assert "another dualdrive" in done.stderr
+        assert f"a workbench shows it already, at {server.address}" in done.stderr
 
 
 def test_the_command_line_brings_machine_and_recordings(tmp_path: Path) -> None:

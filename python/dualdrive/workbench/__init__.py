@@ -11,6 +11,7 @@ Who does what:
     series     long series on disk, reduced to what a screen can show
     views      results as the page reads them
     guard      who may ask at all
+    session    one server per project, its socket and its token
     server     addresses and what they do
 
 The page itself is in dualdrive/web.

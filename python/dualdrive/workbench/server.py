@@ -16,7 +16,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-import os
 import socket
 import struct
 import subprocess
@@ -33,9 +32,10 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from dualdrive.files import FileError, claim, make_folder
+from dualdrive.files import FileError, make_folder
 from dualdrive.machine import presets
 from dualdrive.web import modules
+from dualdrive.workbench import session
 from dualdrive.workbench.commands import Commands, downloads
 from dualdrive.workbench.guard import Guard, new_token
 from dualdrive.workbench.limits import MOST_BODY, MOST_KEYS, MOST_WIDTH
@@ -281,29 +281,29 @@ def run(
     """
     folder = Path(folder)
     make_folder(folder)
-    with claim(folder):
+    with session.claimed(folder):
         project = Project(folder, worker)
         project.jobs.prepare()
         bench = Workbench(project)
         bench.commands.begin(machine, [Path(t) for t in traces])
-        before = _session(folder)
+        before = session.known(folder)
         token = before.get("token") or new_token()
-        listening = _listen(port or before.get("port", 0), given=bool(port))
+        listening = session.listen(port or before.get("port", 0), given=bool(port))
         port = listening.getsockname()[1]
-        _keep_session(folder, {"token": token, "port": port})
+        session.keep(folder, {"token": token, "port": port})
         app = Guard(application(bench), token=token, port=port, policy=modules.policy())
         config = uvicorn.Config(
             app, log_level="error", access_log=False, server_header=False, lifespan="on",
             ws_max_size=MOST_BODY, timeout_graceful_shutdown=1, proxy_headers=False,
         )  # fmt: skip
-        server = _Server(config, lambda: ready and ready(f"http://127.0.0.1:{port}/{token}/"))
+        server = _Server(config, lambda: ready and ready(session.address(port, token)))
         try:
             with contextlib.suppress(KeyboardInterrupt):
                 server.run(sockets=[listening])
         finally:
             project.jobs.close()
             project.save()
-            (folder / ".session").unlink(missing_ok=True)
+            session.forget(folder)
 
 
 class _Server(uvicorn.Server):
@@ -317,35 +317,3 @@ class _Server(uvicorn.Server):
         """Begin to answer, and say so."""
         await super().startup(sockets)
         self._ready()
-
-
-def _listen(port: int, *, given: bool) -> socket.socket:
-    """A socket of the loopback interface alone; another port where an old one is taken."""
-    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listening.bind(("127.0.0.1", port))
-    except OSError as error:
-        if given:
-            listening.close()
-            raise FileError(f"--port {port}: {error.strerror}; name another, or none") from None
-        listening.bind(("127.0.0.1", 0))
-    return listening
-
-
-def _session(folder: Path) -> dict[str, Any]:
-    """Token and port of a server that was killed, so that its tabs find this one."""
-    try:
-        told = json.loads((folder / ".session").read_text("ascii"))
-        if (folder / ".session").stat().st_mode & 0o077 or not told["token"].isascii():
-            return {}
-        return {"token": str(told["token"]), "port": int(told["port"])}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return {}
-
-
-def _keep_session(folder: Path, told: dict[str, Any]) -> None:
-    """For its owner alone; gone when the server ends in order."""
-    handle = os.open(folder / ".session", os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-    with os.fdopen(handle, "w") as file:
-        file.write(json.dumps(told))
