@@ -187,7 +187,6 @@ def diagnose_and_add(seen: Seen, name: str) -> tuple[float, float]:
     The sentence and the ladder count in one measure, whichever the diagnosis judged by.
     """
     seen.wait("#ladder td.number", "%", 200)
-    shoot(seen, name)
     seen.page.select_option("#effort", "quick")
     seen.click("#diagnose")
     seen.wait("article.candidate", None, 400)

@@ -94,8 +94,8 @@ function next(d) {
 
 function fits(view) {
   return ["fit", "held_out"].filter((side) => view[side]).map((side) => table(side === "fit" ? "Fitted" : "Held out",
-    ["channel", { text: "best fit", number: true }, { text: "error", number: true }, { text: "noise", number: true }, { text: "RMS", number: true }],
-    view[side].quantities.slice(0, 40).map((q) => [view[side].records.length > 1 ? `${q.record}: ${q.name}` : q.name, q.fit_percent === null ? "–" : `${digits(q.fit_percent)} %`, percent(q.error), percent(q.noise_floor), human(q.rms, q.unit)])));
+    ["channel", { text: "best fit", number: true }, { text: "error", number: true }, { text: "noise", number: true }, { text: "RMS residual", number: true }],
+    view[side].quantities.slice(0, 40).map((q) => [view[side].records.length > 1 ? `${q.record}: ${q.name}` : q.name, q.fit_percent === null ? "–" : `${digits(q.fit_percent)} %`, percent(q.error, 2), percent(q.noise_floor, 2), human(q.rms, q.unit)])));
 }
 
 function correlations(side) {

@@ -12,8 +12,8 @@ export function readable(unit, peak) {
   return rungs.find((rung) => rung.top === null || peak < rung.top) ?? rungs[rungs.length - 1];
 }
 
-export function percent(share) {
-  return share === null || share === undefined || !isFinite(share) ? "–" : `${digits(100 * share)} %`;
+export function percent(share, count = 3) {
+  return share === null || share === undefined || !isFinite(share) ? "–" : `${digits(100 * share, count)} %`;
 }
 
 export function digits(value, count = 3) {
