@@ -207,6 +207,14 @@ def test_a_diagnosis_tells_of_its_progress_and_is_cancelled(seen: Seen) -> None:
     seen.click("#diagnose")
     seen.wait(".job .what", "s")
     seen.wait(".job .what", "refitting")
+    for part in (".job .cancel", "#climb", "article.recording select", "#shade-0"):
+        seen.page.locator(part).first.evaluate("element => { element.kept = true; }")
+    told = seen.text(".job .what")
+    seen.page.wait_for_function(
+        "told => document.querySelector('.what').innerText !== told", arg=told
+    )
+    for part in (".job .cancel", "#climb", "article.recording select", "#shade-0"):
+        assert seen.page.locator(part).first.evaluate("element => element.kept"), part
     seen.cancel()
 
 

@@ -15,7 +15,7 @@ export function finding(element, state, diagnosis, connection, effort) {
       h("button", { id: "diagnose", class: "primary", disabled: !state.ready || !step || busy, onclick: () => connection.do("diagnose", { effort: effort.value }) }, "Diagnose"),
       h("button", { id: "climb", disabled: !state.ready || !step || busy, onclick: () => connection.do("climb", { effort: effort.value }) }, "Improve until nothing is left"),
       h("label", {}, "effort ", effortChoice(effort))),
-    h("div", { id: "jobs" }, state.jobs.map((job) => progress(job, connection))),
+    under,
     state.steps.length ? ladder(state.steps, judged(state)) : null);
 }
 
@@ -42,15 +42,33 @@ function sentence(state, step, fit, diagnosis) {
   return `${misses}; the sensors alone would leave ${percent(fit.noise_floor)}. ${step.label === "nominal" ? "Something is missing, or numbers are off: diagnose it." : `Still ${digits(times, 2)} times the noise.`}`;
 }
 
-function progress(job, connection) {
-  const best = job.leader ? `best so far ${job.leader}` : job.best === undefined ? "" : `${percent(job.best)} of the misfit left`;
-  const bar = h("progress", job.of ? { max: job.of, value: job.done, "aria-label": job.title } : { "aria-label": job.title });
+// What is computed now. Its elements stay while it goes on: a button that is replaced ten times a
+// second loses the click.
+const under = h("div", { id: "jobs" });
+const lines = new Map();
+
+export function progress(jobs, connection) {
+  const now = new Set(jobs.map((job) => job.number));
+  for (const [number, line] of lines) if (!now.has(number)) { line.element.remove(); lines.delete(number); }
+  for (const job of jobs) {
+    if (!lines.has(job.number)) lines.set(job.number, line(job, connection));
+    lines.get(job.number).tell(job);
+  }
+}
+
+function line(job, connection) {
+  const bar = h("progress", { "aria-label": job.title });
+  const what = h("span", { class: "fine what" });
+  const cancel = (id, name, text, more) => h("button", { id: `${id}-${job.number}`, class: name, onclick: () => connection.do("cancel", { number: job.number, ...more }) }, text);
   const patient = ["diagnose", "climb"].includes(job.kind);
-  return h("div", { class: "job", "data-job": job.number },
-    h("strong", {}, job.title), bar,
-    h("span", { class: "fine what" }, [job.text, best, job.seconds ? `${Math.round(job.seconds)} s` : ""].filter(Boolean).join(" · ")),
-    patient ? h("button", { id: `keep-${job.number}`, onclick: () => connection.do("cancel", { number: job.number, keep: true }) }, "Stop, keep what is known") : null,
-    h("button", { id: `cancel-${job.number}`, class: "cancel", onclick: () => connection.do("cancel", { number: job.number }) }, "Cancel"));
+  const element = h("div", { class: "job", "data-job": job.number }, h("strong", {}, job.title), bar, what,
+    patient ? cancel("keep", null, "Stop, keep what is known", { keep: true }) : null, cancel("cancel", "cancel", "Cancel", {}));
+  under.append(element);
+  return { element, tell: (told) => {
+    if (told.of) { bar.max = told.of; bar.value = told.done; } else bar.removeAttribute("value");
+    const best = told.leader ? `best so far ${told.leader}` : told.best === undefined ? "" : `${percent(told.best)} of the misfit left`;
+    what.textContent = [told.text, best, told.seconds ? `${Math.round(told.seconds)} s` : ""].filter(Boolean).join(" · ");
+  } };
 }
 
 // What the error is a share of, which depends on how the model is held against the recordings.

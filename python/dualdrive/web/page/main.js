@@ -9,7 +9,7 @@ import { Stack } from "dd/stack.js";
 import { Readout } from "dd/readout.js";
 import { KEYS, keysFor } from "dd/keys.js";
 import { everything, ownPanel, panels, records } from "dd/choose.js";
-import { finding } from "dd/finding.js";
+import { finding, progress } from "dd/finding.js";
 import { inputs, take } from "dd/inputs.js";
 import { MappingEditor } from "dd/mapping.js";
 import { results } from "dd/results.js";
@@ -35,6 +35,7 @@ const shade = {
 const mapping = new MappingEditor(connection);
 let presets = [];
 let turn = 0;
+let shown = ""; // what the page shows but progress, as text
 
 // --- the plots ------------------------------------------------------------------------------------
 
@@ -112,6 +113,11 @@ async function update() {
   if (mine !== turn) return;
   const known = records(state);
   if (!known.includes(choice.record)) choice.record = known[0] ?? null;
+  progress(state.jobs, connection);
+  const seen = { ...state, turn: 0, messages: 0, jobs: state.jobs.map((job) => [job.number, job.kind]) };
+  const key = JSON.stringify([seen, choice, [...shade.chosen], presets, every.map((m) => Boolean(m.view)), Boolean(diagnosis)]);
+  if (key === shown) return; // what a job tells of its progress leaves all else as it is
+  shown = key;
   const ready = every.filter((m) => m.view);
   const last = ready.filter((m) => m.id.startsWith("s")).pop();
   drawTools(state);
@@ -188,7 +194,11 @@ connection.addEventListener("state", () => {
   heard = Math.max(0, ...told.map((one) => one.id));
   update();
 });
-connection.addEventListener("refused", (event) => message(event.detail, "error"));
+connection.addEventListener("refused", (event) => {
+  message(event.detail, "error");
+  shown = ""; // what was chosen does not stand
+  update();
+});
 connection.addEventListener("offline", () => document.body.classList.add("offline"));
 connection.addEventListener("online", () => document.body.classList.remove("offline"));
 document.addEventListener("change", (event) => { if (event.target.id === "effort") sessionStorage.setItem("effort", event.target.value); });
