@@ -5,12 +5,9 @@ Whoever is told prints it as the text that it is, or takes its parts.
 
 from __future__ import annotations
 
-from typing import Final, Self
+from typing import Self
 
-__all__ = ["BEST", "Said"]
-
-#: between what is tried and what is best so far
-BEST: Final = "; best so far "
+__all__ = ["Said"]
 
 
 class Said(str):
@@ -25,12 +22,6 @@ class Said(str):
 
     def __new__(cls, tried: str, leader: str = "") -> Self:
         """Say both in one line."""
-        own = super().__new__(cls, f"{tried}{BEST}{leader}" if leader else tried)
+        own = super().__new__(cls, f"{tried}; best so far {leader}" if leader else tried)
         own.tried, own.leader = tried, leader
         return own
-
-    @classmethod
-    def of(cls, line: str) -> Self:
-        """Take apart a line that ends with what is best so far."""
-        tried, _, leader = line.partition(BEST)
-        return cls(tried, leader)

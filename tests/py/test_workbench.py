@@ -75,7 +75,7 @@ def test_progress_is_told_as_numbers_and_names_what_leads(tmp_path: Path) -> Non
     assert spoken[1].endswith("; best so far coulomb@table, 10 % of the misfit left")
     work.leader.judged("viscous@table", misfit_left(90.0, alone=1000.0))  # fewer numbers, say
     work.leader.meets("coulomb@table", 10.0, "")
-    assert str(work.leader) == "; best so far viscous@table, 30 % of the misfit left"
+    assert work.leader.after("").leader == "viscous@table, 30 % of the misfit left"
     for line in (*spoken, work.leader.after("score tests beside wear@ring; so far: 16 of 130")):
         tell(line)
     tell("errors of the simulated loop")  # told by whom no search leads: what leads stays

@@ -75,7 +75,7 @@ def diagnose_closed_loop(
         threads=job.threads,
         counter=counter,
     )
-    found = select(core, grey, EFFORTS[job.effort], lambda line: job.tell(Said.of(line)))
+    found = select(core, grey, EFFORTS[job.effort], job.tell)
     grey = found.grey
     decision = decide(core, grey, found)
     best, probability = decision.ranked[0]

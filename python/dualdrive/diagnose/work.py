@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import TypeVar
 
-from dualdrive.said import BEST, Said
+from dualdrive.said import Said
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -60,9 +60,6 @@ class Leader:
 
     def __init__(self) -> None:
         self._cost, self._said = math.inf, ""
-
-    def __str__(self) -> str:
-        return f"{BEST}{self._said}" if self._said else ""
 
     def after(self, tried: str) -> Said:
         """What is tried, and what is best so far."""

@@ -61,7 +61,7 @@ class _Search:
 
     def tell(self, what: str) -> None:
         """Say what is tried, and what is best so far."""
-        self.told(f"{what}{self.leader}")
+        self.told(self.leader.after(what))
 
     def run(self) -> Selection:
         self.tell("refitting the data sheet's numbers")
