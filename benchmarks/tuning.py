@@ -1,6 +1,7 @@
 """Whether what `tune` leaves stands still: presets and random machines, judged by other trials.
 
     python benchmarks/tuning.py --machines 100
+    python benchmarks/tuning.py --machines 60 --power 3    # far beyond what is built
 
 Each machine is a preset with every number of its plant drawn anew (log-uniform), its tension taken
 away; `tune` is given a gentle move. What it calls tuned is then pushed in ways it was not tuned by:
@@ -15,6 +16,7 @@ import json
 import multiprocessing
 from collections import Counter
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -40,13 +42,13 @@ SPREAD: Mapping[str, float] = {
 OTHER = {"loads": (1.0, 0.85, 1.15), "steps": (2e-4, 7e-4, 1e-3), "speeds": (0.1, 0.5, 1.0)}
 
 
-def machine(number: int) -> Machine:
-    """A random machine: the same for the same number."""
+def machine(number: int, power: float = 1.0) -> Machine:
+    """A random machine: the same for the same number; power: of the factors of `SPREAD`."""
     random = np.random.default_rng(number)
     found = Machine.load(PRESETS[number % len(PRESETS)])
     core = found.core
     for path, most in SPREAD.items():
-        factor = most ** random.uniform(-1.0, 1.0)
+        factor = most ** (power * random.uniform(-1.0, 1.0))
         try:
             if not core.unread(path):
                 found.set(path, factor * core.get(path))
@@ -84,23 +86,26 @@ def _verdict(done: Tuning) -> dict[str, Any]:
     return {"verdict": "refused, confirmed" if seen else "refused, not confirmed"}
 
 
-def one(number: int) -> dict[str, Any]:
+def one(number: int, power: float = 1.0) -> dict[str, Any]:
     """A preset as it is, for the first numbers; a random machine after that."""
     if number < len(PRESETS):
         return judged(Machine.load(PRESETS[number]))
-    return judged(machine(number - len(PRESETS)))
+    return judged(machine(number - len(PRESETS), power))
 
 
 def main() -> None:
     """Print rows and counts."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--machines", type=int, default=100)
+    parser.add_argument("--power", type=float, default=1.0, help="of the factors drawn")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     rows = []
     with multiprocessing.Pool(options.jobs) as pool:
-        for row in pool.imap(one, range(options.machines + len(PRESETS))):
+        for row in pool.imap(
+            partial(one, power=options.power), range(options.machines + len(PRESETS))
+        ):
             rows.append(row)
             if row["verdict"] != "stands still":
                 print(row["machine"], row["verdict"], row.get("left") or row["reason"], flush=True)

@@ -218,16 +218,20 @@ def _tables(json_to: str | None) -> None:
 
         result = indexing.crossed(jobs=cores(), progress=progress)
     found = list(indexing.verdicts(result))
-    unread = {name: {"unread": a, "of": b} for name, (a, b) in result.unread.items()}
-    content = {"draws": result.draws, "unread": unread, "rows": [v.to_dict() for v in found]}
+    cells = indexing.rows(result)
+    content = {"draws": result.draws, "cells": cells, "verdicts": [v.to_dict() for v in found]}
     write_json(json_to, content)
     if json_to == "-":
         return
     for name in indexing.LOADS:
         console().print(_paper(name, [v for v in found if v.cell.load == name]), "")
-    for name, counts in unread.items():
+    for name in indexing.PAIR:
+        own = [cell for cell in cells if cell["column"] == name]
+        of = result.draws * len(own)
+        unread, moved = (sum(cell[key] for cell in own) for key in ("unread", "moved"))
         click.echo(
-            f"{name}: {counts['unread']} of {counts['of']} tests had a target without reading"
+            f"{name}: of {of} tests {unread} had a target without reading, {moved} one that was "
+            "read while the table moved by more than 1 arcsec"
         )
     click.echo(f"median (least to most) of {result.draws} draws; all cells with --json FILE")
 

@@ -11,7 +11,7 @@ from dualdrive.indexing.dwells import evaluate_trace
 from dualdrive.indexing.experiment import PAIR, Cell, Crossed, crossed
 from dualdrive.indexing.iso230 import FIGURES, Iso230, TargetRow, evaluate
 from dualdrive.indexing.lost_motion_test import LostMotion, Pull, lost_motion, read_lost_motion
-from dualdrive.indexing.outcome import Spread, Verdict, verdicts
+from dualdrive.indexing.outcome import Spread, Verdict, rows, verdicts
 from dualdrive.indexing.position_file import is_position_table, read_positions
 from dualdrive.indexing.printed import DEMANDED, LOADS, PRINTED, TOLERANCE, TRAINS, loaded
 from dualdrive.indexing.report_file import Departure, Report, is_report, read_report
@@ -52,5 +52,6 @@ __all__ = [
     "read_lost_motion",
     "read_positions",
     "read_report",
+    "rows",
     "verdicts",
 ]

@@ -9,7 +9,8 @@ up between its pinions keeps it, and its targets never meet.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from typing import Final
@@ -22,7 +23,18 @@ from dualdrive.indexing.error_budget import Draw
 from dualdrive.machine import Machine
 from dualdrive.simulation import simulate
 
-__all__ = ["DELAYS", "DWELL", "FROM", "LIMITS", "REPEATS", "START", "looks", "read", "readings"]
+__all__ = [
+    "DELAYS",
+    "DWELL",
+    "FROM",
+    "LIMITS",
+    "REPEATS",
+    "START",
+    "Reading",
+    "looks",
+    "read",
+    "readings",
+]
 
 Floats = NDArray[np.float64]
 
@@ -45,14 +57,26 @@ _SIGNALS: Final = ("theta_m", "sensed.table")
 _MOTION, _STORED, _SHARE = 1e-8, 1e-5, 1e-6
 
 
+@dataclass(frozen=True)
+class Reading:
+    """What was read at one delay, rad; NaN where the table was not in position in time.
+
+    off:    deviation from the target
+    moved:  by how much the table moved between the looks that are averaged
+    """
+
+    off: Floats
+    moved: Floats
+
+
 def readings(
     machine: Machine, drawn: Draw, starts: Sequence[Mapping[str, float]]
-) -> dict[float, Floats]:
-    """Delay -> deviation from each target, rad, shape (starts, REPEATS, 2): upwards, downwards.
+) -> dict[float, Reading]:
+    """Delay -> reading of each target, of shape (starts, REPEATS, 2): upwards, downwards.
 
     starts:  per target: the twists of its meshes
 
-    NaN where the table was not in position in time, or its run failed.
+    NaN, too, where a run failed.
     """
     waveform, stops, pauses = _to_and_fro()
     times = looks(stops).ravel()
@@ -80,7 +104,14 @@ def readings(
     found = [
         read(true.reshape(shape), sensed.reshape(shape), stops, drawn) for true, sensed in seen
     ]
-    return {d: np.array([one[d] for one in found]).reshape(-1, REPEATS, 2) for d in DELAYS}
+
+    def together(values: Iterable[Floats]) -> Floats:
+        return np.array([*values]).reshape(-1, REPEATS, 2)
+
+    return {
+        d: Reading(together(one[d].off for one in found), together(one[d].moved for one in found))
+        for d in DELAYS
+    }
 
 
 def looks(stops: Floats) -> Floats:
@@ -88,23 +119,26 @@ def looks(stops: Floats) -> Floats:
     return np.asarray(stops[:, 1][:, None] + _since())
 
 
-def read(true: Floats, sensed: Floats, stops: Floats, drawn: Draw) -> dict[float, Floats]:
-    """Delay after in position -> deviation in each dwell, rad; NaN where it came too late.
+def read(true: Floats, sensed: Floats, stops: Floats, drawn: Draw) -> dict[float, Reading]:
+    """Delay after in position -> reading in each dwell, of shape (dwells,).
 
     true, sensed:  the table and what its control sees of it at `looks`, rad
     stops:         (target, begin, end) of the dwells, rad and s, shape (n, 3)
     """
     since = _since()
-    off = np.abs(sensed - stops[:, :1])
-    within = off <= drawn["in-position window"]
+    deviation = true - stops[:, :1]
+    within = np.abs(sensed - stops[:, :1]) <= drawn["in-position window"]
     arrived = np.where(within.any(axis=1), since[within.argmax(axis=1)], np.inf)
     found = {}
     for delay in DELAYS:
         begin = (arrived + delay)[:, None]
         rows = (since >= begin - 1e-9) & (since < begin + _WINDOW - 1e-9)
         in_time = begin[:, 0] + _WINDOW <= DWELL + 1e-9
-        sums = np.where(rows, true - stops[:, :1], 0.0).sum(axis=1)
-        found[delay] = np.where(in_time, sums / np.maximum(rows.sum(axis=1), 1), np.nan)
+        count = np.maximum(rows.sum(axis=1), 1)
+        mean = np.where(rows, deviation, 0.0).sum(axis=1) / count
+        highest = np.where(rows, deviation, -np.inf).max(axis=1)
+        lowest = np.where(rows, deviation, np.inf).min(axis=1)
+        found[delay] = Reading(*(np.where(in_time, x, np.nan) for x in (mean, highest - lowest)))
     return found
 
 

@@ -14,6 +14,7 @@ both read off the core's own laws. `check` drives whole machines round the circl
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields
@@ -36,6 +37,7 @@ from dualdrive.indexing.approach import (
     read,
     readings,
 )
+from dualdrive.indexing.cycle import STILL
 from dualdrive.indexing.error_budget import Draw, draw, geometry, mechanics
 from dualdrive.indexing.iso230 import evaluate
 from dualdrive.indexing.printed import ARCSEC, LOADS, loaded
@@ -87,16 +89,21 @@ class Crossed(Tabled):
     """What the experiment gave.
 
     figures:   (cell, column) -> A, R, B in arcsec, shape (draws, 3); NaN where it had no reading
-    unread:    runs that were not in position in time, over all runs
+    moved:     (cell, column) -> draws in which a target was read while the table moved by
+               more than 1 arcsec
     """
 
     figures: Mapping[tuple[Cell, str], Floats]
     draws: int
-    unread: Mapping[str, tuple[int, int]]
+    moved: Mapping[tuple[Cell, str], int]
 
     def values(self, cell: Cell, column: str, figure: str) -> Floats:
         """One figure over the draws, arcsec, shape (draws,)."""
         return self.figures[cell, column][:, "ARB".index(figure)]
+
+    def unread(self, cell: Cell, column: str) -> int:
+        """Draws in which a target was not in position in time."""
+        return int(np.isnan(self.figures[cell, column]).any(axis=1).sum())
 
     def gains(self, cell: Cell, figure: str) -> Floats:
         """By how much two motors are better, as a share, draw by draw; shape (draws,)."""
@@ -121,6 +128,7 @@ class Crossed(Tabled):
 def crossed(
     draws: int = DRAWS,
     *,
+    first: int = 0,
     loads: Sequence[str] = tuple(LOADS),
     sensors: Sequence[str] = SENSORS,
     gaps: Sequence[float] = GAPS,
@@ -130,37 +138,37 @@ def crossed(
 ) -> Crossed:
     """Run the experiment.
 
-    draws:     of the error budget;  loads, sensors, gaps, grades: levels of the factors
+    draws:     of the error budget, from number `first` on
+    loads, sensors, gaps, grades: levels of the factors
     jobs:      threads; the result is the same with any number of them
     progress:  called with runs done and runs in all
 
     Raises IndexingError for unknown levels.
     """
-    plan = list(product(range(draws), loads, sensors, gaps, PAIR))
+    plan = list(product(range(first, first + draws), loads, sensors, gaps, PAIR))
     grades = tuple(grades)
     found: dict[tuple[Cell, str], list[Floats]] = {}
-    unread = {column: [0, 0] for column in PAIR}
+    moved: Counter[tuple[Cell, str]] = Counter()
 
-    def work(one: tuple[int, str, str, float, str]) -> tuple[str, dict[Cell, Floats]]:
+    def work(one: tuple[int, str, str, float, str]) -> tuple[str, dict[Cell, tuple[Floats, bool]]]:
         number, load, sensor, gap, column = one
         return column, _one(number, load, sensor, gap, column, grades)
 
     with ThreadPoolExecutor(jobs) as pool:
         for done, (column, rows) in enumerate(pool.map(work, plan), 1):
-            unread[column][0] += sum(bool(np.isnan(row).any()) for row in rows.values())
-            unread[column][1] += len(rows)
-            for cell, row in rows.items():
+            for cell, (row, while_moving) in rows.items():
                 found.setdefault((cell, column), []).append(row)
+                moved[cell, column] += while_moving
             if progress is not None:
                 progress(done, len(plan))
     figures = {key: np.array(rows) for key, rows in found.items()}
-    return Crossed(figures, draws, {c: (a, b) for c, (a, b) in unread.items()})
+    return Crossed(figures, draws, moved)
 
 
 def _one(
     number: int, load: str, sensor: str, gap: float, column: str, grades: Sequence[float]
-) -> dict[Cell, Floats]:
-    """All targets of one table, read at all delays, with the pitch errors of each grade."""
+) -> dict[Cell, tuple[Floats, bool]]:
+    """Figures of one table, read at all delays, with each grade; and whether it moved meanwhile."""
     drawn = draw(number)
     machine = _machine(drawn, load, sensor, gap, column)
     targets = _targets(drawn)
@@ -170,8 +178,11 @@ def _one(
     for k, grade in enumerate(grades):
         _, static = placed[k]
         for delay, stood in seen.items():
-            at = stood[k * _COUNT : (k + 1) * _COUNT] + static[:, None, None]
-            rows[Cell(load, sensor, gap, grade, delay)] = _figures(targets, at, drawn)
+            own = slice(k * _COUNT, (k + 1) * _COUNT)
+            figures = _figures(targets, stood.off[own] + static[:, None, None], drawn)
+            rows[Cell(load, sensor, gap, grade, delay)] = (
+                figures, bool((stood.moved[own] > STILL["rad"]).any())
+            )  # fmt: skip
     return rows
 
 
@@ -253,7 +264,7 @@ def check(grade: float = 8.0, number: int = 0, load: str = "100t") -> Iterator[C
     for column, sensor in product(PAIR, SENSORS):
         machine = _machine(drawn, load, sensor, 1.0, column)
         pitch, static = _geometry(machine, drawn, grade, targets)
-        parts = readings(machine, drawn, pitch)[3.0][:, -1] + static[:, None]
+        parts = readings(machine, drawn, pitch)[3.0].off[:, -1] + static[:, None]
         whole = machine.copy()
         geometry(whole, drawn, grade=grade)
         stood = _round(whole, drawn, targets)
@@ -279,4 +290,4 @@ def _round(machine: Machine, drawn: Draw, targets: Floats) -> Floats:
         rtol=1e-7,
     )
     true, sensed = (run[name].reshape(len(stops), -1) for name in ("theta_m", "sensed.table"))
-    return read(true, sensed, stops, drawn)[3.0].reshape(2, _COUNT)
+    return read(true, sensed, stops, drawn)[3.0].off.reshape(2, _COUNT)

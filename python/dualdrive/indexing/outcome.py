@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dualdrive.indexing.experiment import PAIR, Cell, Crossed
 from dualdrive.indexing.printed import PRINTED, printed_gain
 
-__all__ = ["Spread", "Verdict", "share_of", "verdicts"]
+__all__ = ["Spread", "Verdict", "rows", "verdicts"]
 
 Floats = NDArray[np.float64]
 
@@ -105,8 +105,15 @@ def _judged(result: Crossed, cell: Cell, figure: str) -> Verdict:
     )
 
 
-def share_of(found: Sequence[Verdict]) -> tuple[int, int, int]:
-    """Of these verdicts: contrasts that come out, both levels that do, and both at once."""
-    contrasts = sum(v.contrast for v in found)
-    levels = sum(all(v.levels) for v in found)
-    return contrasts, levels, sum(v.contrast and all(v.levels) for v in found)
+def rows(result: Crossed) -> list[dict[str, Any]]:
+    """Every cell of either column, printed or not: spreads of A, R and B, and how it was read."""
+    return [
+        {
+            **vars(cell),
+            "column": column,
+            **{f: vars(Spread.of(result.values(cell, column, f))) for f in "ARB"},
+            "unread": result.unread(cell, column),
+            "moved": result.moved[cell, column],
+        }
+        for cell, column in result.figures
+    ]

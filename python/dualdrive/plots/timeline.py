@@ -59,9 +59,15 @@ def torques(
 
 
 def draw_torques(
-    axes: Axes, view: View, time: Scale, origin: float = 0.0, *, marks: bool = True
+    axes: Axes,
+    view: View,
+    time: Scale,
+    origin: float = 0.0,
+    *,
+    marks: bool = True,
+    name: str = "motor ",
 ) -> None:
-    """What `torques` and the pictures made of several panels share."""
+    """What `torques` and the pictures made of several panels share; name: of a drive, in the key."""
     what, channels = "torque", view.numbered("T_")
     if not channels:
         what, channels = "current", view.numbered("I_")
@@ -70,7 +76,7 @@ def draw_torques(
     unit = view.scale(*channels.values())
     if unit.unit.endswith("N"):
         what = "force"
-    drive_lines(axes, view, channels, unit, time, origin, "motor")
+    drive_lines(axes, view, channels, unit, time, origin, name)
     if what != "current":
         _limits(axes, view, unit, time, origin)
     if len(channels) > 1 or np.ptp(np.sign(view[channels[min(channels)]])) > 0:
@@ -164,7 +170,7 @@ def draw_deflection(axes: Axes, view: View, time: Scale, origin: float = 0.0) ->
     gaps = {view.parameter(f"mesh_{n}.gap") for n in meshes}
     for gap in sorted(g for g in gaps if g is not None):
         play_band(axes, gap, unit)
-    drive_lines(axes, view, channels, unit, time, origin, "mesh")
+    drive_lines(axes, view, channels, unit, time, origin, "mesh ")
     axes.margins(y=0.08)
     axes.set_ylabel(unit.label("deflection at the pinion"))
     key_above(axes)
@@ -196,20 +202,20 @@ def drive_lines(
     unit: Scale,
     time: Scale,
     origin: float,
-    what: str,
+    name: str,
 ) -> None:
-    """One line per drive; a line that would hide an earlier one is dashed."""
-    reach = max(float(np.ptp(view[name])) for name in channels.values())
+    """One line per drive, its name before its number; a line that would hide an earlier one is dashed."""
+    reach = max(float(np.ptp(view[channel])) for channel in channels.values())
     drawn: list[Array] = []
-    for n, name in channels.items():
-        values = view[name]
+    for n, channel in channels.items():
+        values = view[channel]
         hides = any(float(np.abs(values - other).max()) < 0.02 * reach for other in drawn)
         axes.plot(
             time(view.t - origin),
             unit(values),
             color=drive_colour(n),
             ls=(0, (5, 4)) if hides else "-",
-            label=f"{what} {n}",
+            label=f"{name}{n}",
         )
         drawn.append(values)
 

@@ -34,8 +34,8 @@ def couple(job: Job) -> Draft:
     is below 1 wherever g_E is: half of 1 (or of an edge below it) is stable whatever comes late in
     it, with 6 dB in hand. Integral time: the shortest that leaves 90 % of the least damping.
     Tension: a tenth above the least that keeps every flank closed over the test move; where none
-    within the rated torque does, the one of the smoothest torque at which the table stands still.
-    Then raised, or the position gain lowered, until the table stands still after steps and
+    within the rated torque does, the one of the smoothest torque at which the table stands still;
+    where there is none either, the rated torque. Then raised, or the position gain lowered, until the table stands still after steps and
     reversals at its load and near it; where nothing does that, the step says what forbids it.
     """
     machine = job.machine.copy()
@@ -50,8 +50,6 @@ def couple(job: Job) -> Draft:
     except OptimiseError as error:
         return Draft(machine, done, reason=str(error))
     tension, why = _tension(machine, job, found)
-    if tension is None:
-        return Draft(machine, done, (_margins(found),), why)
     core.set(TENSION, tension)
     done += [why, _reached(machine, job)]
     done += _calm(machine, job)
@@ -88,8 +86,8 @@ def _integral_time(job: Job, machine: Machine) -> str:
     return "its integral action off: any takes too much of the damping"
 
 
-def _tension(machine: Machine, job: Job, found: LeastTension) -> tuple[float | None, str]:
-    """The tension to set, and why; None with the reason where there is none."""
+def _tension(machine: Machine, job: Job, found: LeastTension) -> tuple[float, str]:
+    """The tension to set, and why."""
     most = machine.get("motor_1.T_rated")
     if found.tension is not None:
         tension = min(_RESERVE * found.tension, most)
@@ -99,7 +97,10 @@ def _tension(machine: Machine, job: Job, found: LeastTension) -> tuple[float | N
         )
     smooth = _smoothest(machine, job, found)
     if smooth is None:
-        return None, f"the table hunts at every tension up to {human(most, 'N*m')}"
+        return most, (
+            f"tension {human(most, 'N*m')}, the rated torque: with this position gain the table "
+            "hunts at every one"
+        )
     return smooth, (
         f"tension {human(smooth, 'N*m')}: no tension up to the rated torque keeps the flanks "
         "closed while it accelerates; with this one it stands still, and no other one is smoother"

@@ -82,7 +82,7 @@ def _fails(machine: Machine, motion: Motion, tests: Sequence[Trial]) -> Restless
 def _tensions(now: float, most: float, *, fine: bool) -> list[float]:
     """Tensions to try, rising: all with the gain as it is, the first and last with a lower one."""
     if not fine:
-        return [now, most]
+        return [*dict.fromkeys((now, most))]
     ladder = [now]
     while ladder[-1] * _FINER < most and ladder[-1] > 0.0:
         ladder.append(ladder[-1] * _FINER)
@@ -134,6 +134,5 @@ def _forbids(machine: Machine, last: Machine, failure: Restless) -> str:
     why = f"; {', '.join(limits)} leaves no torque beside such a tension" if limits else ""
     return (
         f"{failure.text}, at every tension up to the rated torque, {human(tension, 'N*m')}, and "
-        "every "
-        f"position gain from {human(gain, '1/s')} down to {human(slowest, '1/s')}{why}"
+        f"every position gain from {human(gain, '1/s')} down to {human(slowest, '1/s')}{why}"
     )

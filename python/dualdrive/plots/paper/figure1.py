@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from textwrap import fill
 from typing import TYPE_CHECKING, Any, Final
 
 from dualdrive.plots.style import COMMAND, PAPER, SECOND, TABLE, picture
@@ -17,6 +18,7 @@ __all__ = ["transmission"]
 
 _RING: Final = 1.0
 _PINION: Final = 0.16
+_TITLE: Final = 44  # letters in a line
 _STEEL, _MOTOR, _PLAY = "#E2F1EC", "#E4EEF5", "#F6E3D5"
 
 
@@ -25,7 +27,7 @@ def transmission(data: Figure1) -> Figure:
     """A train beside the other."""
     from matplotlib.figure import Figure as Sheet
 
-    sheet = Sheet(figsize=(9.0, 6.2), layout="constrained")
+    sheet = Sheet(figsize=(9.0, 6.6), layout="constrained")
     for axes, train in zip(sheet.subplots(1, len(data.trains), squeeze=False)[0], data.trains,
                            strict=True):  # fmt: skip
         _train(axes, train)
@@ -35,9 +37,10 @@ def transmission(data: Figure1) -> Figure:
 def _train(axes: Axes, train: Train) -> None:
     from matplotlib.patches import Circle
 
-    axes.set(xlim=(-1.75, 1.75), ylim=(-3.25, 1.5), aspect="equal")
+    axes.set(xlim=(-1.75, 1.75), ylim=(-3.15, 1.35), aspect="equal")
     axes.set_axis_off()
-    axes.set_title(",".join(train.title.split(",")[:2]), fontsize=9)
+    drives, _, _ = train.title.rpartition(",")  # without the load
+    axes.set_title(fill(drives, _TITLE), fontsize=9)
     axes.add_patch(Circle((0, 0.25), _RING, fc=PAPER, ec=COMMAND, lw=1.2))
     axes.add_patch(Circle((0, 0.25), _RING - 0.06, fc="none", ec=COMMAND, lw=0.8, ls=":"))
     axes.text(0, 0.62, "table with ring", ha="center", fontsize=9)
@@ -50,9 +53,8 @@ def _train(axes: Axes, train: Train) -> None:
     if train.shaft is not None:
         y = -0.52
         axes.plot([-0.82 + _PINION, 0.82 - _PINION], [y, y], color=SECOND, lw=1.6, ls=(0, (2, 1)))
-        axes.text(0, y - 0.08, f"split shaft:\n{_words(train.shaft.text)}", ha="center", va="top",
-                  fontsize=7.5, color=SECOND,
-                  bbox={"fc": PAPER, "ec": "none", "pad": 1.0})  # fmt: skip
+        axes.text(0, 0.22 - _RING, f"split shaft:\n{_words(train.shaft.text)}", ha="center", va="top",
+                  fontsize=7.5, color=SECOND)  # fmt: skip
 
 
 def _chain(axes: Axes, chain: Chain, x: float, sensed: bool) -> None:
@@ -68,11 +70,11 @@ def _chain(axes: Axes, chain: Chain, x: float, sensed: bool) -> None:
     axes.text(x + shift, pinion, f"pinion {chain.number}", ha=side, va="center", fontsize=8)
     if chain.motor is None:
         return
-    axes.plot([x, x], [pinion - _PINION, -1.15], color=COMMAND, lw=2)
+    axes.plot([x, x], [pinion - _PINION, -1.17], color=COMMAND, lw=2)
     if chain.reducer is not None:
         colour = _PLAY if chain.reducer.kind == "gap" else _STEEL
         _box(axes, x, -1.55, f"reducer {chain.number}\n{_words(chain.reducer.text)}", colour)
-    axes.plot([x, x], [-1.95, -2.35], color=COMMAND, lw=2)
+    axes.plot([x, x], [-1.93, -2.32], color=COMMAND, lw=2)
     more = "\nencoder: position loop" if sensed and chain.number == 1 else ""
     _box(axes, x, -2.7, f"D{chain.number}\n{chain.motor}{more}", _MOTOR)
 

@@ -65,7 +65,7 @@ def _run(
     axes: Axes, below: Axes, run: Run, title: str, window: tuple[float, float] | None = None
 ) -> None:
     view = View(run, window)
-    draw_torques(axes, view, SECONDS, marks=False)
+    draw_torques(axes, view, SECONDS, marks=False, name="M")
     axes.set_title(title)
     axes.tick_params(labelbottom=False)
     strip(below, view, SECONDS)

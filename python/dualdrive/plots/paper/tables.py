@@ -25,15 +25,17 @@ def accuracy(data: Tables) -> Figure:
     """A row per load, a column per figure; medians, and bands from the least to the most."""
     from matplotlib.figure import Figure as Sheet
 
+    from dualdrive.paper.tables import WORDS, load_text
+
     rows = len(data.loads)
     sheet = Sheet(figsize=(9.0, 1.0 + 2.7 * rows), layout="constrained")
     panels = sheet.subplots(rows, 3, sharex=True, sharey=True, squeeze=False)
     for load, row in zip(data.loads, panels, strict=True):
-        words = "unloaded" if load == "empty" else load.replace("t", " t")
         for figure, axes in zip("ARB", row, strict=True):
             _panel(axes, data, load, figure)
-            axes.set_title(f"{figure}, {words}")
-        row[0].set_ylabel("arc seconds")
+        row[0].set_ylabel(f"{load_text(load)}\narc seconds")
+    for figure, axes in zip("ARB", panels[0], strict=True):
+        axes.set_title(WORDS[figure])
     for axes in panels[-1]:
         axes.set_xlabel("in position to reading [s]")
     handles, labels = panels[0][0].get_legend_handles_labels()
@@ -63,8 +65,7 @@ def _panel(axes: Axes, data: Tables, load: str, figure: str) -> None:
         if printed is not None:
             axes.plot([0.42], [printed], ">", color=colour, ms=8, mec=COMMAND, clip_on=False,
                       zorder=5, ls="none", label=f"printed, {column}")  # fmt: skip
-    if load == "empty":
-        axes.axhline(TOLERANCE[figure], color=COMMAND, lw=0.8, ls=":", label="printed tolerance")
+    axes.axhline(TOLERANCE[figure], color=COMMAND, lw=0.8, ls=":", label="tolerance of Table 1")
     if figure == "A":
         axes.axhline(2 * DEMANDED, color=COMMAND, lw=0.8, ls="-.", label="± 4″ demanded")
     axes.set(xscale="log", yscale="log", xlim=(0.4, 6.0))
