@@ -1,17 +1,22 @@
-"""Whether ten draws say what more would: Tables 1 and 2 over further tens of draws.
+"""Whether ten draws say what more would, and what they cost: Tables 1 and 2, ten by ten.
 
-    python benchmarks/tables.py --tens 5
+    python benchmarks/tables.py --tens 1 --gaps 0.5 1 2     # the page's draws, as the page has them
+    python benchmarks/tables.py --tens 3                    # at the presets' gaps: two more tens
 
-At the presets' gaps, both grades. The first ten draws are those of the page. Prints for each
-printed pair and encoder in how many cells of grade and reading the contrast comes out by each ten,
-in how many cells all tens agree, and what all draws together say; then how far the medians of
-single tens lie from the median of all.
+Prints for each ten what it took, and how long its threads waited for a core that others had: on
+free cores it takes that much less. Then, for each printed pair and encoder, in how many cells the
+contrast comes out by each ten, in how many all tens agree, and what all draws together say; and how
+far the medians of single tens lie from the median of all.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from threading import Event, Thread
 
 import numpy as np
 
@@ -19,6 +24,30 @@ from dualdrive.indexing import Cell, Crossed, Verdict, crossed, verdicts
 from dualdrive.indexing.experiment import DRAWS, SENSORS
 
 Key = tuple[Cell, str]
+
+
+@contextmanager
+def spent(name: str, jobs: int) -> Iterator[None]:
+    """Print wall and processor time, and the wall without the waits for a core (Linux)."""
+    waits: dict[str, float] = {}
+    stop = Event()
+
+    def watch() -> None:
+        while not stop.wait(1.0):
+            for task in Path("/proc/self/task").glob("*/schedstat"):
+                with suppress(OSError):  # it has ended
+                    waits[task.parent.name] = 1e-9 * float(task.read_text().split()[1])
+
+    watcher = Thread(target=watch, daemon=True)
+    watcher.start()
+    wall, processor = time.monotonic(), time.process_time()
+    yield
+    wall, processor = time.monotonic() - wall, time.process_time() - processor
+    stop.set()
+    watcher.join()
+    free = wall - sum(sorted(waits.values())[-jobs:]) / jobs
+    print(f"{name}: wall {wall:.0f} s, processor {processor:.0f} s; without waiting for a core "
+          f"{free:.0f} s", flush=True)  # fmt: skip
 
 
 def joined(parts: Sequence[Crossed]) -> Crossed:
@@ -35,7 +64,7 @@ def judged(result: Crossed) -> Mapping[Key, Verdict]:
 
 def agreement(tens: Sequence[Mapping[Key, Verdict]], whole: Mapping[Key, Verdict]) -> None:
     """A row per printed pair and encoder."""
-    print("figure  load   encoder  contrast by each ten  of  all tens agree  all draws")
+    print("figure  load   encoder  contrast by each ten   of  all tens agree  all draws")
     same = of = 0
     for figure, load in dict.fromkeys((f, c.load) for c, f in whole):
         for sensor in SENSORS:
@@ -43,8 +72,9 @@ def agreement(tens: Sequence[Mapping[Key, Verdict]], whole: Mapping[Key, Verdict
             each = [sum(ten[k].contrast for k in keys) for ten in tens]
             agree = sum(len({ten[k].contrast for ten in tens}) == 1 for k in keys)
             same, of = same + agree, of + len(keys)
-            print(f"{figure:7} {load:6} {sensor:8} {' '.join(f'{n:2}' for n in each):>20}  "
-                  f"{len(keys):2}  {agree:14}  {sum(whole[k].contrast for k in keys):9}")  # fmt: skip
+            counts = " ".join(f"{n:2}" for n in each)
+            print(f"{figure:7} {load:6} {sensor:8} {counts:>20}  "
+                  f"{len(keys):3}  {agree:14}  {sum(whole[k].contrast for k in keys):9}")  # fmt: skip
     print(f"all tens agree in {same} of {of} cells")
 
 
@@ -56,20 +86,23 @@ def medians(tens: Sequence[Crossed], whole: Crossed) -> None:
         for ten in tens for cell, column in whole.figures for f in "ARB"
     ]  # fmt: skip
     half, most = np.nanquantile(off, (0.5, 0.9))
-    print(f"median of ten off that of all, both trains, A, R, B: "
-          f"{100 * half:.0f} % in half, {100 * most:.0f} % in nine tenths")  # fmt: skip
+    print(f"median of ten off that of all, both trains, A, R, B: {100 * half:.0f} % in half of the "
+          f"cells, {100 * most:.0f} % or less in nine tenths")  # fmt: skip
 
 
 def main() -> None:
     """Run tens and compare."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--tens", type=int, default=5)
+    parser.add_argument("--tens", type=int, default=3)
+    parser.add_argument("--gaps", type=float, nargs="+", default=[1.0])
     parser.add_argument("--jobs", type=int, default=2)
     options = parser.parse_args()
     parts = []
     for k in range(options.tens):
-        parts.append(crossed(DRAWS, first=k * DRAWS, gaps=(1.0,), jobs=options.jobs))
-        print(f"draws {k * DRAWS} to {(k + 1) * DRAWS - 1}", flush=True)
+        with spent(f"draws {k * DRAWS} to {(k + 1) * DRAWS - 1}", options.jobs):
+            parts.append(
+                crossed(DRAWS, first=k * DRAWS, gaps=tuple(options.gaps), jobs=options.jobs)
+            )
     whole = joined(parts)
     agreement([judged(part) for part in parts], judged(whole))
     medians(parts, whole)

@@ -170,6 +170,16 @@ def test_targets_that_have_met_are_simulated_once(monkeypatch: pytest.MonkeyPatc
                 np.testing.assert_allclose(here, there, atol=1e-3 * ARCSEC)
 
 
+def test_a_table_that_goes_on_while_it_is_read_is_told() -> None:
+    """In its window at once, then away at 20 arcsec/s: 2 arcsec between the looks of a reading."""
+    stops = np.array([[0.0, 0.0, approach.DWELL]] * 2)
+    since = approach.looks(stops)
+    drift = np.vstack([20.0 * ARCSEC * since[0], np.zeros_like(since[0])])
+    seen = approach.read(drift, drift, stops, draw(0))[1.0]
+    np.testing.assert_allclose(seen.moved / ARCSEC, [2.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(seen.off / ARCSEC, [21.0, 0.0], atol=1e-9)
+
+
 def test_one_thread_or_two_make_no_difference(small: Crossed) -> None:
     again = crossed(1, loads=("empty",), sensors=("motor",), gaps=(1.0,), grades=(5.0,), jobs=1)
     for key, values in again.figures.items():

@@ -19,12 +19,15 @@ from dualdrive.linear import (
 from dualdrive.linear.contacts import closed
 from dualdrive.machine import Machine
 from dualdrive.motion import parse_motion
+from dualdrive.optimise import Design, LeastTension
 from dualdrive.run import Run
 from dualdrive.simulation import simulate
 from dualdrive.tune import drive_parameters, set_drive_parameters, standstill, tune
 from dualdrive.tune.assess import usual_motion
+from dualdrive.tune.coupling import _tension
 from dualdrive.tune.filters import Filter, asked_for, from_response, peak_of
 from dualdrive.tune.hold import hold
+from dualdrive.tune.job import Job
 from dualdrive.tune.standstill import restless, trials
 from heavy_table import STUDY, heavy, tuned
 
@@ -67,6 +70,20 @@ def test_what_forbids_a_tension_is_said_and_can_be_repeated() -> None:
     still = restless(found.machine, [found.failure.trial], engine="cvode")
     assert still is not None
     assert still.size == pytest.approx(found.failure.size, rel=0.2)
+
+
+def test_a_table_that_hunts_at_every_tension_gets_the_rated_torque_and_then_less_gain() -> None:
+    """No refusal before the position gain was lowered: that is what `hold` goes on to do."""
+    machine, motion = heavy("empty"), parse_motion(STUDY)
+    hunting = [
+        Design({"controller.T_ten": tension}, True, "nominal", -1.0, margin=0.0, hunting=2e-4)
+        for tension in (0.0, 50.0, 100.0)
+    ]
+    found = LeastTension(None, "flanks open", tuple(hunting), (), motion)
+    job = Job(machine, machine, motion, None, 1.0, 5.0)
+    tension, why = _tension(machine, job, found)
+    assert tension == machine.get("motor_1.T_rated")
+    assert "hunts at every one" in why
 
 
 def test_a_run_that_its_engine_can_t_finish_is_no_unstable_loop(

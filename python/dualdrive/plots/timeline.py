@@ -67,7 +67,10 @@ def draw_torques(
     marks: bool = True,
     name: str = "motor ",
 ) -> None:
-    """What `torques` and the pictures made of several panels share; name: of a drive, in the key."""
+    """What `torques` and the pictures made of several panels share.
+
+    name: what stands before the number of a drive in the key
+    """
     what, channels = "torque", view.numbered("T_")
     if not channels:
         what, channels = "current", view.numbered("I_")
@@ -204,7 +207,10 @@ def drive_lines(
     origin: float,
     name: str,
 ) -> None:
-    """One line per drive, its name before its number; a line that would hide an earlier one is dashed."""
+    """One line per drive; a line that would hide an earlier one is dashed.
+
+    name: what stands before the number of a drive in the key
+    """
     reach = max(float(np.ptp(view[channel])) for channel in channels.values())
     drawn: list[Array] = []
     for n, channel in channels.items():

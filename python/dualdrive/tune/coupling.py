@@ -35,8 +35,9 @@ def couple(job: Job) -> Draft:
     it, with 6 dB in hand. Integral time: the shortest that leaves 90 % of the least damping.
     Tension: a tenth above the least that keeps every flank closed over the test move; where none
     within the rated torque does, the one of the smoothest torque at which the table stands still;
-    where there is none either, the rated torque. Then raised, or the position gain lowered, until the table stands still after steps and
-    reversals at its load and near it; where nothing does that, the step says what forbids it.
+    where there is none either, the rated torque. Then raised, or the position gain lowered, until
+    the table stands still after steps and reversals at its load and near it; where nothing does
+    that, the step says what forbids it.
     """
     machine = job.machine.copy()
     core = machine.core

@@ -53,8 +53,8 @@ def _train(axes: Axes, train: Train) -> None:
     if train.shaft is not None:
         y = -0.52
         axes.plot([-0.82 + _PINION, 0.82 - _PINION], [y, y], color=SECOND, lw=1.6, ls=(0, (2, 1)))
-        axes.text(0, 0.22 - _RING, f"split shaft:\n{_words(train.shaft.text)}", ha="center", va="top",
-                  fontsize=7.5, color=SECOND)  # fmt: skip
+        shaft = f"split shaft:\n{_words(train.shaft.text)}"
+        axes.text(0, 0.22 - _RING, shaft, ha="center", va="top", fontsize=7.5, color=SECOND)
 
 
 def _chain(axes: Axes, chain: Chain, x: float, sensed: bool) -> None:

@@ -37,7 +37,7 @@ def tension(data: Figure6) -> Figure:
             draw_torques(axes, View(run, window), SECONDS, marks=False, name="M")
             axes.get_legend().remove()
         row[0].set_title(f"({letter}) {name}")
-        row[1].set(title="at rest", ylabel="")
+        row[1].set_title("at rest")
     for line in panels[0][0].lines[:2]:  # a vibration fills its band: let the other shine through
         line.set(alpha=0.6, lw=0.8)
     for axes in panels[-1]:
