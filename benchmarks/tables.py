@@ -73,8 +73,11 @@ def agreement(tens: Sequence[Mapping[Key, Verdict]], whole: Mapping[Key, Verdict
             agree = sum(len({ten[k].contrast for ten in tens}) == 1 for k in keys)
             same, of = same + agree, of + len(keys)
             counts = " ".join(f"{n:2}" for n in each)
-            print(f"{figure:7} {load:6} {sensor:8} {counts:>20}  "
-                  f"{len(keys):3}  {agree:14}  {sum(whole[k].contrast for k in keys):9}")  # fmt: skip
+            all_draws = sum(whole[k].contrast for k in keys)
+            print(
+                f"{figure:7} {load:6} {sensor:8} {counts:>20}  "
+                f"{len(keys):3}  {agree:14}  {all_draws:9}"
+            )
     print(f"all tens agree in {same} of {of} cells")
 
 

@@ -246,6 +246,13 @@ def _notes(data: Tables) -> Iterator[str]:
             f"{column}: {unread} of {data.result.draws * len(cells)} tests had a target at which "
             "no reading was possible within the dwell"
         )
+    contrasts = [v for v in data.verdicts if v.contrast]
+    stood = sum(not any(data.result.moved[v.cell, column] for column in PAIR) for v in contrasts)
+    yield (
+        f"{stood} of the {len(contrasts)} contrasts that come out are between tables that stood "
+        "still in every draw; the others are, wholly or in part, of a table that was in position "
+        "and moved on"
+    )
     yield (
         "The text closes the dual table's loop on the circular grating at its axis, and does not "
         "say where the traditional one is closed: both are shown for both"

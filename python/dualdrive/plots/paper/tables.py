@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["accuracy"]
 
 _COLOURS = {"traditional": FIRST, "double motors": SECOND}
+_TITLE = 24  # letters in a line
 _LINES = {"table": "-", "motor": "--"}
 
 
@@ -35,7 +37,7 @@ def accuracy(data: Tables) -> Figure:
             _panel(axes, data, load, figure)
         row[0].set_ylabel(f"{load_text(load)}\narc seconds")
     for figure, axes in zip("ARB", panels[0], strict=True):
-        axes.set_title(WORDS[figure])
+        axes.set_title(fill(WORDS[figure], _TITLE))
     for axes in panels[-1]:
         axes.set_xlabel("in position to reading [s]")
     handles, labels = panels[0][0].get_legend_handles_labels()
