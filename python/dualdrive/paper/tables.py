@@ -246,12 +246,15 @@ def _notes(data: Tables) -> Iterator[str]:
             f"{column}: {unread} of {data.result.draws * len(cells)} tests had a target at which "
             "no reading was possible within the dwell"
         )
-    contrasts = [v for v in data.verdicts if v.contrast]
-    stood = sum(not any(data.result.moved[v.cell, column] for column in PAIR) for v in contrasts)
+    parts = []
+    for sensor, words in _SENSORS.items():
+        found = [v for v in _of(data, sensor=sensor) if v.contrast]
+        stood = sum(not any(data.result.moved[v.cell, column] for column in PAIR) for v in found)
+        parts.append(f"{stood} of {len(found)} with {words}")
     yield (
-        f"{stood} of the {len(contrasts)} contrasts that come out are between tables that stood "
-        "still in every draw; the others are, wholly or in part, of a table that was in position "
-        "and moved on"
+        "Contrasts that come out between tables that stood still in every draw: "
+        f"{' and '.join(parts)}; the others are, wholly or in part, of a table that was in "
+        "position and moved on"
     )
     yield (
         "The text closes the dual table's loop on the circular grating at its axis, and does not "
