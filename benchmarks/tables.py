@@ -1,7 +1,7 @@
 """Whether ten draws say what more would, and what they cost: Tables 1 and 2, ten by ten.
 
     python benchmarks/tables.py --tens 1 --gaps 0.5 1 2     # the page's draws, as the page has them
-    python benchmarks/tables.py --tens 3                    # at the presets' gaps: two more tens
+    python benchmarks/tables.py --tens 2                    # at the presets' gaps: ten more
 
 Prints for each ten what it took, and how long its threads waited for a core that others had: on
 free cores it takes that much less. Then, for each printed pair and encoder, in how many cells the
@@ -96,7 +96,7 @@ def medians(tens: Sequence[Crossed], whole: Crossed) -> None:
 def main() -> None:
     """Run tens and compare."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--tens", type=int, default=3)
+    parser.add_argument("--tens", type=int, default=2)
     parser.add_argument("--gaps", type=float, nargs="+", default=[1.0])
     parser.add_argument("--jobs", type=int, default=2)
     options = parser.parse_args()
