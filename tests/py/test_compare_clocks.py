@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dualdrive import Machine
-from dualdrive.compare import Skew, clock_of, skews
+from dualdrive.compare import Skew, clock_of, evened, skews
 from dualdrive.traces import Trace
 from simulated import nominal, record, with_changed
 
@@ -46,6 +46,23 @@ def test_an_even_clock_makes_no_noise() -> None:
     clock = clock_of(sound())
     assert (clock.kind, clock.jitter) == ("even", 0.0)
     assert clock.noise(sound().t, sound()["theta_m"]) == 0.0
+
+
+@pytest.mark.parametrize("samples_are_even", [True, False])
+def test_what_evens_a_clock_is_what_names_it(samples_are_even: bool) -> None:
+    """A command at constant speed has no roughness at all on the clock that made it."""
+    t, random = 1e-2 * np.arange(2000), np.random.default_rng(5)
+    stamps = t + random.normal(0.0, 5e-4, len(t))
+    taken = t if samples_are_even else stamps
+    noisy = random.normal(0.0, 1e-3, len(t))  # an encoder that can't tell
+    trace = Trace(stamps, {"theta_ref": 0.2 * taken, "theta_m": 0.2 * taken + noisy})
+    kind, (read, jitter) = clock_of(trace).kind, evened(trace)
+    if samples_are_even:
+        assert kind == "stamps"
+        assert jitter == pytest.approx(5e-4, rel=0.1)
+        np.testing.assert_allclose(read.t, t, atol=5e-5)
+    else:
+        assert (kind, jitter, read) == ("samples", 0.0, trace)
 
 
 def test_noise_of_jitter_is_speed_times_jitter() -> None:

@@ -14,8 +14,8 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from tests.blind.shown import ordered
 from tests.blind.shown.ordered import Order
 
+from dualdrive.compare import evened
 from dualdrive.diagnose import whitening
-from dualdrive.diagnose.clocks import evened
 from dualdrive.diagnose.confront import Series
 from dualdrive.diagnose.evidence import Evidence, evidence
 from dualdrive.diagnose.hypotheses import Hypothesis

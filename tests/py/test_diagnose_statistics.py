@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from dualdrive.compare import evened
 from dualdrive.diagnose import whitening
-from dualdrive.diagnose.clocks import evened
 from dualdrive.diagnose.confront import Series
 from dualdrive.diagnose.score import Rows, Scorer, alike
 from dualdrive.traces import Trace

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dualdrive.compare.checks import RecordWarning, check_records
-from dualdrive.compare.clocks import Clock, clock_of
+from dualdrive.compare.clocks import Clock, clock_of, evened
 from dualdrive.compare.comparing import balance_error, compare, of_evaluation
 from dualdrive.compare.comparison import ChannelError, Comparison, Quantity
 from dualdrive.compare.correlation import Correlation, residual_correlations
@@ -32,6 +32,7 @@ __all__ = [
     "clock_of",
     "compare",
     "equation_at_fault",
+    "evened",
     "failing_stretches",
     "noise_floor",
     "of_evaluation",

@@ -1,8 +1,13 @@
-"""A recording's clock: how much its time stamps jitter, and what that does to a moving signal."""
+"""A recording's clock: how much its time stamps jitter, and what that does to a moving signal.
+
+A recorder may take its samples evenly and stamp them late. The motion tells which it was: read at
+the right times it is smooth; read at stamps that jitter it is as rough as its speed times the
+jitter, and a feed-forward turns that into current.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -13,8 +18,14 @@ from dualdrive.traces import CHANNELS, Trace
 
 Array = NDArray[np.float64]
 
-_EVEN = 1e-3  # of a step: rounding of the stamps themselves
+Kind = Literal["stamps", "samples", "unclear"]
+
+_ROUNDING = 1e-3  # of a step: rounding of the stamps themselves
+_EXACT = 1e-6  # of a step: rounding of what holds the stamps
+_PAUSES = 0.3  # of a step: beyond it a clock has pauses, not jitter
 _BETTER = 0.7  # of the roughness under the other clock
+_SURE = 3.0  # standard errors of a clock
+_FEWEST = 32  # stamps that make a clock
 _GAUSS = 1.4826  # standard deviation over median absolute deviation
 
 
@@ -31,7 +42,7 @@ class Clock:
     record: str
     step: float
     jitter: float
-    kind: Literal["even", "stamps", "samples", "unclear"]
+    kind: Kind | Literal["even"]
 
     @property
     def wrong(self) -> float:
@@ -79,9 +90,33 @@ def clock_of(trace: Trace, record: str = "") -> Clock:
         return Clock(name, step, 0.0, "even")
     own = bend[steady] - np.median(bend[steady])
     jitter = float(np.sqrt(np.mean(np.clip(own, -_top(own), _top(own)) ** 2) / 6.0))
-    if jitter < _EVEN * step:
+    if jitter < _ROUNDING * step:
         return Clock(name, step, 0.0, "even")
-    return Clock(name, step, jitter, _kind(trace, t, step))
+    return Clock(name, step, jitter, _kind(trace, step * np.arange(len(t), dtype=np.float64)))
+
+
+def evened(trace: Trace) -> tuple[Trace, float]:
+    """The trace on an even clock unless its motion says that it was sampled unevenly.
+
+    Where nothing tells, as where all was slow, a converter's own clock is the likelier; what is no
+    more than the rounding of stamps stays as every other verb reads it, unless the motion tells.
+
+    Returns:
+        The trace, and the RMS jitter that was taken out, s (0 where it stays as it is).
+
+    """
+    t = trace.t
+    if len(t) < _FEWEST or len(getattr(trace, "breaks", ())):
+        return trace, 0.0
+    even = _straight(t)
+    jitter, step = t - even, float(even[1] - even[0])
+    size = float(np.std(jitter))
+    if size <= _EXACT * step or float(np.max(np.abs(jitter))) > _PAUSES * step:
+        return trace, 0.0
+    kind = _kind(trace, even)
+    if kind == "stamps" or (kind == "unclear" and size > _ROUNDING * step):
+        return replace(trace, t=even), size
+    return trace, 0.0
 
 
 def in_time(core: Any, trace: Trace) -> Trace:
@@ -97,20 +132,43 @@ def in_time(core: Any, trace: Trace) -> Trace:
     return trace
 
 
-def _kind(trace: Trace, t: Array, step: float) -> Literal["stamps", "samples", "unclear"]:
-    ratios = []
-    for channel in trace:
-        if channel in CHANNELS and channel.startswith("theta_") and np.ptp(trace[channel]) > 0.0:
-            values = trace[channel]
-            stamped = _roughness(t, values)
-            even = _roughness(np.arange(len(t), dtype=np.float64) * np.float64(step), values)
-            if stamped > 0.0 and even > 0.0:
-                ratios.append(even / stamped)
-    if ratios and min(ratios) < _BETTER and max(ratios) < 1.0:
-        return "stamps"
-    if ratios and max(ratios) > 1.0 / _BETTER and min(ratios) > 1.0:
-        return "samples"
+def _straight(t: Array) -> Array:
+    """The even clock nearest to stamps, (n,) each, s.
+
+    Its rate is one in round hertz, as rates are set, and it begins at zero, unless the stamps tell
+    it apart.
+    """
+    k = np.arange(len(t), dtype=np.float64)
+    step, first = (float(x) for x in np.polyfit(k, t, 1))
+    left = float(np.std(t - (first + step * k)))
+    # standard errors of a straight line's slope and of its value at the first of n points
+    of_step, of_first = left * np.sqrt(12.0 / len(t) ** 3), 2.0 * left / np.sqrt(len(t))
+    rate = float(f"{1.0 / step:.4g}")
+    step = 1.0 / rate if abs(1.0 / rate - step) < _SURE * of_step else step
+    first = float(np.mean(t - step * k))
+    return (0.0 if abs(first) < _SURE * of_first else first) + step * k
+
+
+def _kind(trace: Trace, even: Array) -> Kind:
+    """Whether the motion is smooth at the stamps or on the even clock, (n,), s.
+
+    A command has no noise: where it tells, it decides; else the encoders do, of one mind.
+    """
+    angles = [c for c in trace if c in CHANNELS and c.startswith("theta_") and np.ptp(trace[c]) > 0]
+    commands = [c for c in angles if c == "theta_ref"]
+    for channels in filter(None, (commands, angles)):
+        ratios = [_ratio(trace.t, even, trace[c]) for c in channels]
+        if min(ratios) < _BETTER and max(ratios) < 1.0:
+            return "stamps"
+        if max(ratios) > 1.0 / _BETTER and min(ratios) > 1.0:
+            return "samples"
     return "unclear"
+
+
+def _ratio(t: Array, even: Array, values: Array) -> float:
+    """Roughness of values on the even clock over that at their stamps; 1 where neither does."""
+    rounding = float(np.finfo(np.float64).eps * np.max(np.abs(values)))
+    return max(_roughness(even, values), rounding) / max(_roughness(t, values), rounding)
 
 
 def _roughness(t: Array, values: Array) -> float:

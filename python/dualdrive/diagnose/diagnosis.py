@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from dualdrive.compare import RecordWarning, check_records
+from dualdrive.compare import RecordWarning, check_records, evened
 from dualdrive.diagnose.axis import candidate_on, numbers_on, shape_on
-from dualdrive.diagnose.clocks import evened
 from dualdrive.diagnose.closed_loop import Job, diagnose_closed_loop, with_time
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.data_sheet import wrong_guesses

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dualdrive.compare import RecordWarning, check_records
-from dualdrive.diagnose.clocks import evened
+from dualdrive.compare import RecordWarning, check_records, evened
 from dualdrive.diagnose.decision import objection, takes_too_little
 from dualdrive.diagnose.diagnosis import diagnose, unfit
 from dualdrive.diagnose.ladder import Ladder, Step

@@ -8,8 +8,8 @@ from dataclasses import replace
 from tests.blind.shown import ordered
 from tests.blind.shown.ordered import FAMILIES, Order
 
+from dualdrive.compare import evened
 from dualdrive.diagnose import whitening
-from dualdrive.diagnose.clocks import evened
 from dualdrive.diagnose.evidence import Evidence, evidence
 from dualdrive.diagnose.free_torque import Course, courses_left
 from dualdrive.diagnose.loop import ClosedLoop
