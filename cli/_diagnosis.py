@@ -231,6 +231,8 @@ def show_ladder(found: Ladder) -> None:
         shares = (step.fitted, step.held_out, step.noise_floor)
         table.add_row(escape(step.label), *map(_share, shares))
     screen = console()
+    for line in found.diagnoses[0].warnings:
+        screen.print(f"warning: {line}", style="yellow", markup=False)
     screen.print(table)
     screen.print(f"held out: {found.held}", markup=False)
     screen.print(f"stopped: {found.stopped}", markup=False)

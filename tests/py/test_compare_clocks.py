@@ -51,9 +51,9 @@ def test_an_even_clock_makes_no_noise() -> None:
 @pytest.mark.parametrize("samples_are_even", [True, False])
 def test_what_evens_a_clock_is_what_names_it(samples_are_even: bool) -> None:
     """A command at constant speed has no roughness at all on the clock that made it."""
-    t, random = 1e-2 * np.arange(2000), np.random.default_rng(5)
+    t, random = 1e-2 * np.arange(2000.0), np.random.default_rng(5)
     stamps = t + random.normal(0.0, 5e-4, len(t))
-    taken = t if samples_are_even else stamps
+    taken = np.asarray(t if samples_are_even else stamps)
     noisy = random.normal(0.0, 1e-3, len(t))  # an encoder that can't tell
     trace = Trace(stamps, {"theta_ref": 0.2 * taken, "theta_m": 0.2 * taken + noisy})
     kind, (read, jitter) = clock_of(trace).kind, evened(trace)

@@ -11,6 +11,7 @@ from diagnosed import diagnosis
 from dualdrive import _core
 from dualdrive.diagnose import Candidate, Interval, headline
 from dualdrive.diagnose.one_sentence import spoken
+from dualdrive.diagnose.phrases import as_described, none_missing
 
 FALLS = "the error falls from 22 % to 3.1 %, which is the noise of the sensors."
 
@@ -30,8 +31,8 @@ FALLS = "the error falls from 22 % to 3.1 %, which is the noise of the sensors."
         ),
         (
             "parameters",
-            "No effect is missing, but numbers of the data sheet are off: refitted, the error "
-            "falls from 41 % to 22 %, where the sensors alone leave 2.9 %.",
+            "No missing effect can be named, but numbers of the data sheet are off: refitted, the "
+            "error falls from 41 % to 22 %, where the sensors alone leave 2.9 %.",
         ),
         (
             "unknown",
@@ -55,6 +56,17 @@ def test_a_model_that_meets_the_record_is_said_to() -> None:
     assert headline(d) == said
     d = replace(d, error={"nominal": 0.03})
     assert headline(d) == "The model meets what was recorded: its error is 3 %."
+
+
+def test_none_is_missing_only_where_noise_alone_is_left() -> None:
+    """ "No effect is missing" stood beside three times what the sensors leave."""
+    own, floor = diagnosis(), 0.03
+    for left, said in ((1.3 * floor, "No effect is missing"), (1.4 * floor, "No missing effect")):
+        error = {"nominal": left, "refitted": left, "noise_floor": floor}
+        assert headline(replace(own, verdict="parameters", error=error)).startswith(said)
+        assert none_missing(error).startswith(said)
+        meets = "meets" in headline(replace(own, verdict="adequate", error=error))
+        assert meets == ("meets" in as_described(error)) == (left == 1.3 * floor)
 
 
 def test_two_effects_and_rivals_at_two_places_are_told_with_their_places() -> None:

@@ -14,6 +14,7 @@ from dualdrive.compare import RecordWarning, check_records, evened
 from dualdrive.diagnose.decision import objection, takes_too_little
 from dualdrive.diagnose.diagnosis import diagnose, unfit
 from dualdrive.diagnose.ladder import Ladder, Step
+from dualdrive.diagnose.phrases import beyond_noise
 from dualdrive.diagnose.printed import Printed
 from dualdrive.diagnose.result import Diagnosis
 from dualdrive.diagnose.simulated_errors import simulated_error
@@ -26,7 +27,6 @@ MOST = 4  # effects that are added one after the other
 _LAST = 0.1  # of the time: with less left nothing is begun
 _BY_HAND = "stopped by hand"
 _BARE = 2  # rungs without an effect: nominal and refitted
-_NOISE = 1.35  # times what the sensors leave: more is no noise
 _WORTH = 0.98  # held-out error of the next step over that of the last, at most
 
 
@@ -51,7 +51,7 @@ def improve(
         held_out: what every step is held against; unless given, the second half of every trace,
             and the first half is fitted.
         settings: as for :func:`dualdrive.diagnose.diagnose`, of both kinds of trace.
-        mode: as there.
+        mode: as there; what the first diagnosis is judged by holds for every step.
         budget: seconds in all, after which the climb is stopped; no search reads a clock unless
             it is given.
         ambiguous: whether to add the leader of a group that these records can't part.
@@ -70,16 +70,15 @@ def improve(
         raise ValueError(
             f"trust: no trace {', '.join(sorted(stray))}; there are {', '.join(whole)}"
         )
-    if mode == "auto":
-        mode = which_mode(core_of(machine), whole, options.get("motion"))
+    likely = which_mode(core_of(machine), whole, options.get("motion")) if mode == "auto" else mode
     checked: bool | list[RecordWarning] = options.pop("checks", True)
     if checked is True:
         # of whole records: a half shows neither how late a channel is nor a motion that comes back
         (progress or (lambda _: None))("checking the records")
-        checked = check_records(machine, whole, mode)
+        checked = check_records(machine, whole, likely)
     fitting = {n: evened(t)[0] for n, t in named(traces).items()}
     other: dict[str, Trace] = {}
-    if held_out is None and not _both_ways(machine, fitting, mode):
+    if held_out is None and not _both_ways(machine, fitting, likely):
         held = "each stretch of time, foretold by the others (no half holds both directions)"
     elif held_out is None:
         halves = {name: _halved(trace) for name, trace in fitting.items()}
@@ -150,6 +149,7 @@ class _Climb:
             **{"experiment": plan, **self.options},
         )
         self.found.append(d)
+        self.mode = d.mode  # where its loop is not the recorded one, the balance's from here on
         return d
 
     def _begin(self, d: Diagnosis) -> bool:
@@ -250,8 +250,8 @@ def _why(d: Diagnosis) -> str:
         return "the search was stopped before every law had its turn"
     if d.verdict == "unknown":
         return "something is left that no effect of the library explains"
-    left, floor = (d.error.get(name, math.nan) for name in ("refitted", "noise_floor"))
-    if left > _NOISE * floor:
+    if beyond_noise(d.error, "refitted"):
+        left, floor = d.error["refitted"], d.error["noise_floor"]
         return (
             f"nothing more can be named: {100 * left:.3g} % is left, the sensors alone leave "
             f"{100 * floor:.3g} %"

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from dualdrive.diagnose.phrases import percent
+from dualdrive.diagnose.phrases import beyond_noise, none_missing, percent
 from dualdrive.diagnose.result import Candidate, Diagnosis
 from dualdrive.units import human
 
@@ -36,10 +36,14 @@ def headline(d: Diagnosis) -> str:
         why = f": {d.warnings[0].rstrip('.')}" if d.warnings else ""
         return f"The records can't be judged{why}."
     if d.verdict == "adequate":
-        return f"The model meets what was recorded: its error is {_reached(d, e.get('nominal'))}."
+        reached = _reached(d, e.get("nominal"))
+        if beyond_noise(e, "nominal"):
+            return f"The model leaves more than noise, but nothing can be named: error {reached}."
+        return f"The model meets what was recorded: its error is {reached}."
     if d.verdict == "parameters":
         falls = _falls(d, e.get("nominal"), e.get("refitted"))
-        return f"No effect is missing, but numbers of the data sheet are off: refitted, {falls}."
+        none = none_missing(e)
+        return f"{none}, but numbers of the data sheet are off: refitted, {falls}."
     if d.verdict == "unknown":
         left = f"{percent(e.get('refitted'))} of error is left with every number refitted"
         return f"Something is missing that no effect of the library explains: {left}{_floor(d)}."

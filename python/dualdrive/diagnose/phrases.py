@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from dualdrive.diagnose.result import Experiment, Shape
 
-__all__ = ["HELPS", "closing", "depends", "percent", "unfinished"]
+__all__ = [
+    "HELPS",
+    "as_described",
+    "beyond_noise",
+    "closing",
+    "depends",
+    "none_missing",
+    "percent",
+    "unfinished",
+]
 
 HELPS = 0.05  # of the unexplained error: what removes less does not help
+_NOISE = 1.35  # times what the sensors leave: more is no noise
 _FEW = 3  # warnings that a paragraph can hold
 _OF_NONE = 0.05  # share of the missing torque below which a coordinate tells nothing of it
 
@@ -17,6 +27,36 @@ _OF_NONE = 0.05  # share of the missing torque below which a coordinate tells no
 def percent(share: float | None) -> str:
     """Three digits, a question mark where it is not known."""
     return "?" if share is None or not math.isfinite(share) else f"{100 * share:.3g} %"
+
+
+def beyond_noise(error: Mapping[str, float], which: str) -> bool:
+    """Whether a machine leaves more than sensors do, though no effect has a name.
+
+    error: headline errors of a diagnosis; which: of them, that of the machine
+    """
+    left, floor = (error.get(name, math.nan) for name in (which, "noise_floor"))
+    return left > _NOISE * floor
+
+
+def none_missing(error: Mapping[str, float]) -> str:
+    """What to say of effects beside numbers that are off: that none is missing, or none shows."""
+    more = beyond_noise(error, "refitted")
+    return "No missing effect can be named" if more else "No effect is missing"
+
+
+def as_described(error: Mapping[str, float], kind: str = "error") -> str:
+    """What to say of a machine whose numbers are right and that lacks nothing that has a name."""
+    errors = (
+        f"{kind} {percent(error.get('nominal'))}, sensors alone {percent(error.get('noise_floor'))}"
+    )
+    if beyond_noise(error, "nominal"):
+        return (
+            f"The machine as described leaves more than noise, but nothing can be named: {errors}."
+        )
+    return (
+        f"The machine as described meets the records: {errors}. "
+        "Nothing is missing that these records could show."
+    )
 
 
 def unfinished(refitted: str, floor: str) -> str:

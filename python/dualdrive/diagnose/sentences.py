@@ -6,7 +6,15 @@ import math
 from collections.abc import Mapping, Sequence
 
 from dualdrive.diagnose.decision import MissingTorque
-from dualdrive.diagnose.phrases import HELPS, closing, depends, percent, unfinished
+from dualdrive.diagnose.phrases import (
+    HELPS,
+    as_described,
+    closing,
+    depends,
+    none_missing,
+    percent,
+    unfinished,
+)
 from dualdrive.diagnose.result import Candidate, Experiment, Shape, Verdict
 from dualdrive.readable import interval
 
@@ -46,16 +54,13 @@ def _opening(
     nominal, refitted = percent(error.get("nominal")), percent(error.get("refitted"))
     floor = percent(error.get("noise_floor"))
     if verdict == "adequate":
-        return (
-            f"The machine as described meets the records: simulated error {nominal}, sensors alone "
-            f"{floor}. Nothing is missing that these records could show."
-        )
+        return as_described(error, "simulated error")
     if verdict == "parameters":
         which = (
             f" ({', '.join(moved[:_FEW])}{', ...' if len(moved) > _FEW else ''})" if moved else ""
         )
         return (
-            f"No effect is missing, but numbers of the data sheet are off{which}: refitted, the "
+            f"{none_missing(error)}, but numbers of the data sheet are off{which}: refitted, the "
             f"simulated error falls from {nominal} to {refitted}; sensors alone {floor}."
         )
     if verdict == "unfinished":

@@ -8,7 +8,15 @@ from collections.abc import Mapping, Sequence
 from dualdrive.compare.equation import EquationAtFault
 from dualdrive.diagnose.free_torque import Course
 from dualdrive.diagnose.judge import Judgement, Reason
-from dualdrive.diagnose.phrases import HELPS, closing, depends, percent, unfinished
+from dualdrive.diagnose.phrases import (
+    HELPS,
+    as_described,
+    closing,
+    depends,
+    none_missing,
+    percent,
+    unfinished,
+)
 from dualdrive.diagnose.result import Candidate, Experiment, Shape, Verdict
 from dualdrive.readable import interval
 
@@ -73,14 +81,11 @@ def _opening(
     refitted, floor = percent(error.get("refitted")), percent(error.get("noise_floor"))
     nominal = percent(error.get("nominal"))
     if verdict == "adequate":
-        return (
-            f"The machine as described meets the records: error {nominal}, sensors alone {floor}. "
-            "Nothing is missing that these records could show."
-        )
+        return as_described(error)
     if verdict == "parameters":
         which = f" ({', '.join(moved)})" if moved else ""
         return (
-            f"No effect is missing, but numbers of the data sheet are off{which}: refitted, the "
+            f"{none_missing(error)}, but numbers of the data sheet are off{which}: refitted, the "
             f"error falls from {nominal} to {refitted}; sensors alone {floor}."
         )
     if verdict == "unfinished":
