@@ -37,7 +37,7 @@ FOREIGN = re.compile(
 )
 
 
-#: the command as it starts; from `_BEGUN` on it is the project's, before that the interpreter's
+#: a file that says that the project's guard stands: what comes before is not the project's
 _BEGUN = ".begun"
 _COLD = f"""
 from dualdrive_cli.__main__ import guard, main
@@ -74,7 +74,7 @@ def judge(attempt: Attempt, inputs: Path, folder: Path) -> str:
     child = os.fork()
     if child == 0:
         _run(attempt, folder)
-    if attempt.cold:
+    if attempt.interrupt is not None:
         _until_it_begins(folder, child)
     status, used = _wait(child, attempt.interrupt, folder / ".stdout" if attempt.serves else None)
     wrong = _ending(attempt, status, folder)
@@ -132,6 +132,8 @@ def _run(attempt: Attempt, folder: Path) -> NoReturn:
         sys.stderr = os.fdopen(
             2, "w", encoding="utf-8", errors="backslashreplace", closefd=False, buffering=1
         )
+        if not attempt.cold:
+            Path(_BEGUN).touch()
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         resource.setrlimit(resource.RLIMIT_AS, (attempt.memory, attempt.memory))
         resource.setrlimit(resource.RLIMIT_CPU, (PROCESSOR, PROCESSOR + 1))
