@@ -11,9 +11,7 @@ from click.testing import CliRunner
 
 from dualdrive import Machine, _core
 from dualdrive.describe import meaning, scale_on, spoken_on, unit_on
-from dualdrive.diagnose import diagnose
 from dualdrive.machine_file.frames import linear_unit
-from dualdrive.traces import read
 from dualdrive_cli.main import main
 from measured import measured_file
 
@@ -119,13 +117,3 @@ def test_a_balance_of_a_linear_axis_is_told_in_newtons() -> None:
     assert re.search(r"table\.J .* kg .* of force", fitted)
     for rotary in ("N*m", "kg*m", "N·m", "rad", "torque\n"):
         assert rotary not in told + fitted
-
-
-def test_a_diagnosis_of_a_linear_axis_says_nothing_in_radians() -> None:
-    """The limit at which a candidate stands was told in N·m·s²/rad²."""
-    record = read(measured_file("emps/DATA_EMPS.mat"), EMPS.with_name("emps.map.toml"))
-    found = diagnose(Machine.load(EMPS), record, mode="balance", experiment=False)
-    notes = [c.note for c in found.candidates]
-    assert any("its lower limit" in note for note in notes)
-    torsional = re.compile(r"N·m\b|rad²|/rad")  # a phase is an angle on any axis
-    assert not [note for note in notes if torsional.search(note)]

@@ -78,7 +78,7 @@ def switches(m: RandomMachine, engine: str, rtol: float) -> list[Switch] | None:
 def test_no_switch_is_missed_or_invented_by_taking_turns() -> None:
     """Wherever the explicit engine finds the same at two tolerances, so that there is an answer."""
     machines = count = 0
-    for seed in range(100, 190):
+    for seed in range(100, 145):
         m = RandomMachine(seed)
         if all(AFFINE.get(e["effect"], False) for e in m.machine.effects):
             continue
@@ -88,5 +88,5 @@ def test_no_switch_is_missed_or_invented_by_taking_turns() -> None:
         assert switches(m, "auto", 1e-9) == truth, "; ".join(m.notes)
         machines += 1
         count += len(truth)
-    assert machines > 25
-    assert count > 1000
+    assert machines > 12
+    assert count > 500
