@@ -34,7 +34,7 @@ AT_LEISURE = Work(Clock(math.inf))
 
 def taken_for(order: ordered.Order, wrong: Hypothesis) -> Survey:
     """A survey of the torque balance in which the wrong law alone was refitted."""
-    settings, process = order.settings(), Processing(decimate=12)  # a third of the usual samples
+    settings, process = order.settings(), Processing(decimate=20)  # a fifth of the usual samples
     c = TorqueBalance(core_of(order.machine()), order.traces(), settings, process)
     base = Fitter(evidence(c, whitening.plain(c.series))).nominal(c.start)
     assert base is not None

@@ -179,7 +179,7 @@ def test_twins_are_never_separated_and_the_next_pair_is_tried() -> None:
     pinions = table_with(("coulomb@pinions", {"torque": 150.0}))
     ring = table_with(("coulomb@table", {"torque": 6000.0}))
     asked: dict[str, Any] = {
-        "noise": RMS, "channels": list(RMS), "seconds": SECONDS, "spacing": NOISE.spacing,
+        "noise": RMS, "channels": list(RMS), "seconds": 2.0, "spacing": NOISE.spacing,
     }  # fmt: skip
     twins = [("coulomb@motors", motors), ("coulomb@pinions", pinions)]
     assert next_experiment(twins, simulations=PLENTY, **asked) is None
