@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 Kind = Literal["stamps", "samples", "unclear"]
 
 _ROUNDING = 1e-3  # of a step: rounding of the stamps themselves
-_EXACT = 1e-6  # of a step: rounding of what holds the stamps
+_EXACT = 1e-4  # of a step: what the time of a sample is not known to anyway
 _PAUSES = 0.3  # of a step: beyond it a clock has pauses, not jitter
 _BETTER = 0.7  # of the roughness under the other clock
 _SURE = 3.0  # standard errors of a clock
