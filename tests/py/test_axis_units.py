@@ -5,12 +5,16 @@ from __future__ import annotations
 import re
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
 
 from dualdrive import Machine, _core
 from dualdrive.describe import meaning, scale_on, spoken_on, unit_on
+from dualdrive.diagnose.findings import _stuck
+from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.machine_file.frames import linear_unit
 from dualdrive_cli.main import main
 from measured import measured_file
@@ -117,3 +121,14 @@ def test_a_balance_of_a_linear_axis_is_told_in_newtons() -> None:
     assert re.search(r"table\.J .* kg .* of force", fitted)
     for rotary in ("N*m", "kg*m", "N·m", "rad", "torque\n"):
         assert rotary not in told + fitted
+
+
+def test_the_limit_at_which_a_candidate_stands_is_told_on_the_axis() -> None:
+    """It was told in N·m·s²/rad²."""
+    machine = Machine.load(EMPS)
+    law = Hypothesis((("hydrostatic_drag", "table"),))
+    grown, paths = law.put_in(machine.core)
+    free = law.unknowns(grown, paths, {})
+    refit: Any = SimpleNamespace(grown=grown, free=free, v=[p.bounds[0] for p in free])
+    told = _stuck(machine, refit, "hydrostatic_drag@table.quadratic")
+    assert told == "quadratic = 0 N·s²/m², its lower limit"

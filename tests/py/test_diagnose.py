@@ -5,7 +5,6 @@ On the demo's, whose answer is known: test_demo_story.py.
 
 from __future__ import annotations
 
-import re
 import time
 from importlib.resources import files
 from pathlib import Path
@@ -148,11 +147,3 @@ def test_a_friction_along_a_short_way_yields_to_the_plain_one(ladder: Ladder) ->
     found = ladder.diagnoses[0]
     assert found.candidates[0].label == "coulomb@table"
     assert "angle_dependent_friction@table" in found.paragraph, "it can not be excluded"
-
-
-def test_a_diagnosis_of_a_linear_axis_says_nothing_in_radians(ladder: Ladder) -> None:
-    """The limit at which a candidate stands was told in N·m·s²/rad²."""
-    notes = [c.note for c in ladder.diagnoses[0].candidates]
-    assert any("its lower limit" in note for note in notes)
-    torsional = re.compile(r"N·m\b|rad²|/rad")  # a phase is an angle on any axis
-    assert not [note for note in notes if torsional.search(note)]

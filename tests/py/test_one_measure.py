@@ -149,18 +149,17 @@ def test_where_the_loop_is_not_the_recorded_one_the_balance_judges() -> None:
     assert "the controller or the command is not the one that was recorded" in d.warnings[-1]
 
 
-@pytest.mark.parametrize("tolerance", [None, 1.0])
-def test_dry_friction_of_a_robot_axis_has_its_name(tolerance: float | None) -> None:
+def test_dry_friction_of_a_robot_axis_has_its_name() -> None:
     """Its arm's inertia is a round guess, three times too large: the record says so unasked."""
     path = measured_file("kuka_kr300/derived_rec_B.csv")
     trace = read(path, EXAMPLES / "kuka_axis1.map.toml")
     machine = Machine.load(EXAMPLES / "kuka.toml")
-    d = diagnose(machine, trace, mode="balance", tolerance=tolerance, experiment=False)
+    d = diagnose(machine, trace, mode="balance", experiment=False)
     assert (d.verdict, d.candidates[0].label) == ("effect", "coulomb@table")
     assert d.error["held_out_best"] < 0.25 < d.error["held_out_refitted"]
     assert f"with coulomb@table it is {100 * d.error['best']:.3g} %" in d.paragraph
     guess = "table.J (1500 kg·m² in the machine file) can't be as well known as data sheets are"
-    assert (guess in d.paragraph) == (tolerance is None)
+    assert guess in d.paragraph
     assert not wrong_guesses(machine.core, d, d), "nothing is gained, so nothing is contradicted"
 
 
