@@ -63,8 +63,8 @@ void Model<S>::set_parameters(const S* values) {
     }
     delay_.clear();
     for (const DelayLine& line : layout_.delays) delay_.push_back(values[line.slot]);
-    // ω_body = ratio · ω_group, θ_n = i θ_cn (Eq. 4): J_n = i² J_d + J_c and b_n = i² b_d + b_c of Eq. 11 follow from this
-    // sum, which is Eq. 9 (torques at the motor) times i, Eq. 10.
+    // ω_body = ratio · ω_group, θ_n = i θ_cn (Eq. 4): J_n = i² J_d + J_c of Eq. 11 is this sum; b_n = i² b_d + b_c and
+    // K_mn = i K_d come out where `friction` sums torques. That is Eq. 10, Eq. 9 (torques at the motor) times i.
     std::fill(ratio_.begin(), ratio_.end(), S(1.0));
     for (const auto& s : layout_.steps) {
         const auto c = static_cast<std::size_t>(s.connection);
@@ -95,6 +95,7 @@ void Model<S>::instants(std::vector<double>& times) const {
     for (const auto& effect : effect_) effect->instants(times);
 }
 
+// The whole right-hand side: without play that of Eq. 14, with it that of Eq. 17, by selectors that of Eq. 22.
 template <class S>
 void Model<S>::evaluate(const S& t, const S* z, const Now& now) {
     now_ = now;

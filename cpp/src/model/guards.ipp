@@ -10,6 +10,8 @@ void Model<S>::guards(S* out, const S* block_rate) const {
                 guard(static_cast<int>(e), which, block_rate);
 }
 
+// Zero where a mode ends. Of a mesh: x = ±Δ where a flank is met, the conditions of Eq. 18 and Eq. 19; and where it parts,
+// its torque, which damping brings to zero before x comes back to ±Δ.
 template <class S>
 S Model<S>::guard(int element, int which, const S* block_rate) const {
     const Switch& s = layout_.switches[static_cast<std::size_t>(element)];

@@ -257,7 +257,8 @@ void Model<S>::body_torques(const S& t) {
     }
 }
 
-// Dry friction is set-valued at rest: sliding takes the limit of its direction, a stuck group takes what it needs.
+// All torques on bodies that turn together, in the frame of the group: b_n = i² b_d + b_c and K_mn = i K_d of Eq. 11. Dry
+// friction is set-valued at rest: sliding takes the limit of its direction, a stuck group takes what it needs.
 template <class S>
 void Model<S>::friction(const S& t) {
     const auto& at = layout_.at;
