@@ -53,7 +53,7 @@ def compared() -> tuple[Fitted, ...]:
 
 
 def test_a_law_arrives_from_the_noise_of_a_machine_without_it() -> None:
-    """The torque of unknown course, 14 N*m and more there, had borne what the delay does."""
+    """The torque of unknown course had borne there what the delay does."""
     best = compared()[0]
     assert best.variant.label == "sensor_delay@theta_1"
     [time] = best.point.theta[-1:]

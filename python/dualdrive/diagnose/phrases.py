@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from dualdrive.diagnose.result import Experiment, Shape
+from dualdrive.diagnose.thresholds import threshold
 
 __all__ = [
     "HELPS",
@@ -19,7 +20,6 @@ __all__ = [
 ]
 
 HELPS = 0.05  # of the unexplained error: what removes less does not help
-_NOISE = 1.35  # times what the sensors leave: more is no noise
 _FEW = 3  # warnings that a paragraph can hold
 _OF_NONE = 0.05  # share of the missing torque below which a coordinate tells nothing of it
 
@@ -35,7 +35,7 @@ def beyond_noise(error: Mapping[str, float], which: str) -> bool:
     error: headline errors of a diagnosis; which: of them, that of the machine
     """
     left, floor = (error.get(name, math.nan) for name in (which, "noise_floor"))
-    return left > _NOISE * floor
+    return left > threshold("beyond the floor") * floor
 
 
 def none_missing(error: Mapping[str, float]) -> str:

@@ -76,7 +76,16 @@ THRESHOLDS = {
     "contenders": Threshold(4, "of what stands on stretches, held against all samples"),
     "beyond": Threshold(
         60.0,
-        "of the criterion on stretches: what is so much worse there is so on all samples",
+        "of -2 log L over the inflation: what is so much worse on stretches is so on all samples, "
+        "and what is so under the noise of a law that leaves noise is no rival of it",
+    ),
+    "valleys": Threshold(
+        2, "sizes, likeliest first under much unknown torque, from which a part is followed"
+    ),
+    "beyond the floor": Threshold(
+        1.35,
+        "times what the sensors leave: where a machine leaves more, it is not said that no effect "
+        "is missing. As `improve` had it; by hand",
     ),
     "simulated error": Threshold(
         0.3,

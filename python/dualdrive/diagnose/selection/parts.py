@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from dualdrive import _core
 from dualdrive.diagnose.screening import residual_maker
 from dualdrive.diagnose.selection.estimation import Estimator
+from dualdrive.diagnose.thresholds import threshold
 from dualdrive.innovations import GreyBox, Noise, Point, Variant, flat, inflation
 
 Array = NDArray[np.float64]
 
-_VALLEYS = 2  # sizes from which a part is followed to its best
 _JOINT = (1.0, 0.3, 0.1, 3.0, 10.0)  # where the first number of a joint begins, times its usual one
 _LIMIT = (1.0, 0.3)  # and that of a limit or a lag, whose likelihood has no valleys
 _TRIED = (3.0, 1.0, 0.3, 0.1)  # times its usual one: sizes at which a part is scored
@@ -98,5 +98,6 @@ def part_refitted(
     wide = replace(noise, torque=estimator.wide.torque)
     seen = grey.likelihoods(variant, [(x, wide) for x in begins])
     near = sorted((f[0].minus_two_log, k) for k, f in enumerate(seen) if f)
-    found = (estimator.approach(grey, variant, begins[k], noise) for _, k in near[:_VALLEYS])
+    near = near[: int(threshold("valleys"))]
+    found = (estimator.approach(grey, variant, begins[k], noise) for _, k in near)
     return min((f[0] for f in found if f), key=lambda p: p.minus_two_log, default=None)
