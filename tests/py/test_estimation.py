@@ -21,22 +21,22 @@ from dualdrive.innovations import GreyBox, Point, Variant, maximum_likelihood
 from test_innovations import bench
 
 SAMPLES, SEED = 3000, 5
-LATE = 2e-3  # s
+LATE, LATER = 2e-3, 4e-3  # s
 
 
 @functools.cache
-def fitted() -> tuple[Estimator, GreyBox, Fitted]:
+def fitted(late: float = LATE) -> tuple[Estimator, GreyBox, Fitted]:
     """What the machine of the data sheet, its encoder not late, leaves of the records."""
-    grey = grey_box(Machine.load("bench"), bench(), SAMPLES, SEED, late=LATE)
+    grey = grey_box(Machine.load("bench"), bench(), SAMPLES, SEED, late=late)
     estimator, nothing = Estimator(grey.core, grey), Variant(grey.core)
     base = estimator.from_far(grey, nothing, grey.start(nothing))
     assert base is not None
     return estimator, grey, base
 
 
-def law(label: str) -> Point:
+def law(label: str, late: float = LATE) -> Point:
     """Beside the base, at the size at which a law begins."""
-    _, grey, base = fitted()
+    _, grey, base = fitted(late)
     known = Library(grey.core, grey).variants(base.variant, base.point)
     variant = next(v for v in known if v.label == label)
     start = np.r_[base.point.theta, [p.start for p in variant.extra]]
@@ -52,12 +52,30 @@ def compared() -> tuple[Fitted, ...]:
     return tuple(contest.compared(laws, base.noise))
 
 
+def time(f: Fitted) -> float:
+    """How late the encoder is, s."""
+    return float(f.variant.extra[-1].value(float(f.point.theta[-1])))
+
+
 def test_a_law_arrives_from_the_noise_of_a_machine_without_it() -> None:
-    """The torque of unknown course had borne there what the delay does."""
+    """The torque of unknown course had borne there what the delay does, and goes on doing so."""
+    estimator, grey, base = fitted(LATER)
+    begin = law("sensor_delay@theta_1", LATER)
+    at_once = estimator.likeliest(grey, begin.variant, begin.theta, base.noise)
+    near = estimator.approach(grey, begin.variant, begin.theta, base.noise)
+    assert at_once is not None
+    assert near is not None
+    by_way = estimator.likeliest(grey, begin.variant, near[0].theta, near[1])
+    assert by_way is not None
+    assert by_way.point.minus_two_log < at_once.point.minus_two_log - 1000.0
+    assert time(by_way) == pytest.approx(LATER, rel=0.01)
+    assert time(at_once) < 0.5 * LATER
+
+
+def test_what_leaves_noise_leads() -> None:
     best = compared()[0]
     assert best.variant.label == "sensor_delay@theta_1"
-    [time] = best.point.theta[-1:]
-    assert best.variant.extra[-1].value(float(time)) == pytest.approx(LATE, rel=0.02)
+    assert time(best) == pytest.approx(LATE, rel=0.02)
     estimator, grey, base = fitted()
     contest = Contest(estimator, grey, EFFORTS["normal"], Leader(), lambda _: None, {})
     assert contest.leaves_noise(best)
