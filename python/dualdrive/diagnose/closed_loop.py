@@ -27,7 +27,7 @@ from dualdrive.diagnose.selection import EFFORTS, Fitted, Selection, select
 from dualdrive.diagnose.sentences import paragraph
 from dualdrive.diagnose.shape import shapes
 from dualdrive.diagnose.simulated_errors import error_of, noise_floor
-from dualdrive.diagnose.uncertainty import cross_validated, intervals
+from dualdrive.diagnose.uncertainty import Uncertainty
 from dualdrive.identify import FitError
 from dualdrive.identify.unknowns import Unknown, default_free, default_tolerances, unknowns
 from dualdrive.innovations import Counter, GreyBox, Variant, predictable
@@ -77,11 +77,12 @@ def diagnose_closed_loop(
     )
     found = select(core, grey, EFFORTS[job.effort], job.tell)
     grey = found.grey
-    decision = decide(core, grey, found)
+    sure = Uncertainty(grey)
+    decision = decide(core, grey, found, sure)
     best, probability = decision.ranked[0]
     leader = f"{best.variant.label}, probability {probability:.2g}" if best.variant.effects else ""
     job.tell(Said("errors of the simulated loop", leader))
-    return _told(machine, grey, found, decision, played, traces, warnings, job)
+    return _told(machine, grey, found, decision, sure, played, traces, warnings, job)
 
 
 def nominal_unknowns(core: Any, tolerance: float | Mapping[str, float] | None) -> list[Unknown]:
@@ -123,6 +124,7 @@ def _told(
     grey: GreyBox,
     found: Selection,
     decision: Decision,
+    sure: Uncertainty,
     played: Sequence[Record],
     traces: Mapping[str, Trace],
     warnings: Sequence[str],
@@ -138,14 +140,14 @@ def _told(
         "refitted": error_of(grey, found.base.variant, found.base.point.theta),
         "noise_floor": noise_floor(grey, decision.best),
     }
-    ratio = cross_validated(grey, found.base)
+    ratio = sure.cross_validated(found.base)
     error["held_out_refitted"] = error["refitted"] * ratio
     errors: dict[str, float] = {}
     for f in leaders[:_TOLD]:
         errors[f.variant.key] = error_of(grey, f.variant, f.point.theta)
     error["best"] = errors[best.variant.key] if leaders and named else error["refitted"]
     error["held_out_best"] = (
-        error["best"] * cross_validated(grey, best) if named else error["held_out_refitted"]
+        error["best"] * sure.cross_validated(best) if named else error["held_out_refitted"]
     )
     decision = replace(decision, verdict=beside_the_data_sheet(decision.verdict, error))
     why = objection(decision.verdict, error) or takes_too_little(decision.verdict, error)
@@ -154,14 +156,14 @@ def _told(
         warnings = [*warnings, f"no verdict but unknown can stand: {why}"]
         named, improved = False, None
     candidates = [
-        _candidate(grey, found, decision, f, p, errors[f.variant.key])
+        _candidate(grey, found, sure, f, p, errors[f.variant.key])
         for f, p in decision.ranked
         if f.variant.effects and f.variant.key in errors
     ]
     candidates = [candidate_on(machine, c) for c in candidates]
     candidates += _screened(found, candidates)
     stands = best if named else found.base
-    numbers = numbers_on(machine, intervals(grey, stands))
+    numbers = numbers_on(machine, sure.intervals(stands))
     nominal = {p.path: numbers[p.path] for p in grey.nominal}
     moved = {
         p.path: nominal[p.path]
@@ -243,9 +245,9 @@ def added(core: Any, f: Fitted) -> list[tuple[str, str]]:
 
 
 def _candidate(
-    grey: GreyBox, found: Selection, decision: Decision, f: Fitted, p: float, fitted: float
+    grey: GreyBox, found: Selection, sure: Uncertainty, f: Fitted, p: float, fitted: float
 ) -> Candidate:
-    known = intervals(grey, f)
+    known = sure.intervals(f)
     nominal = {q.path for q in grey.nominal}
     base, best = found.base.point, found.best
     could = base.minus_two_log - best.point.minus_two_log
@@ -256,7 +258,7 @@ def _candidate(
         p,
         {path: x for path, x in known.items() if path not in nominal},
         fitted,
-        fitted * cross_validated(grey, f),
+        fitted * sure.cross_validated(f),
         gain,
         float(min(max(explained, 0.0), 1.0)),
         True,

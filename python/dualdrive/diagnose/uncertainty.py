@@ -1,70 +1,135 @@
-"""How sure fitted numbers are: intervals, and errors on what a fit did not see."""
+"""How sure fitted numbers are: intervals, Wald's test, and errors on what a fit did not see."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import NDArray
 
 from dualdrive.diagnose.result import Interval
 from dualdrive.diagnose.selection import Fitted
 from dualdrive.innovations import GreyBox, flat
+
+Array = NDArray[np.float64]
 
 _BLOCKS = 8  # of cross-validation
 _FAR = 3.0  # standard errors that a number may move where a block is left out
 _SURE = 1.96  # standard deviations of a 95 % interval
 
 
-def cross_validated(grey: GreyBox, f: Fitted) -> float:
-    """Error on blocks of time that a fit did not see, over that on those it saw.
+@dataclass(frozen=True)
+class NormalEquations:
+    """Of a Gauss-Newton step about a fit, by blocks of time.
 
-    One Gauss-Newton step takes each block out of the fit, and a replay with the numbers found so
-    tells the block's error (Ljung, System Identification, 16.4).
+    products: J'J of each block, shape (blocks, unknowns, unknowns)
+    slopes:   J'r, shape (blocks, unknowns)
+    squares:  r'r, shape (blocks,)
+    weight:   of the priors, shape (unknowns,)
+    scale:    by which all of these count for less, where innovations count themselves
     """
-    point = f.point
-    columns = np.stack(grey.columns(point, range(len(point.theta)), f.gains))
-    r = flat(point.residuals)
-    weight = np.zeros(len(point.theta))
-    weight[: grey.shared] = 1.0 / grey.sigma**2
-    s = 1.0 / f.inflation
-    H = s * (columns @ columns.T) + np.diag(weight + 1e-12)
-    scale = np.sqrt(np.diag(np.linalg.pinv(H, hermitian=True)).clip(0.0) + 1e-300)
-    # a linear step says nothing far away, where only one block tells a number
-    held = np.diag(1.0 / (_FAR * scale) ** 2)
-    blocks = np.concatenate(
+
+    products: Array
+    slopes: Array
+    squares: Array
+    weight: Array
+    scale: float
+
+    @property
+    def information(self) -> Array:
+        """Of all blocks and the priors, shape (unknowns, unknowns)."""
+        return self.scale * self.products.sum(axis=0) + np.diag(self.weight)
+
+    @property
+    def covariance(self) -> Array:
+        """Of the unknowns, shape (unknowns, unknowns)."""
+        H = self.information
+        units = np.sqrt(np.diag(H) + 1e-300)
+        return np.linalg.pinv(H / np.outer(units, units), hermitian=True) / np.outer(units, units)
+
+
+class Uncertainty:
+    """What records tell of fitted machines; derivatives are taken once for each of them."""
+
+    def __init__(self, grey: GreyBox) -> None:
+        self.grey = grey
+        self._known: dict[Fitted, NormalEquations] = {}
+
+    def about(self, f: Fitted) -> NormalEquations:
+        """The normal equations about a fit."""
+        if f not in self._known:
+            self._known[f] = self._taken(f)
+        return self._known[f]
+
+    def _taken(self, f: Fitted) -> NormalEquations:
+        point, grey = f.point, self.grey
+        columns = np.stack(grey.columns(point, range(len(point.theta)), f.gains))
+        r, blocks = flat(point.residuals), _blocks(point.residuals)
+        weight = np.zeros(len(point.theta))
+        weight[: grey.shared] = 1.0 / grey.sigma**2
+        own = [(columns[:, blocks == b], r[blocks == b]) for b in range(_BLOCKS)]
+        return NormalEquations(
+            np.stack([J @ J.T for J, _ in own]),
+            np.stack([J @ left for J, left in own]),
+            np.array([left @ left for _, left in own]),
+            weight,
+            1.0 / f.inflation,
+        )
+
+    def cross_validated(self, f: Fitted) -> float:
+        """Error on blocks of time that a fit did not see, over that on those it saw.
+
+        One Gauss-Newton step takes each block out of the fit, and a replay with the numbers found
+        so tells the block's error (Ljung, System Identification, 16.4).
+        """
+        point, grey, normal = f.point, self.grey, self.about(f)
+        deviation = np.sqrt(np.diag(normal.covariance).clip(0.0) + 1e-300)
+        # a linear step says nothing far away, where only one block tells a number
+        H = normal.information + np.diag(1.0 / (_FAR * deviation) ** 2)
+        low, high = grey.bounds(f.variant)
+        places = []
+        for product, slope in zip(normal.products, normal.slopes, strict=True):
+            step = np.linalg.solve(H - normal.scale * product, normal.scale * slope)
+            step = np.clip(step, -_FAR * deviation, _FAR * deviation)
+            places.append(np.clip(point.theta + step, low, high))
+        blocks, total = _blocks(point.residuals), 0.0
+        for b, found in enumerate(grey.points([f.variant] * _BLOCKS, places, f.gains)):
+            total += float(np.sum(flat(found.residuals)[blocks == b] ** 2))
+        return float(np.sqrt(total / max(float(normal.squares.sum()), 1e-300)))
+
+    def intervals(self, f: Fitted) -> dict[str, Interval]:
+        """Path -> value with its 95 % interval, nominal numbers and the effects' own."""
+        grey, theta = self.grey, f.point.theta
+        deviation = np.sqrt(np.maximum(np.diag(self.about(f).covariance), 0.0))
+        known = [(p, k) for k, p in enumerate(grey.nominal)]
+        known += [(p, grey.shared + k) for k, p in enumerate(f.variant.extra)]
+        found = {}
+        for p, k in known:
+            u, d = float(theta[k]), _SURE * float(deviation[k])
+            ends = sorted((p.value(u - d), p.value(u + d)))
+            found[p.path] = Interval(p.value(u), ends[0], ends[1], p.unit)
+        for path, value in f.variant.fixed.items():
+            unit = f.variant.grown.parameter(f.variant.grown.members(path)[0]).unit
+            found[path] = Interval(value, value, value, unit)
+        return found
+
+    def distance(self, f: Fitted) -> float:
+        """Of the nominal numbers from the data sheet's: Wald's statistic.
+
+        Chi-squared of as many degrees of freedom as there are such numbers, where the data sheet
+        is right (Wald, Transactions of the American Mathematical Society 54, 1943, 426-482).
+        """
+        n = len(self.grey.nominal)
+        off = f.point.theta[:n] - self.grey.centre[:n]
+        return float(off @ np.linalg.pinv(self.about(f).covariance[:n, :n], hermitian=True) @ off)
+
+
+def _blocks(residuals: Sequence[Array]) -> NDArray[np.intp]:
+    """Of every row, end to end: its record's block of time."""
+    return np.concatenate(
         [
             np.repeat(np.minimum(np.arange(len(x)) * _BLOCKS // len(x), _BLOCKS - 1), x.shape[1])
-            for x in point.residuals
+            for x in residuals
         ]
     )
-    low, high = grey.bounds(f.variant)
-    places = []
-    for b in range(_BLOCKS):
-        J, left = columns[:, blocks == b], r[blocks == b]
-        step = np.linalg.solve(H - s * (J @ J.T) + held, s * (J @ left))
-        places.append(np.clip(point.theta + np.clip(step, -_FAR * scale, _FAR * scale), low, high))
-    total = 0.0
-    for b, found in enumerate(grey.points([f.variant] * _BLOCKS, places, f.gains)):
-        total += float(np.sum(flat(found.residuals)[blocks == b] ** 2))
-    return float(np.sqrt(total / max(float(r @ r), 1e-300)))
-
-
-def intervals(grey: GreyBox, f: Fitted) -> dict[str, Interval]:
-    """Path -> value with its 95 % interval, nominal numbers and the effects' own."""
-    point = f.point
-    columns = np.stack(grey.columns(point, range(len(point.theta)), f.gains))
-    weight = np.zeros(len(point.theta))
-    weight[: grey.shared] = 1.0 / grey.sigma**2
-    H = columns @ columns.T / f.inflation + np.diag(weight)
-    scale = np.sqrt(np.diag(H) + 1e-300)
-    covariance = np.linalg.pinv(H / np.outer(scale, scale)) / np.outer(scale, scale)
-    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    known = [(p, k) for k, p in enumerate(grey.nominal)]
-    known += [(p, grey.shared + k) for k, p in enumerate(f.variant.extra)]
-    found = {}
-    for p, k in known:
-        u, d = float(point.theta[k]), _SURE * float(deviation[k])
-        ends = sorted((p.value(u - d), p.value(u + d)))
-        found[p.path] = Interval(p.value(u), ends[0], ends[1], p.unit)
-    for path, value in f.variant.fixed.items():
-        unit = f.variant.grown.parameter(f.variant.grown.members(path)[0]).unit
-        found[path] = Interval(value, value, value, unit)
-    return found

@@ -1,8 +1,9 @@
 """Stretches of long records: what a search looks at before its answer is held against everything.
 
-How well a law is told from another one grows with the samples, and so does the work. Stretches
-spread over every record, each begun from the state that a filter of the whole record had there,
-tell strong laws apart at a cost that does not depend on how long the records are.
+How well a law is told from another one grows with the samples, and so does the work. What tells
+them apart may last a second: a chirp in the loop's resonance, a turn at full speed. Half of the
+stretches are spread over every record, the others lie where a machine fails most. Each begins from
+the state that a filter of the whole record had there.
 """
 
 from __future__ import annotations
@@ -10,46 +11,63 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dualdrive.innovations.greybox import GreyBox
 from dualdrive.innovations.prediction import predicted
 from dualdrive.innovations.records import Predictable
 from dualdrive.innovations.variant import Point
 
+Array = NDArray[np.float64]
+
 _LENGTH = 500  # samples of a stretch: many times what a filter needs to find its state
 _GOLDEN = 0.6180339887498949
 
 
-def spread(
-    samples: Sequence[int], most: int, periods: Sequence[int] = ()
-) -> list[list[tuple[int, int]]]:
-    """Stretches of records, (first sample, how many) per record, `most` samples in all or fewer.
+def spread(samples: Sequence[int], most: int) -> list[list[int]]:
+    """Blocks of `_LENGTH` samples of records, spread evenly: numbers of blocks per record.
 
-    One in each of as many equal parts of a record as its length allows, at places that no period
-    of a motion repeats (multiples of the golden section, the least even of sequences).
+    As many of each as its length allows, one at least, at places that no period of a motion repeats
+    (multiples of the golden section, the least even of sequences).
 
     Args:
         samples: how many each record has.
-        most: to be kept; every record keeps a stretch.
-        periods: samples of each after which sampled loops repeat; stretches begin with one.
+        most: samples to be kept, as far as one block of every record allows.
 
     """
     whole = sum(samples)
-    if whole <= most:
-        return [[(0, n)] for n in samples]
     found, serial = [], 0
-    for n, period in zip(samples, periods or [1] * len(samples), strict=True):
-        count = max(1, int(most * n / whole) // _LENGTH)
-        part = n / count
-        if part <= _LENGTH:
-            found.append([(0, n)])
-            continue
+    for n in samples:
+        blocks = n // _LENGTH
+        count = min(blocks, max(1, int(most * n / whole) // _LENGTH))
         own = []
         for k in range(count):
             serial += 1
-            first = int(k * part + (serial * _GOLDEN % 1.0) * (part - _LENGTH))
-            own.append((first // period * period, _LENGTH))
+            own.append(int((k + serial * _GOLDEN % 1.0) * blocks / count))
         found.append(own)
     return found
+
+
+def chosen(residuals: Sequence[Array], most: int) -> list[list[int]]:
+    """Blocks of `_LENGTH` samples: half of them spread evenly, half where most is left.
+
+    Args:
+        residuals: whitened innovations of every record, shape (n, channels).
+        most: samples to be kept.
+
+    """
+    own = spread([len(r) for r in residuals], most // 2)
+    taken = {(k, b) for k, blocks in enumerate(own) for b in blocks}
+    left = [
+        (-float(np.sum(r[b * _LENGTH : (b + 1) * _LENGTH] ** 2)), k, b)
+        for k, r in enumerate(residuals)
+        for b in range(len(r) // _LENGTH)
+        if (k, b) not in taken
+    ]
+    for _, k, b in sorted(left)[: max(0, most // _LENGTH - len(taken))]:
+        own[k].append(b)
+    return [sorted(blocks) for blocks in own]
 
 
 def some(grey: GreyBox, point: Point, gains: Sequence[Any], most: int) -> GreyBox:
@@ -57,7 +75,7 @@ def some(grey: GreyBox, point: Point, gains: Sequence[Any], most: int) -> GreyBo
 
     Args:
         grey: on whole records.
-        point: a variant at a point.
+        point: a variant at a point, whose failures the stretches are to show.
         gains: Kalman gains there, per record.
         most: samples to be kept; where there are no more, all of them.
 
@@ -65,11 +83,14 @@ def some(grey: GreyBox, point: Point, gains: Sequence[Any], most: int) -> GreyBo
     if grey.samples <= most:
         return grey
     core, offsets = grey.machine(point.variant, point.theta), grey.constants(point.theta)
-    periods = [own.phases for own in gains]
-    chosen = spread([len(r.measured) for r in grey.records], most, periods)
 
-    def one(job: tuple[Predictable, Any, list[tuple[int, int]]]) -> Predictable:
-        record, own, which = job
+    def one(job: tuple[Predictable, Any, list[int]]) -> Predictable:
+        record, own, blocks = job
+        if not blocks:  # shorter than one
+            return record
+        # stretches begin with a period of the sampled loops
+        firsts = [b * _LENGTH // own.phases * own.phases for b in blocks]
+        which = [(first, _LENGTH) for first in firsts]
         found = predicted(core, offsets, record, own, states=True)
         names, trajectory = found["states"], found["trajectory"]
         begins = [
@@ -79,5 +100,5 @@ def some(grey: GreyBox, point: Point, gains: Sequence[Any], most: int) -> GreyBo
         return record.stretches(which, begins)
 
     grey.counter.replays += len(grey.records)
-    jobs = zip(grey.records, gains, chosen, strict=True)
+    jobs = zip(grey.records, gains, chosen(point.residuals, most), strict=True)
     return grey.on(list(grey.pool.map(one, jobs)))

@@ -19,7 +19,8 @@ from dualdrive.diagnose.selection import (
     white,
 )
 from dualdrive.diagnose.thresholds import threshold
-from dualdrive.innovations import GreyBox, maximum_likelihood
+from dualdrive.diagnose.uncertainty import Uncertainty
+from dualdrive.innovations import GreyBox
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,7 @@ class Decision:
         return self.ranked[0][0]
 
 
-def decide(core: Any, grey: GreyBox, found: Selection) -> Decision:
+def decide(core: Any, grey: GreyBox, found: Selection, sure: Uncertainty) -> Decision:
     """Say no more than a search allows."""
     ranked = _probabilities(found)
     best = found.best
@@ -57,12 +58,12 @@ def decide(core: Any, grey: GreyBox, found: Selection) -> Decision:
     if white(found.base) and little(missing) and not is_joint(best.variant):
         others = [(f, 0.0) for f, _ in ranked if f is not found.base]
         return Decision(
-            _of_numbers(grey, found.base), [(found.base, 1.0), *others], (), missing, missing
+            _of_numbers(sure, found.base), [(found.base, 1.0), *others], (), missing, missing
         )
     if not little(left) or best.inflation > threshold("inflation"):
         return Decision("unknown", ranked, (), missing, left)
     if not best.variant.effects:
-        return Decision(_of_numbers(grey, best), ranked, (), missing, left)
+        return Decision(_of_numbers(sure, best), ranked, (), missing, left)
     possible = [f for f, p in ranked if p >= threshold("possible") and f.variant.effects]
     group = tuple(dict.fromkeys(f.variant.label for f in possible))
     certain = ranked[0][1] >= threshold("certain")
@@ -78,20 +79,8 @@ def _probabilities(found: Selection) -> list[tuple[Fitted, float]]:
     return [(f, float(w)) for f, w in zip(found.finals, weights, strict=True)]
 
 
-def _of_numbers(grey: GreyBox, f: Fitted) -> Verdict:
-    return "parameters" if _moved(grey, f) else "adequate"
-
-
-def _moved(grey: GreyBox, f: Fitted) -> bool:
-    """Whether the data sheet's numbers had to move beyond doubt: a likelihood-ratio test.
-
-    Against the data sheet with the sensors' own constants and the noise estimated anew: these are
-    no numbers of it.
-    """
-    n = len(grey.nominal)
-    begin = np.r_[grey.centre[:n], f.point.theta[n:]]
-    held = maximum_likelihood(grey.held(), f.variant, begin, f.noise)
-    if held is None:
-        return True
-    fall = (held[0].minus_two_log - f.point.minus_two_log) / f.inflation
-    return bool(fall > threshold("gain") + n * np.log(grey.samples))
+def _of_numbers(sure: Uncertainty, f: Fitted) -> Verdict:
+    """Whether the data sheet's numbers had to move beyond doubt."""
+    grey = sure.grey
+    enough = threshold("gain") + len(grey.nominal) * np.log(grey.samples)
+    return "parameters" if sure.distance(f) > enough else "adequate"

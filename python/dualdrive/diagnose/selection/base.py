@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import Fitted
+from dualdrive.diagnose.selection.residual_analysis import suffices, white
 from dualdrive.diagnose.thresholds import threshold
 from dualdrive.identify import FitError
 from dualdrive.innovations import GreyBox, Point, Variant, fit, some
@@ -13,8 +14,22 @@ from dualdrive.innovations import GreyBox, Point, Variant, fit, some
 _AGAIN = (0.1, 0.01)  # of the wide torque, from which the base's valley is sought anew
 
 
-def refitted_base(estimator: Estimator, whole: GreyBox) -> tuple[Fitted, GreyBox]:
-    """Nothing is missing: numbers alone, from far; and the stretches on which that was found.
+@dataclass(frozen=True, eq=False)
+class Base:
+    """Nothing is missing: numbers alone, from far.
+
+    grey: stretches of the records on which laws are sought, or all of them where they are short
+    there: on those
+    everywhere: on all samples; None where too much is missing for that to tell anything
+    """
+
+    grey: GreyBox
+    there: Fitted
+    everywhere: Fitted | None
+
+
+def refitted_base(estimator: Estimator, whole: GreyBox) -> Base:
+    """Refit the data sheet's numbers.
 
     Raises:
         FitError: no filter follows the records.
@@ -32,7 +47,7 @@ def refitted_base(estimator: Estimator, whole: GreyBox) -> tuple[Fitted, GreyBox
     found = estimator.from_far(grey, nothing, theta)
     if found is None:
         raise lost
-    # stretches that begin from where the refitted machine has them
+    # stretches that begin from where the refitted machine has them, and lie where it fails
     grey = _stretches(whole, found)
     found = _again(estimator, grey, found)
     better = _other_valleys(estimator, grey, found)
@@ -40,7 +55,16 @@ def refitted_base(estimator: Estimator, whole: GreyBox) -> tuple[Fitted, GreyBox
         found = _again(estimator, grey, replace(found, point=better))
         grey = _stretches(whole, found)
         found = _again(estimator, grey, found)
-    return estimator.of_order_two(grey, found), grey
+    found = estimator.of_order_two(grey, found)
+    if grey is whole:
+        return Base(whole, found, found)
+    if not suffices(estimator.core, grey, found):
+        return Base(grey, found, None)
+    everywhere = estimator.anew(whole, found) or on_all_samples(whole, found)
+    if not white(everywhere):
+        grey = some(whole, everywhere.point, everywhere.gains, int(threshold("stretches")))
+        found = _again(estimator, grey, everywhere)
+    return Base(grey, found, everywhere)
 
 
 def _again(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted:

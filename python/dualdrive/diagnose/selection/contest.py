@@ -11,7 +11,7 @@ from dualdrive.diagnose.screening import Scored
 from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.diagnose.selection.fitted import Effort, Fitted
 from dualdrive.diagnose.selection.refits import refitted, with_rivals
-from dualdrive.diagnose.selection.residual_analysis import leaves_noise
+from dualdrive.diagnose.selection.residual_analysis import suffices, white
 from dualdrive.diagnose.thresholds import threshold
 from dualdrive.diagnose.work import Leader
 from dualdrive.innovations import GreyBox, Noise, Point, fit, inflation
@@ -43,13 +43,17 @@ class Contest:
     ) -> None:
         self.estimator, self.grey, self.effort = estimator, grey, effort
         self.leader, self.tell, self.tried = leader, tell, tried
-        self._noisy: dict[Fitted, bool] = {}
+        self._suffices: dict[Fitted, bool] = {}
+
+    def suffices(self, f: Fitted) -> bool:
+        """Whether it asks for hardly any torque of unknown course; see `residual_analysis`."""
+        if f not in self._suffices:
+            self._suffices[f] = suffices(self.estimator.core, self.grey, f)
+        return self._suffices[f]
 
     def leaves_noise(self, f: Fitted) -> bool:
-        """Whether what it leaves is noise; see `residual_analysis`."""
-        if f not in self._noisy:
-            self._noisy[f] = leaves_noise(self.estimator.core, self.grey, f)
-        return self._noisy[f]
+        """Whether what it leaves is noise: a law that is likelier still would describe that."""
+        return white(f) and self.suffices(f)
 
     def refitted(
         self, leader: Fitted, chosen: Sequence[Scored], columns: Sequence[Array], least: float
@@ -91,21 +95,25 @@ class Contest:
         looked = [(gains_of[p.variant.key] - 2.0 * np.log(p.variant.looks), p) for p in refits]
         looked.sort(key=lambda x: -x[0])
         best = with_rivals([p for gain, p in looked if gain > least], self.effort.finals)
-        return self.compared(best, noise)
+        return self.compared([(p, noise) for p in best])
 
-    def compared(self, points: Sequence[Point], noise: Noise) -> list[Fitted]:
+    def compared(self, starts: Sequence[tuple[Point, Noise]]) -> list[Fitted]:
         """Laws, each under the noise that it leaves itself.
 
         From the leader's noise, since no law, of size nought at first, can come out less likely
         than it; and on under less torque of unknown course, which had stood for what the law does.
-        Once one leaves noise, the others are fitted under that: what is far from it there does not
+        Once one suffices, the others are fitted under its noise: what is far from it there does not
         come near by more unknown torque.
+
+        Args:
+            starts: of every law, where it begins, and the noise with which.
+
         """
         near = []
-        for k, point in enumerate(points, 1):
+        for k, (point, noise) in enumerate(starts, 1):
             if self.grey.counter.stop():
                 break
-            self.tell(f"{point.variant.key} under less unknown torque ({k} of {len(points)})")
+            self.tell(f"{point.variant.key} under less unknown torque ({k} of {len(starts)})")
             if place := self.estimator.approach(self.grey, point.variant, point.theta, noise):
                 near.append(place)
         near.sort(key=lambda f: f[0].minus_two_log)
@@ -116,7 +124,7 @@ class Contest:
                 break
             self.tell(f"the noise beside {point.variant.key}")
             if settled:
-                there = self.estimator.under(self.grey, point, settled.noise)
+                there = self.estimator.under(self.grey, point.variant, point.theta, settled.noise)
                 if there is not None and not _near(there, settled):
                     continue
             lead = min((f.point.minus_two_log for f in found), default=-np.inf)
@@ -126,7 +134,7 @@ class Contest:
             if own is None:
                 continue
             found.append(own)
-            if settled is None and self.leaves_noise(own):
+            if settled is None and self.suffices(own):
                 settled = own
         return found
 

@@ -63,11 +63,20 @@ class Estimator:
 
     def from_far(self, grey: GreyBox, variant: Variant, theta: Array) -> Fitted | None:
         """A variant under its own noise, from under much unknown torque; None where it is lost."""
-        found = self.approach(grey, variant, theta, self.wide)
+        return self._approached(grey, variant, theta, self.wide)
+
+    def anew(self, grey: GreyBox, f: Fitted, rival: float = -np.inf) -> Fitted | None:
+        """What was found on other records, on these; None where it can't be followed."""
+        return self._approached(grey, f.variant, f.point.theta, f.noise, rival)
+
+    def _approached(
+        self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise, rival: float = -np.inf
+    ) -> Fitted | None:
+        found = self.approach(grey, variant, theta, noise)
         if found is None:
             return None
-        point, noise = found
-        return self.likeliest(grey, variant, point.theta, noise)
+        point, near = found
+        return self.likeliest(grey, variant, point.theta, near, rival)
 
     def approach(
         self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise
@@ -102,14 +111,16 @@ class Estimator:
             theta = found[-1][0].theta
         return min(found, key=lambda f: f[0].minus_two_log, default=None)
 
-    def under(self, grey: GreyBox, point: Point, noise: Noise) -> Fitted | None:
-        """A variant refitted under another's noise; None where it can't be followed."""
+    def under(
+        self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise
+    ) -> Fitted | None:
+        """A variant refitted under a given noise, from a point; None where it can't be followed."""
         try:
-            gains = grey.gains(point.variant, point.theta, noise)
+            gains = grey.gains(variant, theta, noise)
         except ValueError:
             return None
-        near = fit(grey, point.variant, point.theta, gains)
-        [found] = grey.likelihoods(point.variant, [(near.theta, noise)])
+        near = fit(grey, variant, theta, gains)
+        [found] = grey.likelihoods(variant, [(near.theta, noise)])
         return Fitted(found[0], noise, inflation(found[0]), 0.0, found[1]) if found else None
 
     def of_order_two(self, grey: GreyBox, f: Fitted) -> Fitted:
@@ -120,21 +131,24 @@ class Estimator:
         """
         return self._richer(grey, f, f.noise.of_order_two(), len(f.noise.drive))
 
-    def drifting(self, grey: GreyBox, f: Fitted) -> Fitted:
+    def drifting(self, grey: GreyBox, f: Fitted, rival: float = -np.inf) -> Fitted:
         """The same with zeros that drift over times of their own, where the criterion asks for it.
 
-        From a fraction of a second (1/f noise) to minutes.
+        From a fraction of a second (1/f noise) to minutes. What would not come up to a rival's
+        -2 log L is not followed to its end.
         """
         count = len(f.noise.drift)
-        found = self._richer(grey, f, f.noise.slower(1.0), count)
+        found = self._richer(grey, f, f.noise.slower(1.0), count, rival)
         paid = 0 if found is not f else count
-        return self._richer(grey, found, f.noise.slower(_SLOWER), paid)
+        return self._richer(grey, found, f.noise.slower(_SLOWER), paid, rival)
 
-    def _richer(self, grey: GreyBox, f: Fitted, noise: Noise, numbers: int) -> Fitted:
+    def _richer(
+        self, grey: GreyBox, f: Fitted, noise: Noise, numbers: int, rival: float = -np.inf
+    ) -> Fitted:
         """The same under this noise, of so many numbers more, or as it is."""
         if grey.counter.stop():
             return f
-        own = self.likeliest(grey, f.variant, f.point.theta, noise)
+        own = self.likeliest(grey, f.variant, f.point.theta, noise, rival=rival)
         if own is None:
             return f
         gained = (f.point.minus_two_log - own.point.minus_two_log) / own.inflation

@@ -41,12 +41,9 @@ def missing_torque(core: Any, grey: GreyBox, f: Fitted) -> dict[str, MissingTorq
     return found
 
 
-def leaves_noise(core: Any, grey: GreyBox, f: Fitted) -> bool:
-    """Whether hardly a torque is missing and the innovations are white.
-
-    A law that is likelier still would describe what is too small to matter, or the noise.
-    """
-    return white(f) and little(missing_torque(core, grey, f))
+def suffices(core: Any, grey: GreyBox, f: Fitted) -> bool:
+    """Whether a machine asks for hardly any torque of unknown course."""
+    return little(missing_torque(core, grey, f))
 
 
 def white(f: Fitted) -> bool:

@@ -6,13 +6,11 @@ follows the record then) and ends with the least that the records allow, where a
 information counts
 (Kristensen, Madsen, Jørgensen, Computers & Chemical Engineering 28 (2004) 1431-1449).
 
-Long records are searched on stretches of them. What stands there is held against all samples; and
-where no law stands there, all samples are searched for a faint one.
+Long records are searched on stretches of them. What stands there is held against all samples.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -21,14 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.screening import Library, Scored, scores
-from dualdrive.diagnose.selection.base import refitted_base
+from dualdrive.diagnose.selection.base import Base, refitted_base
 from dualdrive.diagnose.selection.contest import Contest
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selection
 from dualdrive.diagnose.selection.parts import is_joint, is_part
 from dualdrive.diagnose.selection.ranking import Ranking
 from dualdrive.diagnose.selection.refits import worth_refitting
-from dualdrive.diagnose.selection.residual_analysis import white
+from dualdrive.diagnose.selection.residual_analysis import suffices, white
 from dualdrive.diagnose.thresholds import threshold
 from dualdrive.diagnose.work import Leader
 from dualdrive.innovations import GreyBox, Point, Variant, inflation
@@ -65,24 +63,26 @@ class _Search:
 
     def run(self) -> Selection:
         self.tell("refitting the data sheet's numbers")
-        base, grey = refitted_base(self.estimator, self.whole)
-        self._compare_on(grey, [base])
-        stop = self.whole.counter.stop
-        self._forward(base)
-        if grey is not self.whole:
-            self._on_all_samples()
+        base = refitted_base(self.estimator, self.whole)
+        silent = base.everywhere is not None and self._leaves_noise_everywhere(base.everywhere)
+        self._compare_on(base.grey, [base.there])
+        if silent:
+            self.ranking.keep(self._joints(base.there, self._scores(base.there)))
+        else:
+            self._forward(base.there)
+        if base.grey is not self.whole:
+            self._on_all_samples(base, silent)
         self._forget_faint_joints()
-        leader = self.ranking.best
-        if grey is not self.whole and (not leader.variant.effects or is_joint(leader.variant)):
-            self._forward(leader, joints=False)
-        if not self.screened and not stop():
-            self._scores(self.ranking.best)
         self._weigh_drifting_zeros()
         own = (replace(f, criterion=self.ranking.criterion(f)) for f in self.ranking)
         every = sorted(own, key=lambda f: f.criterion)
         order = sorted(self.screened, key=lambda s: -np.nan_to_num(s[1].gain, nan=-np.inf))
-        base = next(f for f in every if f.variant.key == base.variant.key)
-        return Selection(self.whole, base, every, order, self.tried, not stop())
+        nothing = next(f for f in every if f.variant.key == base.there.variant.key)
+        finished = not self.whole.counter.stop()
+        return Selection(self.whole, nothing, every, order, self.tried, finished)
+
+    def _leaves_noise_everywhere(self, f: Fitted) -> bool:
+        return white(f) and suffices(self.core, self.whole, f)
 
     def _compare_on(self, grey: GreyBox, found: Sequence[Fitted]) -> None:
         """On these records from now on, this being known there."""
@@ -91,23 +91,18 @@ class _Search:
             self.estimator, grey, self.effort, self.leader, self.tell, self.tried
         )
 
-    def _forward(self, leader: Fitted, joints: bool = True) -> None:
-        """Law by law, while they bring enough; joints where the base leaves noise."""
+    def _forward(self, leader: Fitted) -> None:
+        """Law by law, while they bring enough and what is left is no noise."""
         for count in range(self.effort.most - len(leader.variant.effects)):
-            if self.grey.counter.stop():
-                break
-            if self.contest.leaves_noise(leader):
-                if joints and not leader.variant.effects:
-                    self.ranking.keep(self._joints(leader))
+            if self.grey.counter.stop() or self.contest.leaves_noise(leader):
                 break
             found = self._step(leader, self._scores(leader), parts=count == 0)
             self.ranking.keep(found)
-            if not any(map(self.contest.leaves_noise, found)):
+            if not any(map(self.contest.suffices, found)):
                 self.ranking.keep(self._beside_the_runner_up(leader))
             if found:
                 richer = min(found, key=self.ranking.criterion)
-                if simpler := self._without(richer, leader.variant):
-                    self.ranking.keep([simpler])
+                self.ranking.keep(self._without(richer, leader))
                 leader = self.ranking[leader.variant.key]
             best = self.ranking.best
             gained = self.ranking.criterion(leader) - self.ranking.criterion(best)
@@ -178,41 +173,36 @@ class _Search:
             leader = self.ranking[best.variant.key]
         return leader
 
-    def _on_all_samples(self) -> None:
-        """What stands on stretches, refitted on everything.
-
-        Of a search that was stopped, the base as it was found.
-        """
-        base, near = self.ranking.base, []
+    def _on_all_samples(self, base: Base, silent: bool) -> None:
+        """What stands on stretches, refitted on everything; joints where numbers leave noise."""
+        near = list[Fitted]()
         if not self.whole.counter.stop():
             ranked = sorted(self.ranking, key=self.ranking.criterion)
             beyond = self.ranking.criterion(ranked[0]) + threshold("beyond")
-            most = int(threshold("contenders"))
-            near = [f for f in ranked if self.ranking.criterion(f) < beyond][:most]
-            near += [] if base in near else [base]
-        found = list[Fitted]()
-        for f in near:
-            self.tell(f"{f.variant.key} on all samples")
-            lead = min((g.point.minus_two_log for g in found), default=-np.inf)
-            again = self.estimator.likeliest(
-                self.whole, f.variant, f.point.theta, f.noise, rival=lead
-            )
-            if again is not None:
-                found.append(again)
-        if not any(f.variant.key == base.variant.key for f in found):
-            found.append(on_all_samples(self.whole, base))
-        self._compare_on(self.whole, found)
+            laws = [f for f in ranked if f.variant.effects and self.ranking.criterion(f) < beyond]
+            near = laws[: int(threshold("contenders"))]
+        if silent:
+            near = [f for f in near if is_joint(f.variant)]
+        there = self.ranking.base
+        self._compare_on(self.whole, [])
+        found = self.contest.compared([(f.point, f.noise) for f in near])
+        everywhere = base.everywhere
+        if everywhere is None:
+            self.tell("nothing on all samples")
+            lead = min((f.point.minus_two_log for f in found), default=-np.inf)
+            everywhere = self.estimator.anew(self.whole, there, rival=lead)
+        self.ranking.keep([everywhere or on_all_samples(self.whole, there), *found])
 
-    def _joints(self, leader: Fitted) -> list[Fitted]:
+    def _joints(
+        self, leader: Fitted, scored: tuple[list[Scored], list[Array]]
+    ) -> list[Fitted]:
         """Joints that give, beside a machine whose numbers alone leave noise.
 
         What a soft shaft does such numbers do nearly as well, and laws of the drives would: it is
         tried before them, from the data sheet's numbers, and held against all samples.
         """
-        point, grey = leader.point, self.grey
-        columns = grey.columns(point, range(len(point.theta)), leader.gains)
-        variants = self.library.variants(leader.variant, self._everywhere(leader))
-        joints = [Scored(v, math.nan, {}) for v in variants if is_joint(v)]
+        scores, columns = scored
+        joints = [s for s in scores if is_joint(s.variant)]
         return self.contest.refitted(leader, joints, columns, least=0.0)
 
     def _forget_faint_joints(self) -> None:
@@ -222,15 +212,27 @@ class _Search:
             if is_joint(f.variant) and self.ranking.criterion(f) > enough:
                 self.ranking.forget(f)
 
-    def _without(self, richer: Fitted, variant: Variant) -> Fitted | None:
-        """A simpler variant, from the numbers and the noise found with more effects.
+    def _without(self, richer: Fitted, simpler: Fitted) -> list[Fitted]:
+        """The simpler one from the numbers found with more effects, where it is likelier there.
 
         What is gained by an effect is told against the simpler machine at its own best, which a
         search from the data sheet may have missed.
         """
-        self.tell(f"{variant.key} from the numbers of {richer.variant.key}")
-        theta = richer.point.theta[: self.grey.shared + len(variant.extra)]
-        return self.estimator.likeliest(self.grey, variant, theta, richer.noise)
+        self.tell(f"{simpler.variant.key} from the numbers of {richer.variant.key}")
+        theta = richer.point.theta[: len(simpler.point.theta)]
+        there = self.estimator.under(self.grey, simpler.variant, theta, simpler.noise)
+        if there is None or not self._clearly(there, simpler):
+            return []
+        found = self.estimator.likeliest(
+            self.grey, simpler.variant, there.point.theta, simpler.noise
+        )
+        return [found] if found else []
+
+    @staticmethod
+    def _clearly(f: Fitted, other: Fitted) -> bool:
+        """Whether it is likelier than another fit of its variant, by more than where fits end."""
+        ahead = other.point.minus_two_log - f.point.minus_two_log
+        return ahead > threshold("clearly") * other.inflation
 
     def _weigh_drifting_zeros(self) -> None:
         """What the best machine leaves, explained by zeros that drift over times of their own.
@@ -238,17 +240,22 @@ class _Search:
         From a fraction of a second (1/f noise) to minutes. A rival of the laws like any other, and
         the last one: eccentric rings and encoders would pass for it while no law is in.
         """
-        best = self.ranking.best
-        base = self.ranking.base
+        best, base = self.ranking.best, self.ranking.base
         if self.grey.counter.stop() or white(best):
             return
+        alone = base
+        if best is not base:
+            self.tell("drifting zeros")
+            lead = best.point.minus_two_log
+            alone = self.estimator.drifting(self.grey, base, rival=lead)
+            ahead = self.ranking.criterion(alone) - self.ranking.criterion(best)
+            if ahead > 0.0 and best.inflation < threshold("inflation"):
+                return
         self.tell(f"drifting zeros beside {best.variant.key}")
         own = self.estimator.drifting(self.grey, best)
         self.ranking.keep([own])
-        if best is not base:
-            alone = self.estimator.drifting(self.grey, base)
-            if self.ranking.criterion(alone) < self.ranking.criterion(own):
-                self.ranking.keep([alone])
+        if self.ranking.criterion(alone) < self.ranking.criterion(own):
+            self.ranking.keep([alone])
 
     def _step(
         self, leader: Fitted, scored: tuple[list[Scored], list[Array]], parts: bool
