@@ -49,7 +49,7 @@ def compared() -> tuple[Fitted, ...]:
     estimator, grey, base = fitted()
     contest = Contest(estimator, grey, EFFORTS["normal"], Leader(), lambda _: None, {})
     laws = [law("viscous@table"), law("sensor_delay@theta_1")]
-    return tuple(contest.compared(laws, base.noise))
+    return tuple(contest.compared([(p, base.noise) for p in laws]))
 
 
 def time(f: Fitted) -> float:

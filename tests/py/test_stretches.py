@@ -13,7 +13,7 @@ from bench_record import grey_box
 from dualdrive import Machine, _core
 from dualdrive.innovations import GreyBox, Variant, first_noise, some
 from dualdrive.innovations.prediction import predicted
-from dualdrive.innovations.stretches import spread
+from dualdrive.innovations.stretches import chosen, spread
 from test_innovations import bench
 
 SAMPLES = 3000
@@ -35,16 +35,28 @@ def grey(sampled: bool) -> GreyBox:
 @pytest.mark.parametrize("samples", [(3000,), (9000, 100, 700), (20000, 20000)])
 @pytest.mark.parametrize("most", [500, 2000, 8000])
 def test_stretches_lie_within_their_records_and_apart(samples: tuple[int, ...], most: int) -> None:
-    found = spread(samples, most)
+    random = np.random.default_rng(7)
+    found = chosen([random.normal(size=(n, 3)) for n in samples], most, [4] * len(samples))
     for n, own in zip(samples, found, strict=True):
         assert own, "no record is left out"
         assert own[0][0] >= 0
         assert own[-1][0] + own[-1][1] <= n
+        assert all(first % 4 == 0 for first, _ in own), "they begin as the ticks repeat"
         assert all(b[0] >= a[0] + a[1] for a, b in itertools.pairwise(own))
     kept = sum(count for own in found for _, count in own)
     assert kept <= most + 500 * len(samples), "and none is given up for another"
-    if sum(samples) <= most:
-        assert found == [[(0, n)] for n in samples]
+
+
+def test_half_of_the_stretches_lie_where_a_machine_fails() -> None:
+    """A chirp meets the loop's resonance for a second; what that tells must not be missed."""
+    quiet, loud = np.ones((20000, 2)), np.ones((10000, 2))
+    loud[8600:9400] = 5.0
+    found = chosen([quiet, loud], 8000)
+    assert {(8500, 500), (9000, 500)} <= set(found[1])
+    evenly = spread([20000, 10000], 4000)
+    for own, blocks in zip(found, evenly, strict=True):
+        assert {(500 * b, 500) for b in blocks} <= set(own)
+    assert sum(map(len, found)) == 8000 // 500
 
 
 @pytest.mark.parametrize("sampled", [False, True], ids=["continuous", "sampled loops"])
@@ -62,9 +74,8 @@ def test_a_stretch_is_replayed_as_in_the_whole_record(sampled: bool) -> None:
     starts = [*record.sampled.starts, len(record.measured)]
     assert len(starts) > 3
     period = gains[0].phases
-    chosen = spread([SAMPLES], 2000, [period])[0]
-    assert all(first % period == 0 for first, _ in chosen), "they begin as the ticks repeat"
-    for (first, count), row in zip(chosen, starts, strict=False):
+    [which] = chosen(whole.residuals, 2000, [period])
+    for (first, count), row in zip(which, starts, strict=False):
         np.testing.assert_array_equal(record.measured[row], own.records[0].measured[first])
         late = slice(row + SETTLED, row + count)
         there = slice(first + SETTLED, first + count)

@@ -24,6 +24,13 @@ MatrixXd padded_rows(const MatrixXd& A) {
     return wide;
 }
 
+// Room of each thread for what the kernels take and give: products come by the million, and their room would cost as much.
+Eigen::Map<MatrixXd> room(std::vector<double>& kept, Eigen::Index rows, Eigen::Index columns) {
+    const auto size = static_cast<std::size_t>(rows * columns);
+    if (kept.size() < size) kept.resize(size);
+    return {kept.data(), rows, columns};
+}
+
 int halvings_to(double size) {
     int halvings = 0;
     for (; size > longest && halvings < most_halvings; size /= 2) ++halvings;
@@ -58,14 +65,23 @@ std::array<double, 17> reciprocal_factorials(int later) {
 }  // namespace
 
 MatrixXd product(const MatrixXd& A, const MatrixXd& B) {
-    const auto rows = static_cast<int>(A.rows()), inner = static_cast<int>(A.cols()), padded = exact::padded(rows);
-    const auto multiply = [&](const MatrixXd& M) {
-        MatrixXd out(padded, B.cols());
-        exact::kernels().product(padded, inner, M.data(), inner, B.data(), static_cast<int>(B.cols()), out.data());
-        return out;
+    const auto rows = static_cast<int>(A.rows()), inner = static_cast<int>(A.cols()), padded = exact::padded(rows),
+               columns = static_cast<int>(B.cols());
+    const auto multiply = [&](const double* M, double* out) {
+        exact::kernels().product(padded, inner, M, inner, B.data(), columns, out);
     };
-    if (padded == rows) return multiply(A);
-    return multiply(padded_rows(A)).topRows(rows);
+    if (padded == rows) {
+        MatrixXd out(rows, columns);
+        multiply(A.data(), out.data());
+        return out;
+    }
+    thread_local std::vector<double> taken, given;
+    auto wide = room(taken, padded, inner);
+    wide.topRows(rows) = A;
+    wide.bottomRows(padded - rows).setZero();
+    const auto out = room(given, padded, columns);
+    multiply(wide.data(), given.data());
+    return out.topRows(rows);
 }
 
 MatrixXd inverse(const MatrixXd& A) {

@@ -105,7 +105,7 @@ StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel
         stationary_(b, b) = Q_(b, b) / unforgotten(torque.memory);
         ++b;
     }
-    own_ = F.bottomRightCorner(size - states_, size - states_);
+    own_ = MatrixXd(F.bottomRightCorner(size - states_, size - states_)).sparseView();
     for (std::size_t phase = 0; phase < flow.phases(); ++phase) {
         const MatrixXd flowed = flow.over_a_sample(frozen, phase);
         F.topLeftCorner(states_, states_) = flowed.topLeftCorner(states_, states_);
@@ -204,16 +204,17 @@ MatrixXd StateSpace::start(const VectorXd& deviation) const {
 // F (P − K C P) F' + Q by blocks: what is no state of the machine moves by `own_` alone.
 MatrixXd StateSpace::next(const MatrixXd& P, const KalmanGains::Set& set, std::size_t phase) const {
     const Eigen::Index n = states_, torqued = sensors_, rest = P.rows() - n;
-    const MatrixXd after = P - product(set.K, product(C_, P));
+    MatrixXd after = P;
+    after.noalias() -= product(set.K, product(C_, P));
     const MatrixXd& moved = moved_[phase];
     const MatrixXd across = product(moved, after.topRows(torqued));
     MatrixXd next = Q_;
     const MatrixXd own = product(moved, across.leftCols(torqued).transpose());
     next.topLeftCorner(n, n) += 0.5 * (own + own.transpose());
-    const MatrixXd cross = product(across.rightCols(rest), own_.transpose());
+    const MatrixXd cross = across.rightCols(rest) * own_.transpose();
     next.topRightCorner(n, rest) += cross;
     next.bottomLeftCorner(rest, n) += cross.transpose();
-    const MatrixXd others = product(product(own_, after.bottomRightCorner(rest, rest)), own_.transpose());
+    const MatrixXd half = own_ * after.bottomRightCorner(rest, rest), others = half * own_.transpose();
     next.bottomRightCorner(rest, rest) += 0.5 * (others + others.transpose());
     return next;
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/SparseCore>
 #include <memory>
 
 #include "flow.hpp"
@@ -41,7 +42,7 @@ class StateSpace {
     std::vector<Eigen::MatrixXd> F_;
     std::vector<Eigen::MatrixXd> moved_;  // its rows of the machine's states, as far as they are not 0
     Eigen::MatrixXd Q_, C_, R_;
-    Eigen::MatrixXd own_;         // of F, what is no state of the machine and no tick changes
+    Eigen::SparseMatrix<double> own_;  // of F, what is no state of the machine and no tick changes
     Eigen::MatrixXd stationary_;  // covariance of what is no state of the machine
     Eigen::Index states_;         // of the machine alone
     Eigen::Index sensors_;        // first of the sensors' noise

@@ -177,7 +177,8 @@ def diagnose(
             )
             looped = diagnose_closed_loop(machine, played, recorded, warnings, job)
             driven = all(_driven(core, trace) for trace in recorded.values())
-            if chosen != "auto" or looped.verdict != "unknown" or not driven or stop.is_set():
+            asked = chosen == "auto" and looped.verdict == "unknown" and driven
+            if not asked or _drives_close(looped) or stop.is_set():
                 return with_time(looped, clock.used)
             tell("the torque balance")
             balanced = diagnose(
@@ -262,6 +263,15 @@ def foreign_loop(looped: Diagnosis, balanced: Diagnosis) -> str:
         "recorded. Judged by torque balance, which needs neither; --mode closed_loop keeps to the "
         "loop"
     )
+
+
+def _drives_close(looped: Diagnosis) -> bool:
+    """Whether the loop is the one that was recorded: no drive asks for torque beside the loop's.
+
+    What another controller or a force that nobody told would give is missing at the drives.
+    """
+    shares = [m.share for body, m in looped.missing_torque.items() if body != "table"]
+    return bool(shares) and max(shares) <= threshold("unexplained torque")
 
 
 def _driven(core: Any, trace: Trace) -> bool:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.diagnose.selection import Fitted
 from dualdrive.innovations import GreyBox, Variant, predictable, simulated
 from dualdrive.replay import Record, headline
+
+if TYPE_CHECKING:
+    from dualdrive.diagnose.selection.fitted import Fitted
 
 Array = NDArray[np.float64]
 

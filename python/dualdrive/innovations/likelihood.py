@@ -31,7 +31,8 @@ _SHORTER = (1.0, 0.3)
 #: it is. From far it may not: what little is told of a drift points the way
 _PROXIMAL, _NEAR_END = 0.1, 20.0
 _LATELY = 3  # steps, whose best is the present rate of a search
-_ENOUGH = 2.0  # of -2 log L over the inflation: a step that brings less ends the search
+#: of -2 log L over the inflation: a step that brings less ends the search; one that only comes near
+_ENOUGH, _NEARLY = 2.0, 50.0
 #: how far numbers (of what is believed of them) and logarithms of the noise may be from where
 #: derivatives by the numbers were taken: a chord serves till then; and from where those by the
 #: noise were
@@ -46,6 +47,7 @@ def maximum_likelihood(
     *,
     floor: Mapping[str, float] | None = None,
     rival: float = -np.inf,
+    roughly: bool = False,
     steps: int = 40,
 ) -> tuple[Point, Noise, list[Any]] | None:
     """Numbers and noise under which the records are likeliest, and the gains there.
@@ -60,9 +62,11 @@ def maximum_likelihood(
         floor: body -> what drives the torque of unknown course at least, N*m.
         rival: -2 log L of what leads: a search that would not come up to it at its present rate
             within the steps that it has left ends at once.
+        roughly: whether coming near is enough.
         steps: most iterations.
 
     """
+    enough = _NEARLY if roughly else _ENOUGH
     own = Logarithms(noise, dict(floor or {}))
     n, m = len(theta), len(own)
     low, high = (np.r_[a, b] for a, b in zip(grey.bounds(variant), own.bounds(), strict=True))
@@ -106,7 +110,7 @@ def maximum_likelihood(
         g = J @ r + weight * (x - centre)
         # of log det S: along a chord it bends as its information has it
         g[n:] += 0.5 * bend + information @ (x - noise_taken)[n:]
-        near_end = gained < _NEAR_END * _ENOUGH * inflation(point)
+        near_end = gained < _NEAR_END * enough * inflation(point)
         held = np.diag(proximal) if near_end else 1e-9 * np.eye(n + m)
         for damping in _DAMPINGS:
             d = step_within(
@@ -125,8 +129,8 @@ def maximum_likelihood(
         lately = [*lately[1:], gained]
         if now[0].minus_two_log - left * max(lately) > rival > -np.inf:
             break
-        if gained < _ENOUGH * inflation(now[0]):
-            if fresh and anew:
+        if gained < enough * inflation(now[0]):
+            if roughly or (fresh and anew):
                 break
             # the chord, not the likelihood, may have come to its end
             columns, noise_slopes = ([] if anew else columns), None

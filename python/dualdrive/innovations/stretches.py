@@ -49,16 +49,22 @@ def spread(samples: Sequence[int], most: int) -> list[list[int]]:
     return found
 
 
-def chosen(residuals: Sequence[Array], most: int) -> list[list[int]]:
-    """Blocks of `_LENGTH` samples: half of them spread evenly, half where most is left.
+def chosen(
+    residuals: Sequence[Array], most: int, periods: Sequence[int] = ()
+) -> list[list[tuple[int, int]]]:
+    """Stretches of records, (first sample, how many) per record: blocks of `_LENGTH` samples.
+
+    Half of them are spread evenly, the others lie where most is left. Of a record that is shorter
+    than a block, all.
 
     Args:
         residuals: whitened innovations of every record, shape (n, channels).
         most: samples to be kept.
+        periods: samples of each after which sampled loops repeat; stretches begin with one.
 
     """
-    own = spread([len(r) for r in residuals], most // 2)
-    taken = {(k, b) for k, blocks in enumerate(own) for b in blocks}
+    blocks = spread([len(r) for r in residuals], most // 2)
+    taken = {(k, b) for k, own in enumerate(blocks) for b in own}
     left = [
         (-float(np.sum(r[b * _LENGTH : (b + 1) * _LENGTH] ** 2)), k, b)
         for k, r in enumerate(residuals)
@@ -66,8 +72,11 @@ def chosen(residuals: Sequence[Array], most: int) -> list[list[int]]:
         if (k, b) not in taken
     ]
     for _, k, b in sorted(left)[: max(0, most // _LENGTH - len(taken))]:
-        own[k].append(b)
-    return [sorted(blocks) for blocks in own]
+        blocks[k].append(b)
+    return [
+        [(b * _LENGTH // period * period, _LENGTH) for b in sorted(own)] or [(0, len(r))]
+        for r, own, period in zip(residuals, blocks, periods or [1] * len(residuals), strict=True)
+    ]
 
 
 def some(grey: GreyBox, point: Point, gains: Sequence[Any], most: int) -> GreyBox:
@@ -84,13 +93,8 @@ def some(grey: GreyBox, point: Point, gains: Sequence[Any], most: int) -> GreyBo
         return grey
     core, offsets = grey.machine(point.variant, point.theta), grey.constants(point.theta)
 
-    def one(job: tuple[Predictable, Any, list[int]]) -> Predictable:
-        record, own, blocks = job
-        if not blocks:  # shorter than one
-            return record
-        # stretches begin with a period of the sampled loops
-        firsts = [b * _LENGTH // own.phases * own.phases for b in blocks]
-        which = [(first, _LENGTH) for first in firsts]
+    def one(job: tuple[Predictable, Any, list[tuple[int, int]]]) -> Predictable:
+        record, own, which = job
         found = predicted(core, offsets, record, own, states=True)
         names, trajectory = found["states"], found["trajectory"]
         begins = [
@@ -100,5 +104,6 @@ def some(grey: GreyBox, point: Point, gains: Sequence[Any], most: int) -> GreyBo
         return record.stretches(which, begins)
 
     grey.counter.replays += len(grey.records)
-    jobs = zip(grey.records, gains, chosen(point.residuals, most), strict=True)
+    which = chosen(point.residuals, most, [own.phases for own in gains])
+    jobs = zip(grey.records, gains, which, strict=True)
     return grey.on(list(grey.pool.map(one, jobs)))

@@ -16,7 +16,6 @@ from dualdrive.diagnose.selection import (
     is_joint,
     little,
     missing_torque,
-    white,
 )
 from dualdrive.diagnose.thresholds import threshold
 from dualdrive.diagnose.uncertainty import Uncertainty
@@ -55,7 +54,7 @@ def decide(core: Any, grey: GreyBox, found: Selection, sure: Uncertainty) -> Dec
         return Decision("unfinished", ranked, (), missing, left)
     # what is likelier than a machine that leaves noise describes the noise; a joint that gives is
     # told from numbers and drifting zeros by long records alone
-    if white(found.base) and little(missing) and not is_joint(best.variant):
+    if found.silent and not is_joint(best.variant):
         others = [(f, 0.0) for f, _ in ranked if f is not found.base]
         return Decision(
             _of_numbers(sure, found.base), [(found.base, 1.0), *others], (), missing, missing

@@ -11,6 +11,7 @@ from dualdrive.diagnose.thresholds import threshold
 from dualdrive.identify import FitError
 from dualdrive.innovations import GreyBox, Point, Variant, fit, some
 
+_CHOSEN_ANEW = 3  # times that stretches are chosen where the refitted machine fails
 _AGAIN = (0.1, 0.01)  # of the wide torque, from which the base's valley is sought anew
 
 
@@ -49,25 +50,34 @@ def refitted_base(estimator: Estimator, whole: GreyBox) -> Base:
         raise lost
     # stretches that begin from where the refitted machine has them, and lie where it fails
     grey = _stretches(whole, found)
-    found = _again(estimator, grey, found)
+    found = _nearly(estimator, grey, found)
     better = _other_valleys(estimator, grey, found)
     if better is not None:
-        found = _again(estimator, grey, replace(found, point=better))
+        found = _nearly(estimator, grey, replace(found, point=better))
         grey = _stretches(whole, found)
-        found = _again(estimator, grey, found)
-    found = estimator.of_order_two(grey, found)
+    found = estimator.of_order_two(grey, _nearly(estimator, grey, found))
+    for _ in range(_CHOSEN_ANEW):
+        if grey is whole or not white(found) or white(on_all_samples(whole, found)):
+            break
+        grey = _stretches(whole, found)
+        found = _nearly(estimator, grey, found)
+    found = _to_the_end(estimator, grey, found)
     if grey is whole:
         return Base(whole, found, found)
-    if not suffices(estimator.core, grey, found):
+    if not (white(found) and suffices(estimator.core, grey, found)):
         return Base(grey, found, None)
     everywhere = estimator.anew(whole, found) or on_all_samples(whole, found)
     if not white(everywhere):
         grey = some(whole, everywhere.point, everywhere.gains, int(threshold("stretches")))
-        found = _again(estimator, grey, everywhere)
+        found = _to_the_end(estimator, grey, everywhere)
     return Base(grey, found, everywhere)
 
 
-def _again(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted:
+def _nearly(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted:
+    return estimator.likeliest(grey, f.variant, f.point.theta, f.noise, roughly=True) or f
+
+
+def _to_the_end(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted:
     return estimator.likeliest(grey, f.variant, f.point.theta, f.noise) or f
 
 

@@ -50,33 +50,44 @@ class Estimator:
         theta: Array,
         noise: Noise,
         rival: float = -np.inf,
+        *,
+        roughly: bool = False,
     ) -> Fitted | None:
         """Numbers and noise together, from a point; None where it can't be followed.
 
-        What would not come up to a rival's -2 log L is not followed to its end.
+        What would not come up to a rival's -2 log L is not followed to its end; nor is any, if
+        coming near is enough.
         """
-        found = maximum_likelihood(grey, variant, theta, noise, floor=self.floor, rival=rival)
+        found = maximum_likelihood(
+            grey, variant, theta, noise, floor=self.floor, rival=rival, roughly=roughly
+        )
         if found is None:
             return None
         point, own, gains = found
         return Fitted(point, own, inflation(point), 0.0, gains)
 
     def from_far(self, grey: GreyBox, variant: Variant, theta: Array) -> Fitted | None:
-        """A variant under its own noise, from under much unknown torque; None where it is lost."""
-        return self._approached(grey, variant, theta, self.wide)
+        """A variant near its best, from under much unknown torque; None where it is lost."""
+        return self._approached(grey, variant, theta, self.wide, roughly=True)
 
-    def anew(self, grey: GreyBox, f: Fitted, rival: float = -np.inf) -> Fitted | None:
+    def anew(self, grey: GreyBox, f: Fitted) -> Fitted | None:
         """What was found on other records, on these; None where it can't be followed."""
-        return self._approached(grey, f.variant, f.point.theta, f.noise, rival)
+        return self._approached(grey, f.variant, f.point.theta, f.noise)
 
     def _approached(
-        self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise, rival: float = -np.inf
+        self,
+        grey: GreyBox,
+        variant: Variant,
+        theta: Array,
+        noise: Noise,
+        *,
+        roughly: bool = False,
     ) -> Fitted | None:
         found = self.approach(grey, variant, theta, noise)
         if found is None:
             return None
         point, near = found
-        return self.likeliest(grey, variant, point.theta, near, rival)
+        return self.likeliest(grey, variant, point.theta, near, roughly=roughly)
 
     def approach(
         self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise
@@ -111,9 +122,7 @@ class Estimator:
             theta = found[-1][0].theta
         return min(found, key=lambda f: f[0].minus_two_log, default=None)
 
-    def under(
-        self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise
-    ) -> Fitted | None:
+    def under(self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise) -> Fitted | None:
         """A variant refitted under a given noise, from a point; None where it can't be followed."""
         try:
             gains = grey.gains(variant, theta, noise)
@@ -148,7 +157,7 @@ class Estimator:
         """The same under this noise, of so many numbers more, or as it is."""
         if grey.counter.stop():
             return f
-        own = self.likeliest(grey, f.variant, f.point.theta, noise, rival=rival)
+        own = self.likeliest(grey, f.variant, f.point.theta, noise, rival, roughly=True)
         if own is None:
             return f
         gained = (f.point.minus_two_log - own.point.minus_two_log) / own.inflation

@@ -60,6 +60,7 @@ class Selection:
     screened: every score test that was done, best gain first: (beside what, score)
     tried:    label -> gain of laws refitted under a base's noise, over the inflation
     finished: False: it was stopped
+    silent:   whether numbers alone leave noise, in a simulation, too
     """
 
     grey: GreyBox
@@ -68,6 +69,7 @@ class Selection:
     screened: Sequence[tuple[str, Scored]]
     tried: dict[str, float]
     finished: bool
+    silent: bool
 
     @property
     def best(self) -> Fitted:

@@ -21,8 +21,9 @@ from dualdrive.innovations import GreyBox, Noise, Point, Variant, flat, inflatio
 
 Array = NDArray[np.float64]
 
-_JOINT = (1.0, 0.3, 0.1, 3.0, 10.0)  # where the first number of a joint begins, times its usual one
-_LIMIT = (1.0, 0.3)  # and that of a limit or a lag, whose likelihood has no valleys
+#: where the first number of a joint begins, times its usual one: a valley of a play is half as wide
+_JOINT = tuple(1.5**k for k in range(-6, 7))
+_LIMIT = (0.3, 1.0)  # and that of a limit or a lag, whose likelihood has no valleys
 _TRIED = (3.0, 1.0, 0.3, 0.1)  # times its usual one: sizes at which a part is scored
 
 
@@ -97,7 +98,16 @@ def part_refitted(
         begins.append(there)
     wide = replace(noise, torque=estimator.wide.torque)
     seen = grey.likelihoods(variant, [(x, wide) for x in begins])
-    near = sorted((f[0].minus_two_log, k) for k, f in enumerate(seen) if f)
-    near = near[: int(threshold("valleys"))]
-    found = (estimator.approach(grey, variant, begins[k], noise) for _, k in near)
+    heights = [f[0].minus_two_log if f else np.inf for f in seen]
+    near = _valleys(heights)[: int(threshold("valleys"))]
+    found = (estimator.approach(grey, variant, begins[k], noise) for k in near)
     return min((f[0] for f in found if f), key=lambda p: p.minus_two_log, default=None)
+
+
+def _valleys(heights: Sequence[float]) -> list[int]:
+    """Where a row of heights is lower than on both sides, lowest first; of sorted sizes."""
+    walled = [np.inf, *heights, np.inf]
+    low = [
+        k for k, h in enumerate(heights) if np.isfinite(h) and h <= walled[k] and h <= walled[k + 2]
+    ]
+    return sorted(low, key=lambda k: heights[k])

@@ -27,6 +27,7 @@ from dualdrive.diagnose.selection.parts import is_joint, is_part
 from dualdrive.diagnose.selection.ranking import Ranking
 from dualdrive.diagnose.selection.refits import worth_refitting
 from dualdrive.diagnose.selection.residual_analysis import suffices, white
+from dualdrive.diagnose.simulated_errors import error_of, noise_floor
 from dualdrive.diagnose.thresholds import threshold
 from dualdrive.diagnose.work import Leader
 from dualdrive.innovations import GreyBox, Point, Variant, inflation
@@ -64,7 +65,7 @@ class _Search:
     def run(self) -> Selection:
         self.tell("refitting the data sheet's numbers")
         base = refitted_base(self.estimator, self.whole)
-        silent = base.everywhere is not None and self._leaves_noise_everywhere(base.everywhere)
+        silent = base.everywhere is not None and self._says_all(base.everywhere)
         self._compare_on(base.grey, [base.there])
         if silent:
             self.ranking.keep(self._joints(base.there, self._scores(base.there)))
@@ -79,10 +80,18 @@ class _Search:
         order = sorted(self.screened, key=lambda s: -np.nan_to_num(s[1].gain, nan=-np.inf))
         nothing = next(f for f in every if f.variant.key == base.there.variant.key)
         finished = not self.whole.counter.stop()
-        return Selection(self.whole, nothing, every, order, self.tried, finished)
+        return Selection(self.whole, nothing, every, order, self.tried, finished, silent)
 
-    def _leaves_noise_everywhere(self, f: Fitted) -> bool:
-        return white(f) and suffices(self.core, self.whole, f)
+    def _says_all(self, f: Fitted) -> bool:
+        """Whether a machine leaves noise, and does so where no sample corrects it, too.
+
+        A filter forgives what acts slowly: friction that changes with the angle is hardly a torque
+        from sample to sample, and carries a simulation away.
+        """
+        if not (white(f) and suffices(self.core, self.whole, f)):
+            return False
+        left = error_of(self.whole, f.variant, f.point.theta)
+        return left < threshold("beyond the floor") * noise_floor(self.whole, f)
 
     def _compare_on(self, grey: GreyBox, found: Sequence[Fitted]) -> None:
         """On these records from now on, this being known there."""
@@ -94,7 +103,8 @@ class _Search:
     def _forward(self, leader: Fitted) -> None:
         """Law by law, while they bring enough and what is left is no noise."""
         for count in range(self.effort.most - len(leader.variant.effects)):
-            if self.grey.counter.stop() or self.contest.leaves_noise(leader):
+            named = bool(leader.variant.effects)
+            if self.grey.counter.stop() or (named and self.contest.leaves_noise(leader)):
                 break
             found = self._step(leader, self._scores(leader), parts=count == 0)
             self.ranking.keep(found)
@@ -186,16 +196,22 @@ class _Search:
         there = self.ranking.base
         self._compare_on(self.whole, [])
         found = self.contest.compared([(f.point, f.noise) for f in near])
-        everywhere = base.everywhere
-        if everywhere is None:
-            self.tell("nothing on all samples")
-            lead = min((f.point.minus_two_log for f in found), default=-np.inf)
-            everywhere = self.estimator.anew(self.whole, there, rival=lead)
-        self.ranking.keep([everywhere or on_all_samples(self.whole, there), *found])
+        self.ranking.keep(
+            [base.everywhere or self._everywhere_refitted(there, bool(found)), *found]
+        )
 
-    def _joints(
-        self, leader: Fitted, scored: tuple[list[Scored], list[Array]]
-    ) -> list[Fitted]:
+    def _everywhere_refitted(self, base: Fitted, beaten: bool) -> Fitted:
+        """The numbers alone on all samples; under the noise of the stretches where a law stands."""
+        self.tell("nothing on all samples")
+        whole, estimator = self.whole, self.estimator
+        found = (
+            estimator.under(whole, base.variant, base.point.theta, base.noise)
+            if beaten
+            else estimator.anew(whole, base)
+        )
+        return found or on_all_samples(whole, base)
+
+    def _joints(self, leader: Fitted, scored: tuple[list[Scored], list[Array]]) -> list[Fitted]:
         """Joints that give, beside a machine whose numbers alone leave noise.
 
         What a soft shaft does such numbers do nearly as well, and laws of the drives would: it is
