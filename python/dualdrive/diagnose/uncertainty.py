@@ -39,14 +39,17 @@ class NormalEquations:
     @property
     def information(self) -> Array:
         """Of all blocks and the priors, shape (unknowns, unknowns)."""
-        return self.scale * self.products.sum(axis=0) + np.diag(self.weight)
+        total: Array = self.scale * self.products.sum(axis=0) + np.diag(self.weight)
+        return total
 
     @property
     def covariance(self) -> Array:
         """Of the unknowns, shape (unknowns, unknowns)."""
         H = self.information
         units = np.sqrt(np.diag(H) + 1e-300)
-        return np.linalg.pinv(H / np.outer(units, units), hermitian=True) / np.outer(units, units)
+        scaled: Array = np.linalg.pinv(H / np.outer(units, units), hermitian=True)
+        covariance: Array = scaled / np.outer(units, units)
+        return covariance
 
 
 class Uncertainty:
