@@ -1,7 +1,7 @@
 """What `diagnose` says of the eight cases of an independent bench, and what it takes.
 
-    python benchmarks/independent_bench.py                        all, the first 4 s of each record
-    python benchmarks/independent_bench.py ripple_both --seconds 12
+    python benchmarks/independent_bench.py                        all, whole records
+    python benchmarks/independent_bench.py ripple_both --seconds 4
 
 Another program made the records; they lie beside the project, or where DUALDRIVE_DATA says. The
 truth stands in their README.
@@ -10,6 +10,7 @@ truth stands in their README.
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import time
 from pathlib import Path
@@ -79,7 +80,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("case", nargs="*", choices=[[], *HIDDEN], help="which; all unless given")
-    parser.add_argument("--seconds", type=float, default=4.0, help="of every record")
+    parser.add_argument("--seconds", type=float, default=math.inf, help="of every record")
     parser.add_argument("--effort", default="normal", choices=["quick", "normal", "thorough"])
     asked = parser.parse_args()
     if not DATA.exists():

@@ -43,10 +43,10 @@ class StateSpace {
     std::vector<Eigen::MatrixXd> moved_;  // its rows of the machine's states, as far as they are not 0
     Eigen::MatrixXd Q_, C_, R_;
     Eigen::SparseMatrix<double> own_;  // of F, what is no state of the machine and no tick changes
-    Eigen::MatrixXd stationary_;  // covariance of what is no state of the machine
-    Eigen::Index states_;         // of the machine alone
-    Eigen::Index sensors_;        // first of the sensors' noise
-    double step_;                 // s
+    Eigen::MatrixXd stationary_;       // covariance of what is no state of the machine
+    Eigen::Index states_;              // of the machine alone
+    Eigen::Index sensors_;             // first of the sensors' noise
+    double step_;                      // s
     Eigen::VectorXd scale_, units_;
     std::unique_ptr<RiccatiDoubling> horizon_;
 };
