@@ -10,7 +10,6 @@ truth stands in their README.
 from __future__ import annotations
 
 import argparse
-import math
 import os
 import time
 from pathlib import Path
@@ -48,9 +47,11 @@ HEAD = [
 ]
 
 
-def row(case: str, seconds: float, effort: str) -> list[str]:
+def row(case: str, seconds: float | None, effort: str) -> list[str]:
     """One case diagnosed."""
-    traces = {p.stem: read(p).between(0.0, seconds) for p in sorted((DATA / case).glob("*.csv"))}
+    traces = {p.stem: read(p) for p in sorted((DATA / case).glob("*.csv"))}
+    if seconds is not None:
+        traces = {name: trace.between(0.0, seconds) for name, trace in traces.items()}
     wall, cpu = time.perf_counter(), time.process_time()
     found = diagnose(
         Machine.load(DATA / "nominal.toml"),
@@ -80,7 +81,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("case", nargs="*", choices=[[], *HIDDEN], help="which; all unless given")
-    parser.add_argument("--seconds", type=float, default=math.inf, help="of every record")
+    parser.add_argument("--seconds", type=float, help="of every record; all of it")
     parser.add_argument("--effort", default="normal", choices=["quick", "normal", "thorough"])
     asked = parser.parse_args()
     if not DATA.exists():

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from diagnosed import diagnosis
 from dualdrive import Machine
 from dualdrive.compare import check_records
 from dualdrive.diagnose import diagnose, improve
 from dualdrive.diagnose.closed_loop import nominal_unknowns
-from dualdrive.diagnose.decision import beside_the_data_sheet, objection, takes_too_little
-from dualdrive.diagnose.diagnosis import unfit
+from dualdrive.diagnose.decision import (
+    MissingTorque,
+    beside_the_data_sheet,
+    objection,
+    takes_too_little,
+)
+from dualdrive.diagnose.diagnosis import drives_close, unfit
 from dualdrive.diagnose.result import Verdict
 from dualdrive.diagnose.screening import Library
 from dualdrive.innovations import GreyBox, Noise, Variant, fit, predictable
@@ -180,3 +187,20 @@ def test_laws_that_fail_on_what_was_held_out_are_taken_back() -> None:
     assert [d.verdict for d in found.diagnoses] == ["unknown"]
     assert found.diagnoses[0].improved is None
     assert found.stopped in found.diagnoses[0].paragraph
+
+
+@pytest.mark.parametrize(
+    ("shares", "closes"),
+    [
+        ({"table": 0.4, "motor_1": 0.0, "motor_2": 0.002}, True),
+        ({"table": 0.0, "motor_1": 0.0, "motor_2": 0.1}, False),
+        ({"table": 0.7, "motor_1": 1.5}, False),
+        ({}, False),
+    ],
+    ids=["a law of the table", "a drive of another loop", "a force nobody told", "not asked"],
+)
+def test_drives_close_where_the_table_alone_lacks_torque(
+    shares: dict[str, float], closes: bool
+) -> None:
+    missing = {body: MissingTorque(share, share) for body, share in shares.items()}
+    assert drives_close(replace(diagnosis(), missing_torque=missing)) is closes

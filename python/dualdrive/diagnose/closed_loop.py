@@ -171,6 +171,8 @@ def _told(
         if not nominal[p.path].low <= p.nominal <= nominal[p.path].high
         and abs(nominal[p.path].value - p.nominal) > 0.01 * abs(p.nominal)
     }
+    if decision.verdict == "parameters" and not moved:  # told apart, but by next to nothing
+        decision = replace(decision, verdict="adequate")
     equation = _equation(decision, candidates)
     curves = []
     if decision.verdict not in ("adequate", "parameters") and not job.stop():

@@ -178,7 +178,7 @@ def diagnose(
             looped = diagnose_closed_loop(machine, played, recorded, warnings, job)
             driven = all(_driven(core, trace) for trace in recorded.values())
             asked = chosen == "auto" and looped.verdict == "unknown" and driven
-            if not asked or _drives_close(looped) or stop.is_set():
+            if not asked or drives_close(looped) or stop.is_set():
                 return with_time(looped, clock.used)
             tell("the torque balance")
             balanced = diagnose(
@@ -265,7 +265,7 @@ def foreign_loop(looped: Diagnosis, balanced: Diagnosis) -> str:
     )
 
 
-def _drives_close(looped: Diagnosis) -> bool:
+def drives_close(looped: Diagnosis) -> bool:
     """Whether the loop is the one that was recorded: no drive asks for torque beside the loop's.
 
     What another controller or a force that nobody told would give is missing at the drives.

@@ -1,0 +1,67 @@
+"""How far fitted numbers are from a data sheet: Wald's test against a likelihood ratio."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+
+from bench_record import grey_box
+from dualdrive import Machine
+from dualdrive.diagnose.selection.estimation import Estimator
+from dualdrive.diagnose.selection.fitted import Fitted
+from dualdrive.diagnose.uncertainty import Uncertainty
+from dualdrive.innovations import GreyBox, Variant, inflation, maximum_likelihood
+from test_innovations import bench
+
+SAMPLES, SEED = 3000, 11
+#: 99.99 % of chi-squared with as many degrees of freedom as the bench has numbers, and more
+CHANCE = 45.0
+
+
+@functools.cache
+def fitted(heavier: float) -> tuple[Estimator, GreyBox, Fitted]:
+    """The data sheet's machine on records of one whose table is so much heavier."""
+    machine = Machine.load("bench")
+    true = bench()
+    true.set("table.J", heavier * true.get("table.J"))
+    grey = grey_box(machine, true, SAMPLES, SEED)
+    estimator, nothing = Estimator(grey.core, grey), Variant(grey.core)
+    near = estimator.from_far(grey, nothing, grey.start(nothing))
+    assert near is not None
+    found = estimator.likeliest(grey, nothing, near.point.theta, near.noise)
+    assert found is not None
+    return estimator, grey, found
+
+
+def distance(heavier: float) -> float:
+    _, grey, found = fitted(heavier)
+    return Uncertainty(grey).distance(found)
+
+
+def test_a_right_data_sheet_is_as_near_as_chance_has_it() -> None:
+    assert 0.0 < distance(1.0) < CHANCE
+
+
+def test_a_table_a_tenth_heavier_is_far() -> None:
+    assert distance(1.1) > 10.0 * CHANCE
+
+
+@pytest.mark.parametrize("heavier", [1.0, 1.0002])
+def test_near_it_the_distance_is_what_a_likelihood_ratio_says(heavier: float) -> None:
+    estimator, grey, found = fitted(heavier)
+    begin = found.point.theta.copy()
+    begin[: len(grey.nominal)] = grey.centre[: len(grey.nominal)]
+    held = maximum_likelihood(grey.held(), found.variant, begin, found.noise, floor=estimator.floor)
+    assert held is not None
+    ratio = (held[0].minus_two_log - found.point.minus_two_log) / inflation(found.point)
+    assert distance(heavier) == pytest.approx(ratio, rel=0.35, abs=3.0)
+
+
+def test_blocks_of_time_add_up_to_the_information() -> None:
+    _, grey, found = fitted(1.0)
+    normal = Uncertainty(grey).about(found)
+    columns = np.stack(grey.columns(found.point, range(len(found.point.theta)), found.gains))
+    whole = normal.scale * columns @ columns.T + np.diag(normal.weight)
+    np.testing.assert_allclose(normal.information, whole, rtol=0.05, atol=1e-3 * whole.max())
