@@ -70,9 +70,9 @@ class Estimator:
         """A variant near its best, from under much unknown torque; None where it is lost."""
         return self._approached(grey, variant, theta, self.wide, roughly=True)
 
-    def anew(self, grey: GreyBox, f: Fitted) -> Fitted | None:
+    def anew(self, grey: GreyBox, f: Fitted, *, roughly: bool = False) -> Fitted | None:
         """What was found on other records, on these; None where it can't be followed."""
-        return self._approached(grey, f.variant, f.point.theta, f.noise)
+        return self._approached(grey, f.variant, f.point.theta, f.noise, roughly=roughly)
 
     def _approached(
         self,

@@ -196,20 +196,14 @@ class _Search:
         there = self.ranking.base
         self._compare_on(self.whole, [])
         found = self.contest.compared([(f.point, f.noise) for f in near])
-        self.ranking.keep(
-            [base.everywhere or self._everywhere_refitted(there, bool(found)), *found]
-        )
+        nothing = base.everywhere or self._everywhere_refitted(there, bool(found))
+        self.ranking.keep([nothing, *found])
 
     def _everywhere_refitted(self, base: Fitted, beaten: bool) -> Fitted:
-        """The numbers alone on all samples; under the noise of the stretches where a law stands."""
+        """The numbers alone on all samples; to the end where no law stands."""
         self.tell("nothing on all samples")
-        whole, estimator = self.whole, self.estimator
-        found = (
-            estimator.under(whole, base.variant, base.point.theta, base.noise)
-            if beaten
-            else estimator.anew(whole, base)
-        )
-        return found or on_all_samples(whole, base)
+        found = self.estimator.anew(self.whole, base, roughly=beaten)
+        return found or on_all_samples(self.whole, base)
 
     def _joints(self, leader: Fitted, scored: tuple[list[Scored], list[Array]]) -> list[Fitted]:
         """Joints that give, beside a machine whose numbers alone leave noise.
