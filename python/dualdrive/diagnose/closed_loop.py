@@ -65,7 +65,12 @@ def diagnose_closed_loop(
     warnings: Sequence[str],
     job: Job,
 ) -> Diagnosis:
-    """Diagnose records that can be replayed; see :func:`dualdrive.diagnose.diagnose`."""
+    """Diagnose records that can be replayed; see :func:`dualdrive.diagnose.diagnose`.
+
+    Records are taken by name: sums over them do not depend on the order in which they were given.
+    """
+    played = sorted(played, key=lambda r: r.name)
+    traces = dict(sorted(traces.items()))
     core = core_of(machine)
     counter = Counter(job.stop)
     grey = GreyBox(
