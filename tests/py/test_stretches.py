@@ -36,12 +36,12 @@ def grey(sampled: bool) -> GreyBox:
 @pytest.mark.parametrize("most", [500, 2000, 8000])
 def test_stretches_lie_within_their_records_and_apart(samples: tuple[int, ...], most: int) -> None:
     random = np.random.default_rng(7)
-    found = chosen([random.normal(size=(n, 3)) for n in samples], most, [4] * len(samples))
+    found = chosen([random.normal(size=(n, 3)) for n in samples], most, [7] * len(samples))
     for n, own in zip(samples, found, strict=True):
         assert own, "no record is left out"
         assert own[0][0] >= 0
         assert own[-1][0] + own[-1][1] <= n
-        assert all(first % 4 == 0 for first, _ in own), "they begin as the ticks repeat"
+        assert all(first % 7 == 0 for first, _ in own), "they begin as the ticks repeat"
         assert all(b[0] >= a[0] + a[1] for a, b in itertools.pairwise(own))
     kept = sum(count for own in found for _, count in own)
     assert kept <= most + 500 * len(samples), "and none is given up for another"

@@ -63,19 +63,21 @@ def chosen(
         periods: samples of each after which sampled loops repeat; stretches begin with one.
 
     """
+    # of whole periods: they neither overlap nor begin amid one
+    lengths = [_LENGTH // p * p for p in periods or [1] * len(residuals)]
     blocks = spread([len(r) for r in residuals], most // 2)
     taken = {(k, b) for k, own in enumerate(blocks) for b in own}
     left = [
-        (-float(np.sum(r[b * _LENGTH : (b + 1) * _LENGTH] ** 2)), k, b)
-        for k, r in enumerate(residuals)
+        (-float(np.sum(r[b * n : (b + 1) * n] ** 2)), k, b)
+        for k, (r, n) in enumerate(zip(residuals, lengths, strict=True))
         for b in range(len(r) // _LENGTH)
         if (k, b) not in taken
     ]
     for _, k, b in sorted(left)[: max(0, most // _LENGTH - len(taken))]:
         blocks[k].append(b)
     return [
-        [(b * _LENGTH // period * period, _LENGTH) for b in sorted(own)] or [(0, len(r))]
-        for r, own, period in zip(residuals, blocks, periods or [1] * len(residuals), strict=True)
+        [(b * n, n) for b in sorted(own)] or [(0, len(r))]
+        for r, own, n in zip(residuals, blocks, lengths, strict=True)
     ]
 
 
