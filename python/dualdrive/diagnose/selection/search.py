@@ -202,6 +202,8 @@ class _Search:
     def _everywhere_refitted(self, base: Fitted, beaten: bool) -> Fitted:
         """The numbers alone on all samples; to the end where no law stands."""
         self.tell("nothing on all samples")
+        if self.whole.counter.stop():
+            return on_all_samples(self.whole, base)
         found = self.estimator.anew(self.whole, base, roughly=beaten)
         return found or on_all_samples(self.whole, base)
 
