@@ -58,6 +58,12 @@ THRESHOLDS = {
         "of the leader's gain: a law that alone gains more may be the first of the pair that is "
         "missing. The prototype's share; set after one pair was read",
     ),
+    "tied": Threshold(
+        0.9,
+        "of the best law's gain under a leader's noise, from which another one is as good until "
+        "less unknown torque tells. By hand: five laws of friction came within 0.93, strangers to "
+        "0.74",
+    ),
     "clearly": Threshold(
         2.0,
         "of -2 log L over the inflation, by which other numbers must be likelier to lead: less "
@@ -69,6 +75,10 @@ THRESHOLDS = {
     ),
     "hopeless": Threshold(
         3.0, "gain of a score test, over the inflation, below which no refit is worth its replays"
+    ),
+    "hopeless beside a law": Threshold(
+        10.0,
+        "the same beside a law that leaves hardly any torque: what is small is told by its score",
     ),
     "stretches": Threshold(
         8000, "samples that a search looks at, of longer records: 16 places of half a second each"

@@ -13,7 +13,7 @@ from dualdrive.innovations.likelihood import maximum_likelihood
 from dualdrive.innovations.noise import Noise, drive_torque, first_noise
 from dualdrive.innovations.records import Predictable, predictable
 from dualdrive.innovations.stretches import some
-from dualdrive.innovations.variant import Point, Variant, flat
+from dualdrive.innovations.variant import Point, Variant, carried, flat
 from dualdrive.innovations.whole_record import simulated
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "Point",
     "Predictable",
     "Variant",
+    "carried",
     "drive_torque",
     "first_noise",
     "fit",

@@ -14,7 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.innovations.greybox import GreyBox
-from dualdrive.innovations.levenberg_marquardt import inflation, step_within
+from dualdrive.innovations.levenberg_marquardt import (
+    SHORTER,
+    as_foretold,
+    inflation,
+    step_within,
+)
 from dualdrive.innovations.noise import Logarithms, Noise
 from dualdrive.innovations.variant import Point, Variant, flat
 
@@ -25,18 +30,12 @@ _Found = tuple[Point, list[Any]]
 _STEP = 1e-3  # of a logarithm, for finite differences
 _LONGEST = 1.5  # step of a logarithm
 _DAMPINGS = (1e-4, 0.03, 1.0, 30.0)
-_SHORTER = (1.0, 0.3)
-#: near the end, steps that bring less than so many of what ends the search, the logarithms of the
-#: noise are given information beyond their own (a proximal point): what hardly matters stays where
-#: it is. From far it may not: what little is told of a drift points the way
-_PROXIMAL, _NEAR_END = 0.1, 20.0
 _LATELY = 3  # steps, whose best is the present rate of a search
 #: of -2 log L over the inflation: a step that brings less ends the search; one that only comes near
 _ENOUGH, _NEARLY = 2.0, 50.0
 #: how far numbers (of what is believed of them) and logarithms of the noise may be from where
-#: derivatives by the numbers were taken: a chord serves till then; and from where those by the
-#: noise were
-_NEAR, _NEAR_NOISE = (0.3, 2.0), (0.1, 0.05)
+#: derivatives were taken: a chord serves till then, while steps bring what it promises
+_NEAR = (0.3, 2.0)
 
 
 def maximum_likelihood(
@@ -84,56 +83,47 @@ def maximum_likelihood(
     if now is None:
         return None
     unit = np.r_[np.minimum(grey.sigma, 1.0), np.ones(n - grey.shared)]
-    near, near_noise = (np.r_[a * unit, np.full(m, b)] for a, b in (_NEAR, _NEAR_NOISE))
-    gained, proximal = np.inf, np.r_[np.full(n, 1e-9), np.full(m, _PROXIMAL)]
-    columns, taken = list[Array](), x
-    noise_slopes, noise_taken = None, x
+    near = np.r_[_NEAR[0] * unit, np.full(m, _NEAR[1])]
+    slopes, taken = None, x
     lately = [np.inf] * _LATELY
     for left in reversed(range(steps)):
         if grey.counter.stop():
             break
         point, gains = now
-        fresh = not columns or bool(np.any(np.abs(x - taken) > near))
-        if fresh:
-            columns, taken = grey.columns(point, range(n), gains), x
-        anew = noise_slopes is None or fresh or bool(np.any(np.abs(x - noise_taken) > near_noise))
-        if anew:
+        fresh = slopes is None or bool(np.any(np.abs(x - taken) > near))
+        if slopes is None or fresh:
+            columns, taken = np.stack(grey.columns(point, range(n), gains)), x
             inward = np.where(x[n:] + _STEP > high[n:], -_STEP, _STEP)
             moved = at([x + np.r_[np.zeros(n), e] for e in np.diag(inward)])
-            noise_slopes, noise_taken = _noise_slopes(now, moved, inward), x
-        assert noise_slopes is not None
-        noisy, bend, information = noise_slopes
+            noisy, bend, information = _noise_slopes(now, moved, inward)
+            slopes = np.concatenate([columns, noisy]), bend, information
+        J, bend, information = slopes
         r = flat(point.residuals)
-        J = np.concatenate([np.stack(columns), noisy])
         H = J @ J.T + np.diag(weight)
         H[n:, n:] += information
         g = J @ r + weight * (x - centre)
         # of log det S: along a chord it bends as its information has it
-        g[n:] += 0.5 * bend + information @ (x - noise_taken)[n:]
-        near_end = gained < _NEAR_END * enough * inflation(point)
-        held = np.diag(proximal) if near_end else 1e-9 * np.eye(n + m)
+        g[n:] += 0.5 * bend + information @ (x - taken)[n:]
+        ends = np.maximum(low - x, -reach), np.minimum(high - x, reach)
         for damping in _DAMPINGS:
-            d = step_within(
-                H + damping * np.diag(np.diag(H)) + held,
-                g,
-                np.maximum(low - x, -reach),
-                np.minimum(high - x, reach),
-            )
-            trials = [x + shorter * d for shorter in _SHORTER]
+            damped = H + damping * np.diag(np.diag(H)) + 1e-9 * np.eye(n + m)
+            d = step_within(damped, g, *ends)
+            trials = [x + shorter * d for shorter in SHORTER]
             tried = [(t, f) for t, f in zip(trials, at(trials), strict=True) if f]
             lowest = min(tried, key=lambda t: t[1][0].minus_two_log, default=None)
             if lowest and lowest[1][0].minus_two_log < point.minus_two_log:
                 x, now = lowest
                 break
         gained = point.minus_two_log - now[0].minus_two_log
+        if not as_foretold(gained, g, H, d):
+            slopes = None
         lately = [*lately[1:], gained]
         if now[0].minus_two_log - left * max(lately) > rival > -np.inf:
             break
         if gained < enough * inflation(now[0]):
-            if roughly or (fresh and anew):
+            if roughly or fresh:
                 break
-            # the chord, not the likelihood, may have come to its end
-            columns, noise_slopes = ([] if anew else columns), None
+            slopes = None  # the chord, not the likelihood, may have come to its end
     return now[0], own.at(x[n:]), now[1]
 
 

@@ -71,6 +71,22 @@ class Point:
         return self.chi2 + self.log_det + self.prior
 
 
+def carried(point: Point, variant: Variant, otherwise: Array) -> Array:
+    """Numbers of a variant as a point of another one has them, shape (unknowns,).
+
+    Args:
+        point: the other one.
+        variant: whose numbers.
+        otherwise: they, where the other one has none, shape (unknowns,).
+
+    """
+    shared = len(point.theta) - len(point.variant.extra)
+    known = {p.path: u for p, u in zip(point.variant.extra, point.theta[shared:], strict=True)}
+    own = zip(variant.extra, otherwise[shared:], strict=True)
+    found: Array = np.r_[point.theta[:shared], [known.get(p.path, u) for p, u in own]]
+    return found
+
+
 def flat(residuals: Sequence[Array]) -> Array:
     """All rows end to end."""
     return np.concatenate([r.ravel() for r in residuals])

@@ -110,7 +110,7 @@ def _other_valleys(estimator: Estimator, grey: GreyBox, found: Fitted) -> Point 
                 gains = box.gains(found.variant, theta, noise)
             except ValueError:
                 break
-            theta = fit(box, found.variant, theta, gains, refresh=(0, 2, 4)).theta
+            theta = fit(box, found.variant, theta, gains).theta
         [there] = grey.likelihoods(found.variant, [(theta, found.noise)])
         if there is not None and there[0].minus_two_log < least:
             best, least = there[0], there[0].minus_two_log

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.screening import Scored
-from dualdrive.diagnose.selection.estimation import Estimator
+from dualdrive.diagnose.selection.estimation import Estimator, Place, on_all_samples
 from dualdrive.diagnose.selection.fitted import Effort, Fitted
-from dualdrive.diagnose.selection.refits import refitted, with_rivals
+from dualdrive.diagnose.selection.parts import is_part
+from dualdrive.diagnose.selection.refits import begin, refitted, with_rivals
 from dualdrive.diagnose.selection.residual_analysis import suffices, white
 from dualdrive.diagnose.thresholds import threshold
 from dualdrive.diagnose.work import Leader
-from dualdrive.innovations import GreyBox, Noise, Point, fit, inflation
+from dualdrive.innovations import GreyBox, carried, fit, inflation
 
 Array = NDArray[np.float64]
 
@@ -67,70 +68,129 @@ class Contest:
             least: gain over the inflation, from which the noise is estimated beside a law.
 
         """
-        grey = self.grey
-        noise, point, gains = leader.noise, leader.point, leader.gains
+        grey, point = self.grey, leader.point
         over = inflation(point)
-        refits: list[Point] = []
+        refits: list[Place] = []
         for k, s in enumerate(chosen, 1):
             if grey.counter.stop():
                 break
             self.tell(f"refitting {s.variant.key} ({k} of {len(chosen)})")
-            own = refitted(self.estimator, grey, leader, s, columns)
-            if not own.lost:
+            if own := refitted(self.estimator, grey, leader, s, columns):
                 refits.append(own)
-                gain = point.minus_two_log - own.minus_two_log
-                self.leader.meets(own.variant.key, own.minus_two_log, f"gain {gain / over:.3g}")
+                gain = point.minus_two_log - own[0].minus_two_log
+                self.leader.meets(s.variant.key, own[0].minus_two_log, f"gain {gain / over:.3g}")
         if not refits:
             return []
         # what the best of them leaves is nearest to noise: its colour weighs the gains of all; and
         # what the leader itself would gain by as many steps is no law's
-        over = min([over, *map(inflation, refits)])
-        known = grey.shared
+        over = min([over, *(inflation(p) for p, _ in refits)])
         again = fit(
-            grey, point.variant, point.theta, gains, steps=5, shared_columns=columns[:known]
-        )
+            grey, point.variant, point.theta, leader.gains, steps=5,
+            shared_columns=columns[: grey.shared],
+        )  # fmt: skip
         nothing = min(point.minus_two_log, again.minus_two_log)
-        gains_of = {p.variant.key: (nothing - p.minus_two_log) / over for p in refits}
-        self.tried.update(gains_of)
-        looked = [(gains_of[p.variant.key] - 2.0 * np.log(p.variant.looks), p) for p in refits]
+        gains = {p.variant.key: (nothing - p.minus_two_log) / over for p, _ in refits}
+        self.tried.update(gains)
+        looked = [
+            (gains[place[0].variant.key] - 2.0 * np.log(place[0].variant.looks), place)
+            for place in refits
+        ]
         looked.sort(key=lambda x: -x[0])
-        best = with_rivals([p for gain, p in looked if gain > least], self.effort.finals)
-        return self.compared([(p, noise) for p in best])
+        best = with_rivals([place for gain, place in looked if gain > least], self.effort.finals)
+        return self._in_turn(best, gains)
 
-    def compared(self, starts: Sequence[tuple[Point, Noise]]) -> list[Fitted]:
-        """Laws, each under the noise that it leaves itself.
+    def _in_turn(self, places: Sequence[Place], gains: Mapping[str, float]) -> list[Fitted]:
+        """Laws by their gain: those that are nearly as good as the best, and then the others.
+
+        What one of the first leaves may be noise; the others need not come near then.
+        """
+        most = max((gains[p.variant.key] for p, _ in places), default=0.0)
+        tied = [p for p in places if gains[p[0].variant.key] > threshold("tied") * most]
+        rest = [p for p in places if p not in tied]
+        found = self.compared(self._approached(tied, fitted=True))
+        if not any(map(self.suffices, found)):
+            rest = self._approached(rest, fitted=True)
+        return found + self.compared(rest, found)
+
+    def from_far(self, leader: Fitted, chosen: Sequence[Scored]) -> list[Fitted]:
+        """Laws beside a leader that is far from the records, each on its own way from there.
+
+        Args:
+            leader: beside which they were scored.
+            chosen: their scores.
+
+        """
+        near = list[Place]()
+        for k, s in enumerate(chosen, 1):
+            if self.grey.counter.stop():
+                break
+            self.tell(f"{s.variant.key} under less unknown torque ({k} of {len(chosen)})")
+            start = begin(self.grey, leader.point, s)
+            if place := self.estimator.approach(self.grey, s.variant, start, leader.noise):
+                near.append(place)
+        return self.compared(near)
+
+    def on_these(self, found: Sequence[Fitted]) -> list[Fitted]:
+        """What was found on stretches of these records, on all of them."""
+        near, far = list[Place](), list[Place]()
+        for f in found:
+            there = on_all_samples(self.grey, f)
+            known = there.inflation < threshold("inflation")
+            (near if known else far).append((there.point, f.noise))
+        return self.compared(near + self._approached(far, fitted=False))
+
+    def _approached(self, starts: Sequence[Place], *, fitted: bool) -> list[Place]:
+        """Where laws come near their best, each under less unknown torque than it begins with.
 
         From the leader's noise, since no law, of size nought at first, can come out less likely
         than it; and on under less torque of unknown course, which had stood for what the law does.
-        Once one suffices, the others are fitted under its noise: what is far from it there does not
-        come near by more unknown torque.
-
-        Args:
-            starts: of every law, where it begins, and the noise with which.
-
+        Parts have come near already where they are fitted.
         """
         near = []
         for k, (point, noise) in enumerate(starts, 1):
             if self.grey.counter.stop():
                 break
-            self.tell(f"{point.variant.key} under less unknown torque ({k} of {len(starts)})")
-            if place := self.estimator.approach(self.grey, point.variant, point.theta, noise):
-                near.append(place)
-        near.sort(key=lambda f: f[0].minus_two_log)
+            place: Place | None = point, noise
+            if not (fitted and is_part(point.variant)):
+                self.tell(f"{point.variant.key} under less unknown torque ({k} of {len(starts)})")
+                place = self.estimator.approach(
+                    self.grey, point.variant, point.theta, noise, fitted=fitted
+                )
+            near += [place] if place else []
+        return near
+
+    def compared(self, places: Sequence[Place], known: Sequence[Fitted] = ()) -> list[Fitted]:
+        """Laws near their best, each under the noise that it leaves itself.
+
+        Once one suffices, the others are fitted under its noise: what is far from it there does not
+        come near by more unknown torque.
+
+        Args:
+            places: of every law, where it comes near its best.
+            known: laws that they are compared with.
+
+        """
         found = list[Fitted]()
-        settled: Fitted | None = None
-        for point, own_noise in near:
+        settled = next((f for f in known if self.suffices(f)), None)
+        columns: list[Array] | None = None
+        for point, noise in sorted(places, key=lambda place: place[0].minus_two_log):
             if self.grey.counter.stop():
                 break
             self.tell(f"the noise beside {point.variant.key}")
+            theta = point.theta
             if settled:
-                there = self.estimator.under(self.grey, point.variant, point.theta, settled.noise)
+                columns = columns or self.grey.columns(
+                    settled.point, range(self.grey.shared), settled.gains
+                )
+                begins = [theta, carried(settled.point, point.variant, theta)]
+                there = self.estimator.under(
+                    self.grey, point.variant, begins, settled.noise, columns
+                )
                 if there is not None and not _near(there, settled):
                     continue
-            lead = min((f.point.minus_two_log for f in found), default=-np.inf)
-            own = self.estimator.likeliest(
-                self.grey, point.variant, point.theta, own_noise, rival=lead
-            )
+                theta = there.point.theta if there else theta
+            lead = min((f.point.minus_two_log for f in [*known, *found]), default=-np.inf)
+            own = self.estimator.likeliest(self.grey, point.variant, theta, noise, rival=lead)
             if own is None:
                 continue
             found.append(own)

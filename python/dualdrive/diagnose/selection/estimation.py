@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -24,8 +25,14 @@ from dualdrive.innovations import (
 
 Array = NDArray[np.float64]
 
-_LOWERED = (1.0, 0.1, 0.01)  # of the wide torque, under which numbers are fitted one after another
+#: of the torque with which a variant begins, under which its numbers are fitted one after another
+_LOWERED = (1.0, 0.1, 0.01)
+_PATIENT = 20  # steps at most under each: a valley may be bent
 _SLOWER = 100.0  # times as slow: where times of drifting zeros are sought from once more
+
+
+#: numbers of a variant and what they leave, under a noise
+Place = tuple[Point, Noise]
 
 
 class Estimator:
@@ -66,22 +73,22 @@ class Estimator:
         point, own, gains = found
         return Fitted(point, own, inflation(point), 0.0, gains)
 
+    def of_the_data_sheet(self, grey: GreyBox) -> Fitted | None:
+        """The machine as its data sheet has it, under much unknown torque; None if it is lost."""
+        nothing = Variant(self.core)
+        [found] = grey.likelihoods(nothing, [(grey.start(nothing), self.wide)])
+        return Fitted(found[0], self.wide, inflation(found[0]), 0.0, found[1]) if found else None
+
     def from_far(self, grey: GreyBox, variant: Variant, theta: Array) -> Fitted | None:
         """A variant near its best, from under much unknown torque; None where it is lost."""
         return self._approached(grey, variant, theta, self.wide, roughly=True)
 
-    def anew(self, grey: GreyBox, f: Fitted, *, roughly: bool = False) -> Fitted | None:
+    def anew(self, grey: GreyBox, f: Fitted) -> Fitted | None:
         """What was found on other records, on these; None where it can't be followed."""
-        return self._approached(grey, f.variant, f.point.theta, f.noise, roughly=roughly)
+        return self._approached(grey, f.variant, f.point.theta, f.noise, roughly=False)
 
     def _approached(
-        self,
-        grey: GreyBox,
-        variant: Variant,
-        theta: Array,
-        noise: Noise,
-        *,
-        roughly: bool = False,
+        self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise, *, roughly: bool
     ) -> Fitted | None:
         found = self.approach(grey, variant, theta, noise)
         if found is None:
@@ -90,8 +97,8 @@ class Estimator:
         return self.likeliest(grey, variant, point.theta, near, roughly=roughly)
 
     def approach(
-        self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise
-    ) -> tuple[Point, Noise] | None:
+        self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise, *, fitted: bool = False
+    ) -> Place | None:
         """Where a variant comes near its best; None where it can't be followed.
 
         Under much unknown torque any machine follows the records, and they tell little of its
@@ -103,32 +110,65 @@ class Estimator:
             variant: what is fitted.
             theta: where its numbers begin, shape (unknowns,).
             noise: with which it begins.
+            fitted: whether they are fitted under that noise already.
 
         """
-        found: list[tuple[Point, Noise]] = []
-        for lower in _LOWERED:
-            own = noise.with_torque(lower).at_least(self.floor)
-            try:
-                gains = grey.gains(variant, theta, own)
-            except ValueError:
+        found: list[Place] = []
+        for lower in _LOWERED[1:] if fitted else _LOWERED:
+            place = self._lowered(grey, variant, theta, noise, lower)
+            if place is None:
                 break
-            near = fit(grey, variant, theta, gains, refresh=(0, 2, 4))
-            # gains were held: under its own a point far away may be worse than where it came from
-            places = [(near.theta, own), (theta, own)]
-            seen = [f[0] for f in grey.likelihoods(variant, places) if f]
-            if not seen:
-                break
-            found.append((min(seen, key=lambda p: p.minus_two_log), own))
-            theta = found[-1][0].theta
+            found.append(place)
+            theta = place[0].theta
         return min(found, key=lambda f: f[0].minus_two_log, default=None)
 
-    def under(self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise) -> Fitted | None:
-        """A variant refitted under a given noise, from a point; None where it can't be followed."""
+    def _lowered(
+        self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise, lower: float
+    ) -> Place | None:
+        """A variant refitted under less unknown torque; None where it can't be followed.
+
+        Args:
+            grey: the records.
+            variant: what is fitted.
+            theta: where its numbers begin, shape (unknowns,).
+            noise: with which it began.
+            lower: times as much torque of unknown course as there.
+
+        """
+        own = noise.with_torque(lower).at_least(self.floor)
         try:
-            gains = grey.gains(variant, theta, noise)
+            gains = grey.gains(variant, theta, own)
         except ValueError:
             return None
-        near = fit(grey, variant, theta, gains)
+        near = fit(grey, variant, theta, gains, steps=_PATIENT)
+        # gains were held: under its own a point far away may be worse than where it came from
+        places = [(near.theta, own), (theta, own)]
+        seen = [f[0] for f in grey.likelihoods(variant, places) if f]
+        return (min(seen, key=lambda p: p.minus_two_log), own) if seen else None
+
+    def under(
+        self,
+        grey: GreyBox,
+        variant: Variant,
+        thetas: Sequence[Array],
+        noise: Noise,
+        columns: Sequence[Array] | None = None,
+    ) -> Fitted | None:
+        """A variant refitted under a given noise; None where it can't be followed.
+
+        Args:
+            grey: the records.
+            variant: what is fitted.
+            thetas: points, from the likeliest of which it begins, shape (unknowns,) each.
+            noise: the noise.
+            columns: derivatives by the shared unknowns to begin with (a chord).
+
+        """
+        seen = grey.likelihoods(variant, [(theta, noise) for theta in thetas])
+        begin = min((f for f in seen if f), key=lambda f: f[0].minus_two_log, default=None)
+        if begin is None:
+            return None
+        near = fit(grey, variant, begin[0].theta, begin[1], shared_columns=columns)
         [found] = grey.likelihoods(variant, [(near.theta, noise)])
         return Fitted(found[0], noise, inflation(found[0]), 0.0, found[1]) if found else None
 

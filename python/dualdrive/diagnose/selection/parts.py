@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.diagnose.screening import residual_maker
-from dualdrive.diagnose.selection.estimation import Estimator
+from dualdrive.diagnose.selection.estimation import Estimator, Place
 from dualdrive.diagnose.thresholds import threshold
 from dualdrive.innovations import GreyBox, Noise, Point, Variant, flat, inflation
 
@@ -35,6 +35,12 @@ def is_part(variant: Variant) -> bool:
 def is_joint(variant: Variant) -> bool:
     """Whether its last effect is a joint that gives: stiffness and play have valleys."""
     return bool(variant.effects and _core.effect_type(variant.effects[-1][0]).brings)
+
+
+def brings(joint: Variant, other: Variant) -> bool:
+    """Whether a joint comes with a law that the other one has: a shaft damps as it gives."""
+    own = str(_core.effect_type(joint.effects[-1][0]).brings)
+    return any(effect == own for effect, _ in other.effects)
 
 
 def part_score(
@@ -77,8 +83,8 @@ def part_score(
 
 def part_refitted(
     estimator: Estimator, grey: GreyBox, variant: Variant, start: Array, known: int, noise: Noise
-) -> Point | None:
-    """A part near its best; None where no replay follows.
+) -> Place | None:
+    """Where a part comes near its best; None where no replay follows.
 
     From the sizes that are likeliest under much unknown torque, each on under less.
 
@@ -101,7 +107,7 @@ def part_refitted(
     heights = [f[0].minus_two_log if f else np.inf for f in seen]
     near = _valleys(heights)[: int(threshold("valleys"))]
     found = (estimator.approach(grey, variant, begins[k], noise) for k in near)
-    return min((f[0] for f in found if f), key=lambda p: p.minus_two_log, default=None)
+    return min((f for f in found if f), key=lambda f: f[0].minus_two_log, default=None)
 
 
 def _valleys(heights: Sequence[float]) -> list[int]:

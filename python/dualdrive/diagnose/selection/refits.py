@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.diagnose.screening import Scored
-from dualdrive.diagnose.selection.estimation import Estimator
+from dualdrive.diagnose.selection.estimation import Estimator, Place
 from dualdrive.diagnose.selection.fitted import Fitted
 from dualdrive.diagnose.selection.parts import is_part, part_refitted, part_score
 from dualdrive.diagnose.thresholds import threshold
@@ -20,12 +19,13 @@ from dualdrive.innovations import GreyBox, Point, Variant, fit
 Array = NDArray[np.float64]
 
 
-def worth_refitting(found: Sequence[Scored], most: int) -> list[Scored]:
+def worth_refitting(found: Sequence[Scored], most: int, hopeless: float) -> list[Scored]:
     """The best scores, and what they may be taken for.
 
     Args:
         found: score tests beside one leader.
         most: how many of the best.
+        hopeless: gain below which none is.
 
     """
     known = [s for s in found if np.isfinite(s.gain)]
@@ -33,7 +33,7 @@ def worth_refitting(found: Sequence[Scored], most: int) -> list[Scored]:
     hopeful, orders = list[Scored](), dict[str, int]()
     for s in known:
         orders[s.variant.label] = orders.get(s.variant.label, 0) + 1
-        if s.gain > threshold("hopeless") and orders[s.variant.label] <= threshold("orders"):
+        if s.gain > hopeless and orders[s.variant.label] <= threshold("orders"):
             hopeful.append(s)
     best = hopeful[:most]
     # and what the best are taken for, whose own score may be faint while another law is missing
@@ -45,10 +45,20 @@ def worth_refitting(found: Sequence[Scored], most: int) -> list[Scored]:
     return best + rivals[: most // 2]
 
 
+def begin(grey: GreyBox, point: Point, s: Scored) -> Array:
+    """Where a law begins: a leader's numbers, and its own as its score has them."""
+    variant = s.variant
+    start: Array = np.r_[point.theta, grey.start(variant)[len(point.theta) :]]
+    for k, p in enumerate(variant.extra, grey.shared):
+        if p.path in s.start:
+            start[k] = p.coordinate(min(max(s.start[p.path], p.low), p.high))
+    return start
+
+
 def refitted(
     estimator: Estimator, grey: GreyBox, leader: Fitted, s: Scored, columns: Sequence[Array]
-) -> Point:
-    """A law at its best under its leader's noise; `lost` where that is nowhere, or hopeless.
+) -> Place | None:
+    """A law refitted under its leader's noise, a part near its best; None where that is nowhere.
 
     Args:
         estimator: of the machine.
@@ -59,36 +69,39 @@ def refitted(
 
     """
     point, variant = leader.point, s.variant
-    start = np.r_[point.theta, grey.start(variant)[len(point.theta) :]]
-    for k, p in enumerate(variant.extra, grey.shared):
-        if p.path in s.start:
-            start[k] = p.coordinate(min(max(s.start[p.path], p.low), p.high))
+    start = begin(grey, point, s)
     if not is_part(variant):
         shared = columns[: grey.shared]
-        return fit(grey, variant, start, leader.gains, steps=5, shared_columns=shared, refresh=(2,))
-    lost = replace(point, variant=variant, lost=True)
+        found = fit(grey, variant, start, leader.gains, steps=5, shared_columns=shared)
+        return None if found.lost else (found, leader.noise)
     if not part_score(grey, point, columns, variant, leader.noise) > threshold("hopeless"):
-        return lost
+        return None
     # from the data sheet: the part may stand for what the numbers had stood for
     start[: grey.shared] = grey.start(Variant(estimator.core))
-    known = len(point.theta)
-    return part_refitted(estimator, grey, variant, start, known, leader.noise) or lost
+    return part_refitted(estimator, grey, variant, start, len(point.theta), leader.noise)
 
 
-def with_rivals(ranked: Sequence[Point], most: int) -> list[Point]:
-    """The best of each label, and as many of what the library says they are taken for.
+def with_rivals(ranked: Sequence[Place], most: int) -> list[Place]:
+    """The best laws, two orders of each, and as many of what the library says they are taken for.
+
+    Beside a leader's noise an order, a number that is counted, is hardly told.
 
     Args:
         ranked: refits, best first.
-        most: how many of either.
+        most: how many laws of either.
 
     """
-    labels: dict[str, Point] = {}
-    for p in ranked:
-        labels.setdefault(p.variant.label, p)  # orders of one law are one law
-    own = list(labels.values())
+    labels: dict[str, list[Place]] = {}
+    for place in ranked:
+        labels.setdefault(place[0].variant.label, []).append(place)
+    own = [places[: int(threshold("orders"))] for places in labels.values()]
     best, rest = own[:most], own[most:]
-    return best + [p for p in rest if any(confused(q.variant, p.variant) for q in best)][:most]
+    rivals = [
+        places
+        for places in rest
+        if any(confused(b[0][0].variant, places[0][0].variant) for b in best)
+    ]
+    return [place for places in best + rivals[:most] for place in places]
 
 
 def confused(known: Variant, other: Variant) -> bool:

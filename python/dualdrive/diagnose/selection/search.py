@@ -23,14 +23,14 @@ from dualdrive.diagnose.selection.base import Base, refitted_base
 from dualdrive.diagnose.selection.contest import Contest
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selection
-from dualdrive.diagnose.selection.parts import is_joint, is_part
+from dualdrive.diagnose.selection.parts import brings, is_joint, is_part
 from dualdrive.diagnose.selection.ranking import Ranking
 from dualdrive.diagnose.selection.refits import worth_refitting
 from dualdrive.diagnose.selection.residual_analysis import suffices, white
 from dualdrive.diagnose.simulated_errors import error_of, noise_floor
 from dualdrive.diagnose.thresholds import threshold
 from dualdrive.diagnose.work import Leader
-from dualdrive.innovations import GreyBox, Point, Variant, inflation
+from dualdrive.innovations import GreyBox, Point, carried, inflation
 
 Array = NDArray[np.float64]
 
@@ -57,6 +57,7 @@ class _Search:
         self.screened: list[tuple[str, Scored]] = []
         self.tried: dict[str, float] = {}  # see `Contest`
         self.estimator = Estimator(core, grey)
+        self.stretches: list[tuple[GreyBox, Fitted, Fitted]] = []  # searched; base and best there
 
     def tell(self, what: str) -> None:
         """Say what is tried, and what is best so far."""
@@ -106,9 +107,13 @@ class _Search:
             named = bool(leader.variant.effects)
             if self.grey.counter.stop() or (named and self.contest.leaves_noise(leader)):
                 break
-            found = self._step(leader, self._scores(leader), parts=count == 0)
-            self.ranking.keep(found)
+            found = list[Fitted]()
+            if not named and self._strained(leader):
+                found += self._beside_the_data_sheet()
             if not any(map(self.contest.suffices, found)):
+                found += self._step(leader, self._scores(leader), parts=count == 0)
+            self.ranking.keep(found)
+            if not any(map(self.contest.suffices, [*found, *([leader] if named else [])])):
                 self.ranking.keep(self._beside_the_runner_up(leader))
             if found:
                 richer = min(found, key=self.ranking.criterion)
@@ -122,6 +127,22 @@ class _Search:
             self.leader.judged(leader.variant.key, f"gain {gained:.3g}")
             if len(leader.variant.effects) == _PAIR and not self.contest.leaves_noise(leader):
                 leader = self._swapped(leader)
+
+    def _strained(self, f: Fitted) -> bool:
+        """Whether its numbers are, all in all, beyond what a data sheet can mean."""
+        return f.point.prior > threshold("strained") ** 2 * len(self.grey.nominal)
+
+    def _beside_the_data_sheet(self) -> list[Fitted]:
+        """Laws beside the data sheet's numbers, each on its own way from there.
+
+        Numbers that stand in for a law far from what they mean hide it from its score.
+        """
+        sheet = self.estimator.of_the_data_sheet(self.grey)
+        if sheet is None:
+            return []
+        scores, _ = self._scores(sheet)
+        best = worth_refitting(scores, self.effort.finals, threshold("hopeless"))
+        return self.contest.from_far(sheet, best)
 
     def _beside_the_runner_up(self, leader: Fitted) -> list[Fitted]:
         """Pairs with the second-best law, where it is nearly as good alone as the leader.
@@ -167,11 +188,8 @@ class _Search:
                 if variant is None or self.grey.counter.stop():
                     continue
                 self.tell(f"{variant.key} from the numbers of {leader.variant.key}")
-                known = dict(
-                    zip(_paths(leader.variant), leader.point.theta[self.grey.shared :], strict=True)
-                )
-                extra = [known.get(path, 0.0) for path in _paths(variant)]
-                theta = np.r_[leader.point.theta[: self.grey.shared], extra]
+                nothing = np.zeros(self.grey.shared + len(variant.extra))
+                theta = carried(leader.point, variant, nothing)
                 if (
                     found := self.estimator.likeliest(self.grey, variant, theta, leader.noise)
                 ) is not None:
@@ -194,8 +212,9 @@ class _Search:
         if silent:
             near = [f for f in near if is_joint(f.variant)]
         there = self.ranking.base
+        self.stretches = [(self.grey, there, self.ranking.best)]
         self._compare_on(self.whole, [])
-        found = self.contest.compared([(f.point, f.noise) for f in near])
+        found = self.contest.on_these(near)
         nothing = base.everywhere or self._everywhere_refitted(there, bool(found))
         self.ranking.keep([nothing, *found])
 
@@ -204,7 +223,10 @@ class _Search:
         self.tell("nothing on all samples")
         if self.whole.counter.stop():
             return on_all_samples(self.whole, base)
-        found = self.estimator.anew(self.whole, base, roughly=beaten)
+        if beaten:
+            found = self.estimator.under(self.whole, base.variant, [base.point.theta], base.noise)
+        else:
+            found = self.estimator.anew(self.whole, base)
         return found or on_all_samples(self.whole, base)
 
     def _joints(self, leader: Fitted, scored: tuple[list[Scored], list[Array]]) -> list[Fitted]:
@@ -232,7 +254,7 @@ class _Search:
         """
         self.tell(f"{simpler.variant.key} from the numbers of {richer.variant.key}")
         theta = richer.point.theta[: len(simpler.point.theta)]
-        there = self.estimator.under(self.grey, simpler.variant, theta, simpler.noise)
+        there = self.estimator.under(self.grey, simpler.variant, [theta], simpler.noise)
         if there is None or not self._clearly(there, simpler):
             return []
         found = self.estimator.likeliest(
@@ -256,12 +278,12 @@ class _Search:
         if self.grey.counter.stop() or white(best):
             return
         alone = base
-        if best is not base:
+        places = [*self.stretches, (self.grey, base, best)] if best is not base else []
+        for grey, own, lead in places:
             self.tell("drifting zeros")
-            lead = best.point.minus_two_log
-            alone = self.estimator.drifting(self.grey, base, rival=lead)
-            ahead = self.ranking.criterion(alone) - self.ranking.criterion(best)
-            if ahead > 0.0 and best.inflation < threshold("inflation"):
+            alone = self.estimator.drifting(grey, own, rival=lead.point.minus_two_log)
+            behind = alone.point.minus_two_log > lead.point.minus_two_log
+            if behind and best.inflation < threshold("inflation"):
                 return
         self.tell(f"drifting zeros beside {best.variant.key}")
         own = self.estimator.drifting(self.grey, best)
@@ -274,16 +296,21 @@ class _Search:
     ) -> list[Fitted]:
         """Every law beside the leader: the best scores refitted, and their noise estimated.
 
-        Parts, too, if asked for, where no law leaves noise: whatever their scores, since these say
-        little of what they do at their size.
+        Parts, too, if asked for, where no law leaves noise, and joints where one does that comes
+        with them: whatever their scores, since these say little of what they do at their size.
         """
         scores, columns = scored
         contest = self.contest
         least = max(threshold("gain"), threshold("early") * self.ranking.price())
-        best = worth_refitting(scores, self.effort.refitted)
+        known = leader.variant.effects and contest.suffices(leader)
+        hopeless = threshold("hopeless beside a law" if known else "hopeless")
+        best = worth_refitting(scores, self.effort.refitted, hopeless)
         found = contest.refitted(leader, best, columns, least)
-        if parts and not any(map(contest.leaves_noise, found)):
+        if parts:
             rest = [s for s in scores if is_part(s.variant) and s not in best]
+            noise = [f for f in found if contest.leaves_noise(f)]
+            if noise:
+                rest = [s for s in rest if any(brings(s.variant, f.variant) for f in noise)]
             found += contest.refitted(leader, rest, columns, least)
         return found
 
@@ -304,7 +331,3 @@ class _Search:
     def _everywhere(self, f: Fitted) -> Point:
         """Its innovations on all samples: orders show over long ways only."""
         return f.point if self.grey is self.whole else on_all_samples(self.whole, f).point
-
-
-def _paths(variant: Variant) -> list[str]:
-    return [p.path for p in variant.extra]
