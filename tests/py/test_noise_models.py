@@ -89,6 +89,7 @@ def test_a_drift_over_seconds_is_recovered() -> None:
     point, noise, _ = slow
     assert point.minus_two_log < found[0].minus_two_log - 10.0
     seconds = -STEP / np.log(noise.wander["drive angle"])
-    # two sensors, three times over which they drift in the record
-    assert 0.5 < seconds < 8.0
+    # two sensors, three times over which they drift in the record; and the last 2 of -2 log L,
+    # where a search ends, move it by a fifth
+    assert 0.4 < seconds < 8.0
     assert drifts_by(noise)["drive angle"] == pytest.approx(far, rel=0.7)

@@ -114,37 +114,28 @@ class Estimator:
 
         """
         found: list[Place] = []
-        for lower in _LOWERED[1:] if fitted else _LOWERED:
-            place = self._lowered(grey, variant, theta, noise, lower)
+        levels = [noise.with_torque(k).at_least(self.floor) for k in _LOWERED]
+        # where the least torque is reached, less is no other level
+        apart = [own for k, own in enumerate(levels) if own not in levels[:k]]
+        for own in apart[1:] or apart if fitted else apart:
+            place = self._near(grey, variant, theta, own)
             if place is None:
                 break
             found.append(place)
             theta = place[0].theta
         return min(found, key=lambda f: f[0].minus_two_log, default=None)
 
-    def _lowered(
-        self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise, lower: float
-    ) -> Place | None:
-        """A variant refitted under less unknown torque; None where it can't be followed.
-
-        Args:
-            grey: the records.
-            variant: what is fitted.
-            theta: where its numbers begin, shape (unknowns,).
-            noise: with which it began.
-            lower: times as much torque of unknown course as there.
-
-        """
-        own = noise.with_torque(lower).at_least(self.floor)
+    def _near(self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise) -> Place | None:
+        """A variant refitted under a noise, from a point; None where it can't be followed."""
         try:
-            gains = grey.gains(variant, theta, own)
+            gains = grey.gains(variant, theta, noise)
         except ValueError:
             return None
         near = fit(grey, variant, theta, gains, steps=_PATIENT)
         # gains were held: under its own a point far away may be worse than where it came from
-        places = [(near.theta, own), (theta, own)]
+        places = [(near.theta, noise), (theta, noise)]
         seen = [f[0] for f in grey.likelihoods(variant, places) if f]
-        return (min(seen, key=lambda p: p.minus_two_log), own) if seen else None
+        return (min(seen, key=lambda p: p.minus_two_log), noise) if seen else None
 
     def under(
         self,
