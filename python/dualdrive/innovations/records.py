@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -49,6 +50,11 @@ class Predictable:
     def filtered(self) -> bool:
         """Whether a filter had followed the record to where its stretches begin."""
         return any(self.begins)
+
+    @functools.cached_property
+    def turn(self) -> float:
+        """How far the table turns from one sample to the next at most, as commanded, rad."""
+        return float(np.max(np.abs(np.diff(self.record.reference)), initial=0.0))
 
     @property
     def name(self) -> str:
