@@ -54,11 +54,11 @@ def test_laws_that_pass_fast_are_integrated_in_small_steps() -> None:
     assert substeps(core, record) == 1
     core.add_effect("cogging", "motors")
     ratio = ratio_to_table(core, "motor_1")
-    for order in (1.0, 24.0, 96.0):
+    for order in (1.0, 24.0, 96.0, 400.0):
         core.set("cogging@motors.order", order)
         phase = order * ratio * record.turn
         steps = substeps(core, record)
-        assert phase / steps <= 0.25 or steps == 10
+        assert phase / steps <= 0.25 or phase > np.pi
         assert steps == 1 or phase / (steps - 1) > 0.25
 
 

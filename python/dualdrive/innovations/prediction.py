@@ -19,8 +19,10 @@ Array = NDArray[np.float64]
 #: first samples of a stretch that the likelihood is conditioned on: the filter finds its state
 #: (Harvey, Forecasting, Structural Time Series Models and the Kalman Filter, 3.4)
 GIVEN = 50
-#: rad of its own period that a law of an angle may turn in a step of integration, and steps at most
-_TURN, _MOST_STEPS = 0.25, 10
+#: rad of its own period that a law of an angle may turn in a step of integration; one that turns by
+#: half a period from sample to sample is seen by no record (Nyquist): no more steps are taken then
+_TURN = 0.25
+_MOST_STEPS = math.ceil(math.pi / _TURN)
 _LOST = 300.0  # whitened: what a replay that broke down is counted with
 
 

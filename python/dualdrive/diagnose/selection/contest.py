@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,15 +121,12 @@ class Contest:
             chosen: their scores.
 
         """
-        near = list[Place]()
-        for k, s in enumerate(chosen, 1):
-            if self.grey.counter.stop():
-                break
-            self.tell(f"{s.variant.key} under less unknown torque ({k} of {len(chosen)})")
-            start = begin(self.grey, leader.point, s)
-            if place := self.estimator.approach(self.grey, s.variant, start, leader.noise):
-                near.append(place)
-        return self.compared(near)
+        starts = [
+            (replace(leader.point, variant=s.variant, theta=begin(self.grey, leader.point, s)),
+             leader.noise)
+            for s in chosen
+        ]  # fmt: skip
+        return self.compared(self._approached(starts, fitted=False))
 
     def on_these(self, found: Sequence[Fitted]) -> list[Fitted]:
         """What was found on stretches of these records, on all of them."""
