@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from dualdrive import Machine
 from dualdrive.compare import compare, noise_floor, where_it_fails
-from dualdrive.compare.orders import Order, Turning, examined, lines, significant
+from dualdrive.compare.orders import Order, Turning, examined, lines, ripples, significant
 from dualdrive.compare.repeats import period_of, spread_of_periods
 from dualdrive.compare.where import Condition, Situation
 from dualdrive.traces import read
-from measured import EXAMPLES, measured_file
+from measured import EXAMPLES, measured_file, rig
 from recorded import Array, clean, sheet
 
 T: Array = np.arange(6000, dtype=np.float64) * np.float64(1e-2)
@@ -108,7 +110,7 @@ def spectrum_of(residual: Array) -> list[Order]:
     angles = [Turning("motor 1", 10.0, 10.0 * TURN), Turning("table", 1.0, TURN)]
     counts = np.ones(len(T), dtype=bool)
     found = lines("r", "T_1", "N*m", residual, counts, angles)
-    return significant(found, examined(angles, counts), {"motor 1": 10.0, "table": 1.0})
+    return significant(found, examined(angles, counts), geared=True)
 
 
 def test_noise_and_friction_have_no_order() -> None:
@@ -141,6 +143,56 @@ def test_a_line_known_under_two_angles_is_told_once() -> None:
     )
     assert found[0].label == "order 3 of motor 1"
     assert found[0].also == ("order 30 of table",)
+
+
+def one_line(angle: str, order: float, *, record: str = "r", ratio: float = 1.0) -> Order:
+    return Order(record, "total", angle, order, 0.06, 0.5, "N*m", 6.0, 0.02, 1e-9, ratio)
+
+
+def test_orders_of_pinions_that_turn_alike_are_one() -> None:
+    (found,) = significant(
+        [one_line("pinion 1", 58.46), one_line("pinion 2", 58.56)], 100, geared=False
+    )
+    assert found.spoken == "58.5 per turn (all ratios are 1: its source can't be told)"
+    assert found.label == "order 58.5 of pinion 1 or pinion 2"
+
+
+def test_angles_that_turn_alike_are_named_where_others_do_not() -> None:
+    seen = [
+        one_line("motor 1", 6.0, ratio=10.0),
+        one_line("motor 2", 6.05, ratio=10.0),
+        one_line("table", 60.2),
+    ]
+    (found,) = significant(seen, 100, geared=True)
+    assert found.spoken == (
+        "6 per turn (motor 1, motor 2 turn alike: its source can't be told) or order 60.2 of table"
+    )
+
+
+def test_what_several_records_show_is_told_once() -> None:
+    """Each keeps its own line for programs."""
+    kept = [
+        one_line("pinion 1", 58.46),
+        one_line("pinion 2", 58.56, record="s"),
+        one_line("pinion 2", 29.0),
+    ]
+    sentences = [r.sentence for r in ripples([replace(o, geared=False) for o in kept])]
+    assert sentences == [
+        "total: ripple, 58.5 per turn (all ratios are 1: its source can't be told): amplitude "
+        "0.5 N*m, 2% of the residual's square in 2 records",
+        "total: ripple, 29 per turn of pinion 2: amplitude 0.5 N*m, 2% of the residual's square",
+    ]
+
+
+def test_the_rig_has_one_ripple_per_turn_of_no_known_part() -> None:
+    """All its ratios are 1; two tests show two lines, over one pinion or both (log8)."""
+    parts = {k: t for k, t in rig("log8").items() if k.endswith(("part 0", "part 3"))}
+    found = compare(Machine.load(EXAMPLES / "dual_motor_rig.toml"), parts)
+    sentences = [sentence for sentence in found.remarks() if "ripple" in sentence]
+    assert [sentence.partition(": amplitude")[0] for sentence in sentences] == [
+        f"total: ripple, {order} per turn (all ratios are 1: its source can't be told)"
+        for order in ("29.3", "58.5")
+    ]
 
 
 def test_a_real_robot_has_order_8_of_its_motor() -> None:

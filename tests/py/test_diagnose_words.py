@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import ast
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +19,7 @@ from dualdrive.diagnose.judge import Judgement
 from dualdrive.diagnose.result import Candidate, Interval, Shape, Verdict
 from dualdrive.diagnose.words import paragraph
 
+ROOT = Path(__file__).resolve().parents[2]
 ERROR = {"nominal": 0.3, "refitted": 0.2, "noise_floor": 0.01}
 
 
@@ -173,8 +177,27 @@ def test_a_lag_is_told_with_its_command() -> None:
 
 
 def test_a_ripple_whose_source_no_ratio_tells_is_one_line() -> None:
-    also = ("order 58.50 of pinion 1", "order 58.50 of motor 2")
-    ripple = Order("r", "total", "pinion 2", 58.5, 0.01, 0.1, "N*m", 9.0, 0.1, 1e-6, also)
-    assert ripple.spoken == (
-        "58.50 per turn (pinion 2, pinion 1, motor 2 turn alike: its source can't be told)"
-    )
+    seen = Order("r", "total", "pinion 2", 58.5, 0.06, 0.1, "N*m", 9.0, 0.1, 1e-6)
+    ripple = replace(seen, alike=("pinion 1",), geared=False)
+    assert ripple.spoken == "58.5 per turn (all ratios are 1: its source can't be told)"
+
+
+def test_no_printed_string_says_foretold() -> None:
+    """Cross-validated, or predicted: the words of the trade, in help texts and figures, too."""
+    package = [(p, False) for p in (ROOT / "python" / "dualdrive").rglob("*.py")]
+    verbs = [(p, True) for p in (ROOT / "cli").glob("*.py")]
+    assert {"improvement.py", "cycles.py"} <= {path.name for path, _ in package + verbs}
+    said = [
+        f"{path.name}: {text}"
+        for path, documented in package + verbs
+        for text in strings(ast.parse(path.read_text("utf-8")), documented=documented)
+        if "foretold" in text
+    ]
+    assert not said
+
+
+def strings(tree: ast.Module, *, documented: bool) -> list[str]:
+    """Every string of a module, its docstrings only where they are printed."""
+    bare = {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr) and not documented}
+    found = [n for n in ast.walk(tree) if isinstance(n, ast.Constant) and id(n) not in bare]
+    return [n.value for n in found if isinstance(n.value, str)]

@@ -9,7 +9,7 @@ from dualdrive.compare.comparison import ChannelError, Comparison, Quantity
 from dualdrive.compare.correlation import Correlation, residual_correlations
 from dualdrive.compare.equation import EquationAtFault, equation_at_fault
 from dualdrive.compare.noise import NoiseFloor, noise_floor
-from dualdrive.compare.orders import Order
+from dualdrive.compare.orders import Order, Ripple, ripples
 from dualdrive.compare.stretches import Stretch, failing_stretches, situations_of
 from dualdrive.compare.time_skew import Skew, skews
 from dualdrive.compare.where import Condition, where_it_fails
@@ -25,6 +25,7 @@ __all__ = [
     "Order",
     "Quantity",
     "RecordWarning",
+    "Ripple",
     "Skew",
     "Stretch",
     "balance_error",
@@ -37,6 +38,7 @@ __all__ = [
     "noise_floor",
     "of_evaluation",
     "residual_correlations",
+    "ripples",
     "situations_of",
     "skews",
     "where_it_fails",

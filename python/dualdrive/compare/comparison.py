@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.compare.noise import NoiseFloor
-from dualdrive.compare.orders import Order
+from dualdrive.compare.orders import Order, ripples
 from dualdrive.compare.time_skew import Skew
 from dualdrive.compare.where import Condition
 from dualdrive.describe import linear_words
@@ -217,12 +217,7 @@ class Comparison:
         worst = sorted((c for c in self.where if _told(c)), key=lambda c: -c.excess)[:6]
         found = (f"{c.condition} ×{c.excess:.2g} ({c.time:.0%} of the time)" for c in worst)
         lines = [f"error is larger in: {'; '.join(found)}"] if worst else []
-        lines += [
-            f"{o.channel}: ripple, {o.spoken}: amplitude {o.amplitude:.3g} {o.unit}, "
-            f"{o.share:.0%} of the residual's square"
-            for o in self.orders[:4]
-        ]
-        return [*lines, *self.notes]
+        return [*lines, *(r.sentence for r in ripples(self.orders)[:4]), *self.notes]
 
     def __repr__(self) -> str:
         return f"<Comparison\n{self.table()}>"
@@ -256,7 +251,9 @@ class Comparison:
             "starts": dict(self.starts),
             "initial": {f"{record}/{state}": v for (record, state), v in self.initial.items()},
             "where": [{**vars(c), "significant": c.significant} for c in self.where],
-            "orders": [{**vars(o), "also": list(o.also)} for o in self.orders],
+            "orders": [
+                {**vars(o), "alike": list(o.alike), "also": list(o.also)} for o in self.orders
+            ],
             "skews": [dict(vars(s)) for s in self.skews],
             "notes": list(self.notes),
         }

@@ -7,8 +7,9 @@ leave a smooth spectrum, in which neighbouring orders are alike.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,10 @@ class Order:
     excess:    amplitude over what the neighbouring orders would have
     share:     of the residual's mean square
     p:         probability of such a line anywhere among the orders, angles and channels examined
-    also:      the same line counted over other angles
+    ratio:     turns of the angle per turn of the table
+    geared:    whether any angle of the machine makes more or fewer turns than the table
+    alike:     other angles of the same ratio over which the line stands at this order, too
+    also:      the same line counted over angles of other ratios
     """
 
     record: str
@@ -47,26 +51,68 @@ class Order:
     excess: float
     share: float
     p: float
+    ratio: float = 1.0
+    geared: bool = True
+    alike: tuple[str, ...] = ()
     also: tuple[str, ...] = ()
 
     @property
     def label(self) -> str:
         """``order 8 of motor 1``, integers as such."""
-        return f"order {spoken(self.order, self.resolution)} of {self.angle}"
+        angles = " or ".join((self.angle, *self.alike))
+        return f"order {spoken(self.order, self.resolution)} of {angles}"
 
     @property
     def spoken(self) -> str:
-        """``8 per turn of motor 1``; other angles that it may be counted over, where there are."""
-        per = spoken(self.order, self.resolution)
-        others = dict.fromkeys(name.rpartition(" of ")[2] for name in self.also)
-        others.pop(self.angle, None)
-        if not others:
-            return f"{per} per turn of {self.angle}"
-        alike = [n for n in self.also if n.rpartition(" of ")[2] in others and f" {per} " in n]
-        if len(alike) >= len(others):
-            every = ", ".join([self.angle, *others])
-            return f"{per} per turn ({every} turn alike: its source can't be told)"
-        return f"{per} per turn of {self.angle}, or {' or '.join(self.also)}"
+        """``8 per turn of motor 1``; why its source can't be told, where several angles have it."""
+        per = f"{spoken(self.order, self.resolution)} per turn"
+        if not self.alike:
+            return " or ".join((f"{per} of {self.angle}", *self.also))
+        angles = f"{', '.join((self.angle, *self.alike))} turn alike"
+        why = angles if self.geared else "all ratios are 1"
+        return " or ".join((f"{per} ({why}: its source can't be told)", *self.also))
+
+
+@dataclass(frozen=True)
+class Ripple:
+    """One line as it is told, which several records may show, clearest first."""
+
+    shown: tuple[Order, ...]
+
+    @property
+    def largest(self) -> Order:
+        """As the record shows it in which it is largest."""
+        return max(self.shown, key=lambda o: o.amplitude)
+
+    @property
+    def spoken(self) -> str:
+        """``8 per turn of motor 1``: the mean order of all records, every angle that has it."""
+        return self._whole.spoken
+
+    @property
+    def sentence(self) -> str:
+        """What is told of it in a comparison."""
+        amplitude = _span([o.amplitude for o in self.shown], ".3g")
+        share = _span([100.0 * o.share for o in self.shown], ".0f")
+        records = f" in {len(self.shown)} records" if len(self.shown) > 1 else ""
+        return (
+            f"{self.largest.channel}: ripple, {self.spoken}: amplitude {amplitude} "
+            f"{self.largest.unit}, {share}% of the residual's square{records}"
+        )
+
+    @property
+    def _whole(self) -> Order:
+        """The clearest, at the mean order, with the angles of all."""
+        first = self.shown[0]
+        same = [o for o in self.shown if _alike(o, first)]
+        angles = dict.fromkeys(a for o in same for a in (o.angle, *o.alike))
+        labels = dict.fromkeys(label for o in same for label in o.also)
+        return replace(
+            first,
+            order=float(np.mean([o.order for o in same])),
+            alike=tuple(a for a in angles if a != first.angle),
+            also=tuple(labels),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,9 +125,24 @@ class Turning:
 
 
 def spoken(order: float, resolution: float) -> str:
-    """An order as a whole number where it can't be told from one."""
+    """An order with the digits that it has; a whole number where it can't be told from one."""
     whole = round(order)
-    return str(whole) if whole and abs(order - whole) <= resolution else f"{order:.2f}"
+    if whole and abs(order - whole) <= resolution:
+        return str(whole)
+    digits = math.ceil(-math.log10(2.0 * resolution))
+    return f"{order:.{min(max(digits, 1), 2)}f}"
+
+
+def ripples(orders: Sequence[Order]) -> list[Ripple]:
+    """Lines of different records that can't be told apart as one, clearest first."""
+    groups: list[list[Order]] = []
+    for line in orders:
+        own = next((g for g in groups if _same(line, g[0])), None)
+        if own is None:
+            groups.append([line])
+        elif line.record not in {o.record for o in own}:
+            own.append(line)
+    return [Ripple(tuple(group)) for group in groups]
 
 
 def lines(
@@ -120,6 +181,7 @@ def lines(
                     excess,
                     min(1.0, amplitude**2 / 2 / power),
                     chance,
+                    turning.ratio,
                 )
             )
     return found
@@ -131,28 +193,36 @@ def examined(angles: Sequence[Turning], counts: Flags) -> int:
     return sum(round(HIGHEST * span) for span in spans if span >= TURNS)
 
 
-def significant(found: Sequence[Order], family: int, ratios: dict[str, float]) -> list[Order]:
+def significant(found: Sequence[Order], family: int, *, geared: bool) -> list[Order]:
     """The lines that stand out of the whole family (Bonferroni), each told once, clearest first.
 
-    ratios: angle -> turns per turn of the table, by which one line is known under several angles
+    geared: whether any angle of the machine makes more or fewer turns than the table
     """
-    from dataclasses import replace
-
-    told: list[Order] = []
+    groups: list[list[Order]] = []
     for line in sorted(found, key=lambda o: (o.p, abs(o.order - round(o.order)))):
         own = replace(line, p=min(1.0, line.p * family))
         if own.p > LEVEL:
             continue
-        twin = next((k for k, other in enumerate(told) if _same(own, other, ratios)), None)
-        if twin is None:
-            told.append(own)
-        elif own.angle != told[twin].angle:
-            first, second = sorted((told[twin], own), key=_plainness)
-            names = dict.fromkeys((*told[twin].also, *own.also, second.label))
-            told[twin] = replace(
-                first, p=min(first.p, second.p), also=tuple(n for n in names if n != first.label)
-            )
-    return told
+        twins = next((g for g in groups if g[0].record == own.record and _same(own, g[0])), None)
+        if twins is None:
+            groups.append([own])
+        elif own.angle not in {o.angle for o in twins}:
+            twins.append(own)
+    return [_told_once(group, geared=geared) for group in groups]
+
+
+def _told_once(group: Sequence[Order], *, geared: bool) -> Order:
+    """One line that several angles count, over the plainest of them."""
+    first = min(group, key=_plainness)
+    alike = [o for o in group if _alike(o, first)]
+    return replace(
+        first,
+        order=float(np.mean([o.order for o in alike])),
+        p=min(o.p for o in group),
+        geared=geared,
+        alike=tuple(o.angle for o in alike if o.angle != first.angle),
+        also=tuple(o.label for o in group if not _alike(o, first)),
+    )
 
 
 def _plainness(line: Order) -> tuple[bool, float]:
@@ -161,13 +231,21 @@ def _plainness(line: Order) -> tuple[bool, float]:
     return not whole, line.order
 
 
-def _same(one: Order, other: Order, ratios: dict[str, float]) -> bool:
-    """Whether two lines are one: the same cycles per turn of the table."""
-    first, second = (o.order * ratios[o.angle] for o in (one, other))
-    width = sum(2.0 * o.resolution * ratios[o.angle] for o in (one, other))
-    return (one.record, one.channel) == (other.record, other.channel) and abs(
-        first - second
-    ) <= width
+def _alike(one: Order, other: Order) -> bool:
+    """Whether the angles of two lines turn one to one."""
+    return math.isclose(one.ratio, other.ratio)
+
+
+def _same(one: Order, other: Order) -> bool:
+    """Whether two lines of a channel are one: the same cycles per turn of the table."""
+    first, second = (o.order * o.ratio for o in (one, other))
+    width = sum(2.0 * o.resolution * o.ratio for o in (one, other))
+    return one.channel == other.channel and abs(first - second) <= width
+
+
+def _span(values: Sequence[float], digits: str) -> str:
+    """``2 to 4``, or one number where both ends read alike."""
+    return " to ".join(dict.fromkeys(f"{v:{digits}}" for v in (min(values), max(values))))
 
 
 def _spectrum(turns: Array, residual: Array) -> tuple[Array, float]:

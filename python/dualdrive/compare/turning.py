@@ -43,13 +43,13 @@ def orders_of(core: Any, traces: Mapping[str, Trace], residuals: Sequence[Residu
     """
     found: list[Order] = []
     family = 0
-    ratios: dict[str, float] = {}
+    geared = False
     for r in residuals:
         angles = _angles(core, traces[r.record], r.t)
-        ratios |= {a.angle: a.ratio for a in angles}
+        geared |= any(a.ratio != 1.0 for a in angles)
         family += examined(angles, r.counts)
         found += lines(r.record, r.channel, r.unit, r.values, r.counts, angles)
-    return significant(found, family, ratios)
+    return significant(found, family, geared=geared)
 
 
 def _angles(core: Any, trace: Trace, t: Array) -> list[Turning]:

@@ -17,7 +17,7 @@ from dualdrive.workbench.limits import MOST_STRETCHES
 from dualdrive.workbench.series import write_store
 
 if TYPE_CHECKING:
-    from dualdrive.compare import Order
+    from dualdrive.compare import Ripple
     from dualdrive.diagnose import Diagnosis
 
 __all__ = ["compared", "diagnosis", "machine", "proposal", "record"]
@@ -81,6 +81,7 @@ def compared(
         failing_stretches,
         of_evaluation,
         residual_correlations,
+        ripples,
         situations_of,
     )
     from dualdrive.identify import evaluate, which_mode
@@ -117,7 +118,7 @@ def compared(
         plain(
             {
                 **c.figures(),
-                "orders": [_order(o, titles) for o in c.orders[:3]],
+                "orders": [_ripple(r, titles) for r in ripples(c.orders)[:3]],
                 "quantities": [_quantity(q) for q in c.quantities],
                 "remarks": c.remarks(),
                 "stretches": [
@@ -134,9 +135,10 @@ def compared(
     )
 
 
-def _order(o: Order, titles: Mapping[str, str]) -> dict[str, Any]:
-    """A line in the spectrum of a residual: of what, how often per turn, how large."""
-    told = {"title": titles.get(o.channel, o.channel), "spoken": o.spoken}
+def _ripple(r: Ripple, titles: Mapping[str, str]) -> dict[str, Any]:
+    """A line in the spectrum of a residual: of what, how often per turn, how large at most."""
+    o = r.largest
+    told = {"title": titles.get(o.channel, o.channel), "spoken": r.spoken}
     return {**told, "amplitude": o.amplitude, "unit": o.unit, "share": o.share}
 
 
