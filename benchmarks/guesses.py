@@ -35,7 +35,7 @@ def main() -> None:
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else shared
     print("| number | record | half | as it is | twice |")
     print("|--------|--------|------|----------|-------|")
-    for name in ("guessed", "strained", "foretold"):
+    for name in ("guessed", "strained", "cross_validated"):
         usual = THRESHOLDS[name]
         for record in RECORDS:
             cells = []

@@ -19,7 +19,7 @@ from dualdrive.diagnose.selection import EFFORTS
 from dualdrive.files import write_atomically
 from dualdrive.machine import Machine
 from dualdrive.readable import interval
-from dualdrive.report.remedies import in_order, sizes
+from dualdrive.report.remedies import EXPLAINS, in_order, sizes
 from dualdrive_cli._motion import motion_of
 from dualdrive_cli._numbers import Real
 from dualdrive_cli._shared import FAILED, STOPPED, command_line, console, give_up
@@ -171,7 +171,8 @@ def _errors(d: Diagnosis) -> Table:
 def _candidates(d: Diagnosis) -> Table:
     stopped = d.verdict == "unfinished"
     title = f"What could explain it{', none of it judged yet' if stopped else ''}"
-    table = Table(title=title, title_justify="left")
+    caption = f"explains: {EXPLAINS}"
+    table = Table(title=title, title_justify="left", caption=caption, caption_justify="left")
     for head, side in (
         ("effect", "left"),
         ("probability", "right"),

@@ -1,4 +1,4 @@
-"""dualdrive cycles: limit cycles of a machine at standstill: foretold, exact, followed, mapped."""
+"""dualdrive cycles: limit cycles of a machine at standstill: predicted, exact, followed, mapped."""
 
 from __future__ import annotations
 
@@ -74,14 +74,16 @@ def command(
 def _one(
     m: Machine, guess: str, start: dict[str, float], plot: Path | None, json_to: str | None
 ) -> None:
-    foretold, why_not = _foretold(m)
+    predicted, why_not = _predicted(m)
     orbit = cycles.shooting(m, guess, **start)
     if plot:
         from dualdrive import plots
 
         with write_atomically(plot) as temporary:
-            plots.cycle(orbit, foretold).savefig(temporary)
-    write_json(json_to, {"orbit": orbit.figures(), "foretold": [one.figures() for one in foretold]})
+            plots.cycle(orbit, predicted).savefig(temporary)
+    write_json(
+        json_to, {"orbit": orbit.figures(), "predicted": [one.figures() for one in predicted]}
+    )
     if json_to == "-":
         return
     angle = m.unit_of("theta_m", "rad")
@@ -92,7 +94,7 @@ def _one(
                   human(orbit.peak_to_peak, angle, digits=5),
                   f"{kind}, largest multiplier {largest:.4f}; closes within {orbit.residual:.0e}; "
                   f"{len(orbit.switches)} switches")  # fmt: skip
-    for one in foretold:
+    for one in predicted:
         trust = "" if one.trusted else ", too little to rely on"
         words = "; ".join(filter(None, (f"N/K {one.n_over_k:.3f}{trust}", one.note)))
         table.add_row("describing function", human(one.frequency_hz, "Hz", digits=6),
@@ -104,13 +106,13 @@ def _one(
         click.echo(f"written: {plot}")
 
 
-def _foretold(m: Machine) -> tuple[list[cycles.Predicted], str]:
+def _predicted(m: Machine) -> tuple[list[cycles.Predicted], str]:
     """What the describing function has, or why it has nothing."""
     try:
         found = cycles.describing_function(m)
     except cycles.CycleError as error:
         return [], str(error)
-    return found, "" if found else "foretells no cycle"
+    return found, "" if found else "predicts no cycle"
 
 
 def _branch(

@@ -50,8 +50,8 @@ def test_a_cycle_and_what_was_foretold(dualdrive: Callable[[str], Result]) -> No
     hunting = dualdrive("cycles heavy-table-250t --set controller.T_ten=0 --json -")
     found = json.loads(hunting.output)
     assert found["orbit"]["frequency_hz"] == pytest.approx(1.245, abs=1e-3)
-    assert found["foretold"][0]["trusted"] is False
-    assert "coulomb@table" in found["foretold"][0]["note"]
+    assert found["predicted"][0]["trusted"] is False
+    assert "coulomb@table" in found["predicted"][0]["note"]
 
 
 def test_a_map_and_a_branch_are_drawn(dualdrive: Callable[[str], Result]) -> None:

@@ -85,6 +85,7 @@ def test_a_diagnosis_is_shown_whole(asked: Asked) -> None:
         "warning: the clock jitters",
         "22.00%",
         "2.01 kN·m [1.95 .. 2.07 kN·m]",
+        "explains: share of the error that an arbitrary torque could remove",
         "can't be told apart here: coulomb@table, stribeck@table",
         "the equation that fails: table (99% sure)",
         "slow two-way ramps, no tension, to tell coulomb@table from stribeck@table",

@@ -136,6 +136,7 @@ def test_figures_are_those_of_the_diagnosis() -> None:
     ):
         assert shown in words, shown
     assert "coulomb@table or stribeck@table" in words
+    assert "Explains: its share of the error that an arbitrary torque could remove" in words
     assert "nothing is left that these records could show" in words
 
 

@@ -76,7 +76,7 @@ class Predicted(Tabled):
             ("stable", "yes" if self.stable else "no"),
             ("trusted", "yes" if self.trusted else "no"),
         ]
-        return ("limit cycle", "foretold"), [*rows, *([("note", self.note)] if self.note else [])]
+        return ("limit cycle", "predicted"), [*rows, *([("note", self.note)] if self.note else [])]
 
 
 def share_of_stiffness(size: float) -> float:

@@ -32,7 +32,7 @@ def wrong_guesses(core: Any, held: Diagnosis, free: Diagnosis) -> str:
         if path in usual
         and _apart(core.get(path), moved.value) > threshold("strained") * usual[path]
     ]
-    if not far or not after < threshold("foretold") * before:
+    if not far or not after < threshold("cross_validated") * before:
         return ""
     return (
         f"{', '.join(far)} can't be as well known as data sheets are: with nothing added, other "

@@ -79,7 +79,7 @@ def improve(
     fitting = {n: evened(t)[0] for n, t in named(traces).items()}
     other: dict[str, Trace] = {}
     if held_out is None and not _both_ways(machine, fitting, likely):
-        held = "each stretch of time, foretold by the others (no half holds both directions)"
+        held = "cross-validated over stretches of time (no half holds both directions)"
     elif held_out is None:
         halves = {name: _halved(trace) for name, trace in fitting.items()}
         fitting = {name: half[0] for name, half in halves.items()}

@@ -118,7 +118,7 @@ THRESHOLDS = {
         "of the usual tolerance's sigmas, from which a number that moved speaks against it. By "
         "hand, after one robot axis was read: half and twice, see docs/theory/innovations.md",
     ),
-    "foretold": Threshold(
+    "cross_validated": Threshold(
         0.8,
         "of the cross-validated error within the usual tolerances: what guesses leave at most for "
         "them to be contradicted. By hand, likewise",

@@ -14,7 +14,19 @@ if TYPE_CHECKING:
     from dualdrive.diagnose.ladder import Ladder
     from dualdrive.report.pictures import Gallery
 
-__all__ = ["UNJUDGED", "candidates", "experiment", "in_order", "ladder", "moved", "sizes"]
+__all__ = [
+    "EXPLAINS",
+    "UNJUDGED",
+    "candidates",
+    "experiment",
+    "in_order",
+    "ladder",
+    "moved",
+    "sizes",
+]
+
+#: what the column of that name holds, here and in the terminal
+EXPLAINS = "share of the error that an arbitrary torque could remove"
 
 #: what stands above the explanations of a search that was stopped
 UNJUDGED = (
@@ -61,9 +73,9 @@ def _refitted(shown: Sequence[Candidate], *, stopped: bool) -> Html:
     """Explanations that were added to the machine, everything else refitted beside them."""
     words = (
         "Each of these was added to the machine and everything refitted. Cross-validated: headline "
-        "error on parts of the fitted records that the refit did not see. Explains: what it "
-        "removes of the error that an arbitrary torque could remove; explanations overlap, and "
-        "these do not add up. Gain: twice the log likelihood it wins over the refitted machine."
+        "error on parts of the fitted records that the refit did not see. Explains: its "
+        f"{EXPLAINS}; explanations overlap, and these do not add up. "
+        "Gain: twice the log likelihood it wins over the refitted machine."
     )
     head = ("explanation", "probability", "cross-validated", "explains", "gain", "what it takes")
     rows = [
