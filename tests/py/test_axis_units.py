@@ -13,11 +13,14 @@ from click.testing import CliRunner
 
 from dualdrive import Machine, _core
 from dualdrive.describe import meaning, scale_on, spoken_on, unit_on
+from dualdrive.diagnose import diagnose
 from dualdrive.diagnose.findings import _stuck
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.machine_file.frames import linear_unit
+from dualdrive.report import page
+from dualdrive_cli._diagnosis import show
 from dualdrive_cli.main import main
-from measured import measured_file
+from measured import emps, measured_file
 
 EMPS = Path(__file__).resolve().parents[2] / "examples" / "emps.toml"
 
@@ -121,6 +124,21 @@ def test_a_balance_of_a_linear_axis_is_told_in_newtons() -> None:
     assert re.search(r"table\.J .* kg .* of force", fitted)
     for rotary in ("N*m", "kg*m", "N·m", "rad", "torque\n"):
         assert rotary not in told + fitted
+
+
+def test_a_diagnosis_of_a_linear_axis_is_told_in_newtons(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """In the terminal and in the report; a phase stays an angle."""
+    asked: dict[str, Any] = {"mode": "balance", "effort": "quick", "experiment": False}
+    found = diagnose(Machine.load(EMPS), emps().between(0.0, 2.5), **asked)
+    assert found.candidates
+    show(found)
+    told = capsys.readouterr().out
+    written = re.sub(r"<(script|style)\b.*?</\1>|<[^>]*>", " ", page(found), flags=re.DOTALL)
+    for shown in (told, written):
+        assert re.search(r"coulomb@table.* torque \d[\d.]* N \[", shown, re.DOTALL)
+        assert not re.findall(r"N[·*]m|kg[·*]m|rad/s", shown)
 
 
 def test_the_limit_at_which_a_candidate_stands_is_told_on_the_axis() -> None:

@@ -28,8 +28,8 @@ def demo() -> tuple[Machine, Trace]:
 def test_a_short_budget_says_what_it_cut() -> None:
     machine, trace = demo()
     cut = diagnose(machine, trace, budget=0.5, experiment=False, checks=False)
+    assert (cut.verdict, cut.best, cut.command) == ("unfinished", None, "")
     assert cut.cut
-    assert cut.verdict != "effect"
 
 
 def test_a_search_of_a_balance_that_was_cut_is_no_answer_either() -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shlex
 import shutil
 from dataclasses import replace
@@ -21,10 +22,12 @@ import dualdrive.diagnose
 from diagnosed import diagnosis, ladder
 from dualdrive import Machine
 from dualdrive.identify import FitError
+from dualdrive.traces import read
 from dualdrive_cli.main import main
 from recorded import DEMO
 
 Asked = dict[str, Any]
+SUFFIX = {"report": "html"}
 
 
 @pytest.fixture
@@ -204,6 +207,17 @@ def test_records_that_can_not_be_judged_end_in_one_line(
     refused(run("diagnose machine.toml fit.csv"), 1, "demo-table: the simulation fails")
 
 
+def test_the_best_that_has_no_name_stands_beside_the_errors(
+    asked: Asked, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nameless = replace(diagnosis(), verdict="unknown", improved=None)
+    monkeypatch.setattr(dualdrive.diagnose, "diagnose", lambda *_, **__: nameless)
+    done = run("diagnose machine.toml fit.csv")
+    assert done.exit_code == 0, done.output
+    assert re.search(r"with coulomb@table, not named +│ +3\.10% │ +3\.30%", done.stdout)
+    assert re.search(r"noise floor, refitted +│ +2\.90%", done.stdout)
+
+
 def test_a_report_holds_the_command_and_the_hashes(asked: Asked) -> None:
     done = run("report machine.toml fit.csv --held-out held_out.csv -o page.html --json page.json")
     assert done.exit_code == 0, done.output
@@ -215,6 +229,29 @@ def test_a_report_holds_the_command_and_the_hashes(asked: Asked) -> None:
     bare = run("report machine.toml fit.csv --no-ladder -o bare.html")
     assert bare.exit_code == 0, bare.output
     assert "How the error fell" not in Path("bare.html").read_text()
+
+
+# --- answers of the library itself ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("verb", ["diagnose", "improve", "report"])
+def test_a_search_that_was_cut_is_no_answer_to_a_script(verb: str, folder: Path) -> None:
+    done = run(f"{verb} machine.toml fit.csv --budget 0.01 -o out.{SUFFIX.get(verb, 'toml')}")
+    refused(done, 1, "unfinished: --budget cut the search; a longer one, or none, ends it")
+    assert "Traceback" not in done.output
+
+
+def test_trust_keeps_a_record_of_a_closed_loop(folder: Path) -> None:
+    """Both currents have the wrong sign in one of two records."""
+    trace = read("fit.csv")
+    wrong = trace.with_channel("I_1", -trace["I_1"]).with_channel("I_2", -trace["I_2"])
+    wrong.to_csv("wrong.csv")
+    line = "diagnose machine.toml fit.csv wrong.csv --budget 0.01 --mode closed_loop --json -"
+    left_out, kept = (run(f"{line} {trust}") for trust in ("", "--trust wrong"))
+    assert json.loads(left_out.stdout)["records"] == ["fit"]
+    assert json.loads(kept.stdout)["records"] == ["fit", "wrong"]
+    assert "--trust wrong overrules" in " ".join(json.loads(left_out.stdout)["warnings"])
+    refused(run(f"{line} --trust other"), 2, "trust: no trace other; there are fit, wrong")
 
 
 # --- all the way ----------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -253,6 +254,31 @@ for tower in {TOWERS!r}:
             raise SystemExit("accepted")
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, f"the last of {done.stdout}{done.stderr}"
+
+
+def test_a_table_whose_units_are_powers_of_powers_is_refused(tmp_path: Path) -> None:
+    """In a header and in a mapping, likewise in a process of its own."""
+    code = f"""
+import resource
+from pathlib import Path
+resource.setrlimit(resource.RLIMIT_CPU, (60, 60))
+from dualdrive.traces import TraceError, read
+for tower in {TOWERS!r}:
+    print(tower[:40], flush=True)
+    Path("header.csv").write_text(f"t [s],theta_1 [{{tower}}]\\n0,1\\n0.1,2\\n")
+    Path("plain.csv").write_text("t [s],theta_1 [rad]\\n0,1\\n0.1,2\\n")
+    Path("map.toml").write_text(f"[columns.theta_1]\\nchannel = 'theta_1'\\nunit = '{{tower}}'\\n")
+    for files in (["header.csv"], ["plain.csv", "map.toml"]):
+        try:
+            read(*files)
+        except TraceError as error:
+            assert "is not a unit" in str(error) and len(str(error)) < 400, error
+        else:
+            raise SystemExit(f"accepted in {{files[-1]}}")
+"""
+    asked = [sys.executable, "-c", code]
+    done = subprocess.run(asked, capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 0, f"the last of {done.stdout}{done.stderr}"
 
 
