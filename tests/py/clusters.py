@@ -10,7 +10,8 @@ import time
 from pathlib import Path
 from typing import Self
 
-START = 120.0  # s, of a process on a busy computer
+from patience import PATIENCE
+
 #: nothing to look at, nothing that samples what the workers do
 QUIET = {
     "DASK_DISTRIBUTED__DASHBOARD__LINK": "",
@@ -28,7 +29,7 @@ class Cluster:
         self.address = self._address(file)
 
     def _address(self, file: Path) -> str:
-        end = time.monotonic() + START
+        end = time.monotonic() + PATIENCE
         while time.monotonic() < end:
             if file.exists() and (text := file.read_text()).strip().endswith("}"):
                 return str(json.loads(text)["address"])
@@ -46,7 +47,7 @@ class Cluster:
         from distributed import Client
 
         with Client(self.address, set_as_default=False) as client:
-            client.wait_for_workers(len(self.workers), timeout=START)
+            client.wait_for_workers(len(self.workers), timeout=PATIENCE)
         return self
 
     def _begin(self, what: str, *words: str) -> subprocess.Popen[bytes]:

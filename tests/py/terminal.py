@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from patience import PATIENCE
+
 
 class Terminal:
     """Runs a verb; its messages and its progress go to the terminal, its output to `out`."""
@@ -45,27 +47,27 @@ class Terminal:
                 return
             self.screen += data.decode(errors="replace")
 
-    def wait_for(self, words: str, seconds: float = 600.0) -> None:
+    def wait_for(self, words: str) -> None:
         """Until the words stand on the screen."""
-        end = time.monotonic() + seconds
+        end = time.monotonic() + PATIENCE
         while words not in self.screen:
             if self._process.poll() is not None or time.monotonic() > end:
                 self._process.kill()
-                pytest.fail(f"no {words!r} within {seconds:g} s on the screen:\n{self.screen}")
+                pytest.fail(f"no {words!r} within {PATIENCE:g} s on the screen:\n{self.screen}")
             time.sleep(0.05)
 
     def ctrl_c(self) -> None:
         """Press it once."""
         self._process.send_signal(signal.SIGINT)
 
-    def end(self, seconds: float = 600.0) -> tuple[int, str]:
+    def end(self) -> tuple[int, str]:
         """(exit status, standard output) once the command is through; it is killed if it is not."""
         try:
-            out, _ = self._process.communicate(timeout=seconds)
+            out, _ = self._process.communicate(timeout=PATIENCE)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.communicate()
-            pytest.fail(f"still running {seconds:g} s later; on the screen:\n{self.screen}")
+            pytest.fail(f"still running {PATIENCE:g} s later; on the screen:\n{self.screen}")
         return self._process.returncode, out
 
 

@@ -22,6 +22,7 @@ from click.testing import CliRunner, Result
 from dualdrive import Machine, load_run
 from dualdrive_cli.main import main
 from full_disk import full_disk
+from patience import PATIENCE
 
 ARCSEC = math.pi / 648000
 DUALDRIVE = [sys.executable, "-m", "dualdrive_cli"]
@@ -273,13 +274,13 @@ def test_standard_output_on_a_full_disk_is_told() -> None:
 # --- stopping -------------------------------------------------------------------------------------
 
 LONG = """
-import time, dualdrive
+import dualdrive
 machine, motion = dualdrive.Machine.load(), dualdrive.parse_motion("sine:1mrad,f=1,end=1e6")
 print("running", flush=True)
 try:
     dualdrive.simulate(machine, motion, output_step=10.0)
 except KeyboardInterrupt:
-    print(time.monotonic(), flush=True)
+    print("stopped", flush=True)
 """
 
 
@@ -288,24 +289,19 @@ def hear_ctrl_c() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
-def test_ctrl_c_stops_a_simulation_at_once() -> None:
-    """Within 200 ms where nothing else runs; best of three, and with room for a busy computer."""
-    delays = [math.inf]
-    while min(delays) > 0.2 and len(delays) <= 3:
-        with subprocess.Popen(
-            [sys.executable, "-c", LONG],
-            stdout=subprocess.PIPE,
-            text=True,
-            preexec_fn=hear_ctrl_c,
-        ) as p:
-            assert p.stdout is not None
-            assert p.stdout.readline() == "running\n"
-            time.sleep(0.3)
-            pressed = time.monotonic()
-            p.send_signal(signal.SIGINT)
-            told, _ = p.communicate(timeout=120)
-        delays.append(float(told) - pressed)
-    assert 0 < min(delays) < 1.0, delays
+def test_ctrl_c_stops_a_simulation() -> None:
+    """How soon: `python benchmarks/stopping.py`."""
+    with subprocess.Popen(
+        [sys.executable, "-c", LONG],
+        stdout=subprocess.PIPE,
+        text=True,
+        preexec_fn=hear_ctrl_c,
+    ) as p:
+        assert p.stdout is not None
+        assert p.stdout.readline() == "running\n"
+        time.sleep(0.3)
+        p.send_signal(signal.SIGINT)
+        assert p.communicate(timeout=PATIENCE)[0] == "stopped\n"
 
 
 def test_a_stopped_command_leaves_no_file_and_ends_with_130(tmp_path: Path) -> None:
@@ -324,7 +320,7 @@ def test_a_stopped_command_leaves_no_file_and_ends_with_130(tmp_path: Path) -> N
         time.sleep(0.01)
     time.sleep(0.3)  # in the midst of the simulation
     p.send_signal(signal.SIGINT)
-    _, told = p.communicate(timeout=120)
+    _, told = p.communicate(timeout=PATIENCE)
     assert p.returncode == 130
     assert told.splitlines()[-1] == "dualdrive: stopped; nothing was written"
     assert list(tmp_path.iterdir()) == []

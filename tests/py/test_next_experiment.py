@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from functools import cache
 from typing import Any
 
@@ -63,9 +62,7 @@ def test_what_there_was_no_time_for_is_said_and_the_search_ends() -> None:
     told: list[str] = []
     rivals = list(zip(("table", "motors"), friction(), strict=True))
     given = {"noise": RMS, "channels": list(RMS), "simulations": 0.0, "cut": told.append}
-    begin = time.process_time()
     assert next_experiment(rivals, **given) is None  # type: ignore[arg-type]
-    assert time.process_time() - begin < 30.0
     assert told
     assert told[0].startswith("next experiment: not tried: ")
     assert "ramps" in told[0]

@@ -15,6 +15,7 @@ import pytest
 
 from core_machines import apart, core_inputs, core_machine, run_like
 from dualdrive import _core
+from patience import PATIENCE
 from reference_model import bench, heavy_table, move, simulate, sine
 
 TESTS = Path(__file__).parent
@@ -142,7 +143,7 @@ def test_ctrl_c_stops_a_long_run() -> None:
         with pytest.raises(subprocess.TimeoutExpired):
             child.wait(0.5)
         child.send_signal(signal.SIGINT)
-        assert child.communicate(timeout=600)[0] == "stopped\n"
+        assert child.communicate(timeout=PATIENCE)[0] == "stopped\n"
         assert child.returncode == 0
     finally:
         child.kill()

@@ -7,7 +7,6 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import pairwise
 from math import pi, sqrt
-from time import process_time
 
 import numpy as np
 import pytest
@@ -226,10 +225,9 @@ def test_a_stiff_and_undamped_rattle_goes_on() -> None:
 def test_a_formula_that_decides_its_own_sign_ends_as_chattering(start: float, method: str) -> None:
     """−a sign(speed) is not friction: at rest neither sign is right. Coulomb friction is."""
     machine = pushed(lone_pinion(), "-a * sign(speed)", a=5.0)
-    began = process_time()
     result = _core.simulate(machine, {}, end=1.0, initial={"omega_c1": start}, method=method)
-    assert process_time() - began < 5.0
     assert result.status == "chattering"
+    assert result.statistics["rhs"] < 10_000
     assert "expression@pinion_1" in result.message
     assert "add damping" in result.message
     assert result.t[-1] <= start / 5.0

@@ -20,6 +20,7 @@ from dualdrive.demo import records, sheet
 from dualdrive.diagnose import headline
 from dualdrive.identify import with_torques
 from dualdrive.report import Provenance, Source, page
+from patience import PATIENCE
 from recorded import DEMO
 from workbench_page import Seen, chromium, needs_chromium
 
@@ -301,7 +302,7 @@ def shown(file: Path, *options: str) -> subprocess.CompletedProcess[str]:
         "--host-resolver-rules=MAP * ~NOTFOUND", "--enable-logging=stderr",
         "--disable-background-networking", *options, file.as_uri(),
     ]  # fmt: skip
-    return subprocess.run(command, capture_output=True, text=True, timeout=600, check=True)
+    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=True)
 
 
 def asked_for(text: str, folder: Path) -> tuple[subprocess.CompletedProcess[str], set[str]]:

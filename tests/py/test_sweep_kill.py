@@ -23,6 +23,7 @@ from dualdrive.machine import Machine
 from dualdrive.sweeps import Sweep, lay_out, load_sweep
 from dualdrive.sweeps.layout import lay_file
 from full_disk import full_disk
+from patience import PATIENCE
 
 WORKER = str(Path(sweep_worker.__file__))
 RUNS, BLANK = 40, 20_000
@@ -145,7 +146,7 @@ def test_two_resumes_of_one_file(tmp_path: Path) -> None:
         time.sleep(0.01)
     os.kill(first.pid, signal.SIGSTOP)
     try:
-        _, told = cli("--resume", "-o", str(path)).communicate(timeout=600)
+        _, told = cli("--resume", "-o", str(path)).communicate(timeout=PATIENCE)
         assert told == (
             f"dualdrive: {path}: another dualdrive (process {first.pid}) is about to write it; "
             "wait for it, or name another file\n"
@@ -232,7 +233,7 @@ def test_ctrl_c_keeps_what_is_done_and_says_how_to_go_on(tmp_path: Path) -> None
         time.sleep(0.01)
     time.sleep(0.3)
     worker.send_signal(signal.SIGINT)
-    out, err = worker.communicate(timeout=600)
+    out, err = worker.communicate(timeout=PATIENCE)
     assert worker.returncode == 130
     assert out == ""
     left = pending(path)
@@ -257,7 +258,7 @@ def test_a_second_ctrl_c_ends_at_once(tmp_path: Path) -> None:
     assert "Ctrl-C again ends at once" in worker.stderr.readline()
     assert worker.poll() is None
     worker.send_signal(signal.SIGINT)
-    assert worker.wait(timeout=600) == 130
+    assert worker.wait(timeout=PATIENCE) == 130
     assert worker.stderr.readline() == "dualdrive: stopped\n"
     assert pending(path) == 4
 
@@ -265,7 +266,7 @@ def test_a_second_ctrl_c_ends_at_once(tmp_path: Path) -> None:
 def test_a_disk_without_room_leaves_no_file(tmp_path: Path) -> None:
     path = tmp_path / "sweep.h5"
     worker = cli("--delta", "0:1e-3:100", "--keep", "e", "-o", str(path), limit=full_disk(200_000))
-    out, err = worker.communicate(timeout=600)
+    out, err = worker.communicate(timeout=PATIENCE)
     assert (worker.returncode, out) == (1, "")
     assert err.startswith(f"dualdrive: {path}: cannot be written: ")
     assert err.count("\n") == 1
@@ -284,7 +285,7 @@ def test_a_disk_that_fails_under_way_loses_nothing(tmp_path: Path, whole: dict[s
     worker.wait()
     left = pending(path)
     second = start("run", path, limit=full_disk(4096))
-    _, err = second.communicate(timeout=600)
+    _, err = second.communicate(timeout=PATIENCE)
     assert second.returncode == 1
     last = err.strip().splitlines()[-1]
     assert "WriteError" in last

@@ -25,6 +25,7 @@ from dualdrive.workbench.shown import shown
 from dualdrive.workbench.story import Story
 from dualdrive.workbench.worker import Progress
 from dualdrive_cli.report import command as report
+from patience import PATIENCE
 from recorded import DEMO
 from workbench_server import running, wait_for
 
@@ -286,7 +287,10 @@ def test_two_servers_do_not_share_a_project(tmp_path: Path) -> None:
     with running(tmp_path / "p") as server:
         command = [sys.executable, "-m", "dualdrive_cli", "workbench", "--no-browser"]
         done = subprocess.run(
-            [*command, "--project", str(tmp_path / "p")], capture_output=True, text=True, timeout=60
+            [*command, "--project", str(tmp_path / "p")],
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
         )
         assert done.returncode == 1
         assert f"a workbench shows it already, at {server.address}" in done.stderr
@@ -295,7 +299,7 @@ def test_two_servers_do_not_share_a_project(tmp_path: Path) -> None:
 def test_the_command_line_brings_machine_and_recordings(tmp_path: Path) -> None:
     demo = ROOT / "python" / "dualdrive" / "demo"
     with running(tmp_path / "p", demo / "machine.toml", demo / "fit.csv") as server:
-        wait_for(lambda: server.state["steps"][0:1] and server.state["ready"], 30)
+        wait_for(lambda: server.state["steps"][0:1] and server.state["ready"])
         state = server.state
         assert [t["name"] for t in state["traces"]] == ["fit"]
         assert state["machine"]["name"] == "demo-table"

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from dualdrive.workbench.guard import Guard
+from patience import PATIENCE
 
 
 def refused(length: bytes | None, pieces: int, size: int = 1000) -> tuple[int, int]:
@@ -62,4 +63,4 @@ def test_a_client_that_hangs_up_is_not_waited_for() -> None:
     headers = [(b"host", b"elsewhere"), (b"content-length", b"100")]
     scope = {"type": "http", "method": "POST", "path": "/", "headers": headers}
     guard = Guard(nothing, token="right", port=1, policy="")
-    asyncio.run(asyncio.wait_for(guard(scope, receive, nothing), 10.0))
+    asyncio.run(asyncio.wait_for(guard(scope, receive, nothing), PATIENCE))

@@ -26,7 +26,7 @@ pytestmark = needs_chromium
 def stored(project: Path) -> None:
     """A project whose last diagnosis is one that can't tell two laws of friction apart."""
     with running(project, DEMO / "machine.toml", DEMO / "fit.csv") as server:
-        wait_for(lambda: compared(server), 60)
+        wait_for(lambda: compared(server))
     found = Project(project)
     job = found.jobs[max(int(path.name) for path in (project / "jobs").iterdir()) + 1]
     job.folder.mkdir()

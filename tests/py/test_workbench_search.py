@@ -38,12 +38,12 @@ def rungs(seen: Seen) -> int:
 
 def stop_and_keep(seen: Seen) -> None:
     seen.click("button:has-text('Stop, keep what is known')")
-    seen.wait_gone(".job", 60)
+    seen.wait_gone(".job")
 
 
 def test_a_diagnosis_that_is_stopped_hands_over_what_it_knows(seen: Seen) -> None:
     seen.click("#diagnose")
-    seen.wait(".job .what", REFITTING, 120)
+    seen.wait(".job .what", REFITTING)
     stop_and_keep(seen)
     seen.wait("#sentence", "The search was stopped before every effect had its turn: ")
     assert "friction at the table gains most so far" in seen.text("#sentence")
@@ -60,10 +60,10 @@ def test_a_diagnosis_that_is_stopped_hands_over_what_it_knows(seen: Seen) -> Non
 def test_improving_that_is_stopped_keeps_the_rungs_that_it_has(seen: Seen) -> None:
     """The first diagnosis is cut: the refitted numbers are known, no effect is."""
     seen.click("#climb")
-    seen.wait(".job .what", REFITTING, 120)
+    seen.wait(".job .what", REFITTING)
     stop_and_keep(seen)
     seen.wait(".message", "Improved: stopped")
-    seen.wait("#ladder tbody tr:nth-child(2) td.number", "%", 60)
+    seen.wait("#ladder tbody tr:nth-child(2) td.number", "%")
     assert rungs(seen) == 2
     assert seen.share(1) < seen.share(0)
     seen.click("#undo")
@@ -72,7 +72,7 @@ def test_improving_that_is_stopped_keeps_the_rungs_that_it_has(seen: Seen) -> No
 
 def test_improving_that_is_cancelled_changes_nothing(seen: Seen) -> None:
     seen.click("#climb")
-    seen.wait(".job .what", "refitting", 60)
+    seen.wait(".job .what", "refitting")
     seen.cancel()
     assert rungs(seen) == 1
 
@@ -82,10 +82,10 @@ def test_improving_goes_on_until_nothing_is_left(seen: Seen) -> None:
     """The line of progress names what is best so far, before it is added."""
     seen.click("#climb")
     seen.wait(".job strong", "Improving until nothing is left")
-    seen.wait(".job .what", "best so far coulomb@table", 180)
+    seen.wait(".job .what", "best so far coulomb@table")
     assert rungs(seen) == 1
-    seen.wait("#ladder tbody tr:nth-child(3) td.number", "%", 240)
-    seen.wait("#ladder tbody tr:nth-child(2) td.number", "%", 60)
+    seen.wait("#ladder tbody tr:nth-child(3) td.number", "%")
+    seen.wait("#ladder tbody tr:nth-child(2) td.number", "%")
     seen.wait(".message", "Improved: ")
     assert [seen.share(k) for k in range(3)] == pytest.approx([22.0, 19.2, 1.77], rel=0.02)
     assert re.match(r"The model meets what was recorded: .* sensors\.", seen.text("#sentence"))

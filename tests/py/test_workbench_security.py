@@ -23,6 +23,7 @@ from websockets.typing import Origin
 
 from dualdrive.files import FileError
 from dualdrive.workbench.names import accepted, inside
+from patience import PATIENCE
 from workbench_server import Answer, Running, running, wait_for
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -109,7 +110,7 @@ def test_a_socket_needs_token_and_origin_too(
 def test_the_right_socket_is_told_the_state(server: Running) -> None:
     uri = f"ws://127.0.0.1:{server.port}{server.path}live"
     with connect(uri, origin=Origin(server.origin)) as ws:
-        assert json.loads(ws.recv(timeout=5))["project"] == str(server.project)
+        assert json.loads(ws.recv(timeout=PATIENCE))["project"] == str(server.project)
 
 
 def test_answers_carry_the_policies_that_keep_others_out(server: Running) -> None:
@@ -190,7 +191,7 @@ def test_series_of_elsewhere_are_not_read(server: Running) -> None:
 def test_two_gigabytes_are_refused_before_they_come(server: Running) -> None:
     head = f"PUT {server.path}upload/big.csv HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\n"
     head += f"Origin: {server.origin}\r\nContent-Length: {2 * 10**9}\r\n\r\n"
-    with socket.create_connection(("127.0.0.1", server.port), timeout=10) as link:
+    with socket.create_connection(("127.0.0.1", server.port), timeout=PATIENCE) as link:
         link.sendall(head.encode())
         answer = ""
         while "}" not in answer and (piece := link.recv(4000)):
@@ -203,7 +204,7 @@ def test_an_upload_that_lies_about_its_length_is_cut(server: Running) -> None:
     """Chunked, of a machine file, whose limit is a megabyte."""
     head = f"PUT {server.path}upload/m.toml HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\n"
     head += f"Origin: {server.origin}\r\nTransfer-Encoding: chunked\r\n\r\n"
-    with socket.create_connection(("127.0.0.1", server.port), timeout=10) as link:
+    with socket.create_connection(("127.0.0.1", server.port), timeout=PATIENCE) as link:
         link.sendall(head.encode())
         try:
             for _ in range(40):
@@ -266,7 +267,7 @@ def message_of(server: Running, name: str) -> str:
     def told() -> list[dict[str, str]]:
         return [t for t in server.state["traces"] if t["name"] == name and t["status"] == "unread"]
 
-    wait_for(told, 30)
+    wait_for(told)
     return told()[0]["message"]
 
 
@@ -321,7 +322,7 @@ def test_a_machine_bomb_or_one_that_reads_elsewhere_is_refused(
     def told() -> list[dict[str, str]]:
         return [m for m in server.state["messages"] if m["id"] not in known]
 
-    wait_for(told, 30)
+    wait_for(told)
     assert told()[0]["kind"] == "error"
     assert said in told()[0]["text"]
     assert len(told()[0]["text"]) < 600
@@ -336,7 +337,7 @@ def test_a_formula_of_a_machine_file_is_no_python(server: Running, tmp_path: Pat
     )
     known = {told["id"] for told in server.state["messages"]}
     upload(server, "formula.toml", text.encode())
-    wait_for(lambda: {m["id"] for m in server.state["messages"]} - known, 30)
+    wait_for(lambda: {m["id"] for m in server.state["messages"]} - known)
     assert server.state["messages"][-1]["kind"] == "error"
     assert not evil.exists()
 

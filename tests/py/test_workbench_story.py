@@ -11,7 +11,6 @@ import os
 import re
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -51,18 +50,14 @@ def shoot(seen: Seen, name: str) -> None:
 def told(
     browser: object, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[tuple[Seen, Running]]:
-    """The demo, compared; the time to its first picture is looked at on the way."""
+    """The demo, compared."""
     project = tmp_path_factory.mktemp("story") / "table-7"
     warm = browser.new_page()  # type: ignore[attr-defined]
-    begun = time.monotonic()
     with running(project) as server:
         seen = Seen(browser, server.address)  # type: ignore[arg-type]
         seen.click("#demo")
         seen.wait("#panels[data-drawn]")
-        took = time.monotonic() - begun
-        print(f"first picture after {took:.2f} s")
         seen.wait("#ladder td.number", "%")
-        assert took < 3.0 * max(1.0, os.getloadavg()[0] / 2)
         yield seen, server
         assert seen.complaints == []
     warm.close()
@@ -82,10 +77,10 @@ def test_the_demo_from_first_look_to_report(
     seen.page.select_option("#effort", "quick")
     seen.click("#diagnose")
     seen.wait(".job .what", "refitting")
-    seen.wait(".job .what", re.compile(r"refitting .* of \d+\).* best so far .*, gain \d"), 180)
+    seen.wait(".job .what", re.compile(r"refitting .* of \d+\).* best so far .*, gain \d"))
     shoot(seen, "diagnosing")
-    seen.wait(".job .what", "best so far coulomb@table, probability", 180)
-    seen.wait("article.candidate.named h3", "coulomb@table", 180)
+    seen.wait(".job .what", "best so far coulomb@table, probability")
+    seen.wait("article.candidate.named h3", "coulomb@table")
     shoot(seen, "diagnosed")
     assert "Coulomb friction of 12 kN·m at the table is missing from the model: " in seen.text(
         "#sentence"
@@ -96,8 +91,8 @@ def test_the_demo_from_first_look_to_report(
     seen.cancel()
     assert seen.page.locator("#ladder tbody tr").count() == 1
     seen.click("#add-0")
-    seen.wait("#ladder tbody tr:nth-child(3) td.number", "%", 120)
-    seen.wait("#ladder tbody tr:nth-child(2) td.number", "%", 120)
+    seen.wait("#ladder tbody tr:nth-child(3) td.number", "%")
+    seen.wait("#ladder tbody tr:nth-child(2) td.number", "%")
     assert [seen.share(k) for k in range(3)] == pytest.approx([22.0, 19.2, 1.76], rel=0.02)
     assert [seen.share(k, 3) for k in range(3)] == pytest.approx([20.7, 17.6, 1.63], rel=0.03)
     assert "nothing left to find" in seen.text("#sentence")
@@ -141,7 +136,7 @@ def saved_files(seen: Seen, server: Running, browser: object, tmp_path: Path) ->
         p.path: p.value for p in machine.parameters()
     }
     seen.click("#report")
-    seen.wait(".message.done", "report.html", 120)
+    seen.wait(".message.done", "report.html")
     report = Seen(browser, (server.project / "report.html").as_uri())  # type: ignore[arg-type]
     report.wait(".chart-live canvas")
     assert "coulomb@table" in report.text("header")
@@ -186,14 +181,14 @@ def diagnose_and_add(seen: Seen, name: str) -> tuple[float, float]:
 
     The sentence and the ladder count in one measure, whichever the diagnosis judged by.
     """
-    seen.wait("#ladder td.number", "%", 200)
+    seen.wait("#ladder td.number", "%")
     seen.page.select_option("#effort", "quick")
     seen.click("#diagnose")
-    seen.wait("article.candidate", None, 400)
+    seen.wait("article.candidate")
     sentence = seen.text("#sentence")
     seen.click("article.candidate .add")
     for rung in (3, 2, 1):
-        seen.wait(f"#ladder tbody tr:nth-child({rung}) td.number", "%", 300)
+        seen.wait(f"#ladder tbody tr:nth-child({rung}) td.number", "%")
     shares = [seen.share(k) for k in range(3)]
     print(name, shares, sentence, seen.text("article.candidate h3"))
     told = re.search(r"falls from ([\d.]+) %|([\d.]+) % of error", sentence)
@@ -250,7 +245,7 @@ def test_the_dual_motor_rig_mapped_in_the_page(browser: object, tmp_path: Path) 
         seen.wait("#preview-said", "parts")
         seen.click("#map-go")
         seen.wait("article.recording[data-status=ready]")
-        wait_for(lambda: server.state["ready"], 30)
+        wait_for(lambda: server.state["ready"])
         parts = list(server.state["traces"][0]["records"])
         print(len(parts), "parts")
         server.do("parts", trace=server.state["traces"][0]["id"], parts=parts[:2])

@@ -16,6 +16,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+from patience import PATIENCE
+
 
 @dataclass
 class Answer:
@@ -46,7 +48,7 @@ class Running:
             text=True,
             start_new_session=True,
         )
-        wait_for(lambda: told.exists() or self.process.poll() is not None, 30)
+        wait_for(lambda: told.exists() or self.process.poll() is not None)
         if not told.exists():
             raise AssertionError(self.process.communicate()[0])
         self.address = str(json.loads(told.read_text())["address"])
@@ -67,7 +69,7 @@ class Running:
         raw: bool = False,
     ) -> Answer:
         """One request; `where` is below the token unless raw."""
-        link = http.client.HTTPConnection("127.0.0.1", self.port, timeout=20)
+        link = http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)
         headers = {"Host": host or f"127.0.0.1:{self.port}"}
         if origin is not None:
             headers["Origin"] = self.origin if origin == "own" else origin
@@ -90,7 +92,7 @@ class Running:
     def end(self, how: signal.Signals = signal.SIGTERM) -> None:
         if self.process.poll() is None:
             os.kill(self.process.pid, how)
-        self.process.communicate(timeout=20)
+        self.process.communicate(timeout=PATIENCE)
 
 
 @contextmanager
@@ -102,9 +104,9 @@ def running(project: Path, *arguments: str | Path) -> Iterator[Running]:
         server.end()
 
 
-def wait_for(holds: Any, seconds: float) -> None:
+def wait_for(holds: Any) -> None:
     """Until something holds; AssertionError where it does not."""
-    end = time.monotonic() + seconds
+    end = time.monotonic() + PATIENCE
     while not holds():
-        assert time.monotonic() < end, f"not within {seconds} s"
+        assert time.monotonic() < end, f"not within {PATIENCE:g} s"
         time.sleep(0.05)
