@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import random
 import shutil
@@ -13,8 +14,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 import dualdrive
+from dualdrive.identify.closed_loop import Problem
+from dualdrive_cli.main import main
+from patience import PATIENCE
+from recorded import Array
 from test_cli_verbs import DUALDRIVE, hear_ctrl_c
 
 DEMO = Path(dualdrive.__file__).parent / "demo"
@@ -66,7 +72,7 @@ def test_ctrl_c_at_a_random_moment(seed: int, folder: Path) -> None:
     assert process.stdout.readline() == "here\n"
     time.sleep(moment)
     process.send_signal(signal.SIGINT)
-    _, told = process.communicate(timeout=600)
+    _, told = process.communicate(timeout=PATIENCE)
     if process.returncode == 0:  # it was through before
         assert told == ""
     else:
@@ -78,13 +84,38 @@ def test_ctrl_c_at_a_random_moment(seed: int, folder: Path) -> None:
     assert not list(folder.glob(".*")), "something half written was left"
 
 
+@pytest.mark.parametrize("verb", ["compare", "fit"])
+@pytest.mark.parametrize("moment", [1, 2])
+def test_ctrl_c_in_a_simulation_of_a_search(
+    verb: str, moment: int, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first simulation, before which nothing is known, ended in exit code 1; another in 0."""
+    calls, usual = itertools.count(1), Problem.residual
+
+    def pressed(problem: Problem, u: Array) -> Array:
+        if next(calls) == moment:
+            signal.raise_signal(signal.SIGINT)
+        return usual(problem, u)
+
+    monkeypatch.setattr(Problem, "residual", pressed)
+    monkeypatch.chdir(folder)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        done = CliRunner().invoke(main, [verb, "machine.toml", "fit.csv", "--json", "found.json"])
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert done.exit_code == 130, done.output
+    assert "stopped" in done.stderr.splitlines()[-1]
+    assert (folder / "found.json").exists() == (verb == "fit" and moment > 1)
+
+
 def test_sigterm_says_that_nothing_was_kept(folder: Path) -> None:
     process = begun([*DUALDRIVE, *ENDLESS], folder)
     while not list(folder.glob(".run.h5.lock")):
         assert process.poll() is None, process.communicate()
         time.sleep(0.01)
     process.terminate()
-    out, told = process.communicate(timeout=600)
+    out, told = process.communicate(timeout=PATIENCE)
     assert (process.returncode, out) == (143, "")
     assert told.splitlines()[-1] == "dualdrive: stopped; nothing was written"
     assert not list(folder.glob("*.h5")) + list(folder.glob(".*"))
@@ -98,7 +129,7 @@ def test_sigterm_says_how_a_sweep_goes_on(folder: Path) -> None:
         assert process.poll() is None, process.communicate()
         time.sleep(0.01)
     process.terminate()
-    _, told = process.communicate(timeout=600)
+    _, told = process.communicate(timeout=PATIENCE)
     assert process.returncode == 143
     assert "of 400 runs done; 'dualdrive sweep --resume -o sweep.h5' completes it" in told
 
@@ -118,7 +149,7 @@ def test_what_was_written_before_is_named(folder: Path) -> None:
         time.sleep(0.01)
     time.sleep(0.2)
     process.send_signal(signal.SIGINT)
-    _, told = process.communicate(timeout=600)
+    _, told = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130
     assert told.splitlines()[-1] == "dualdrive: stopped; written before: run.h5"
 
@@ -130,7 +161,7 @@ def test_an_ignored_ctrl_c_stays_ignored(folder: Path) -> None:
     assert process.stdout is not None
     assert process.stdout.readline() == "here\n"
     process.send_signal(signal.SIGINT)
-    out, told = process.communicate(timeout=600)
+    out, told = process.communicate(timeout=PATIENCE)
     assert (process.returncode, told) == (0, "")
     assert "coulomb" in out
 
@@ -156,7 +187,7 @@ except KeyboardInterrupt:
     print("heard")
 """
     process = begun([sys.executable, "-c", code], folder)
-    assert process.communicate(timeout=600) == ("heard\n", "")
+    assert process.communicate(timeout=PATIENCE) == ("heard\n", "")
 
 
 def test_ctrl_c_in_a_destructor_is_not_lost(folder: Path) -> None:
@@ -178,7 +209,7 @@ except KeyboardInterrupt:
     print("heard")
 """
     process = begun([sys.executable, "-c", code], folder)
-    assert process.communicate(timeout=600) == ("heard\n", "")
+    assert process.communicate(timeout=PATIENCE) == ("heard\n", "")
 
 
 def test_what_a_thread_holds_at_the_end_is_no_leak(folder: Path) -> None:
@@ -190,4 +221,4 @@ from dualdrive import _core
 threading.Thread(target=lambda _: time.sleep(600), args=(_core.Machine(),), daemon=True).start()
 """
     process = begun([sys.executable, "-c", code], folder)
-    assert process.communicate(timeout=600) == ("", "")
+    assert process.communicate(timeout=PATIENCE) == ("", "")

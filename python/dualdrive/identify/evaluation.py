@@ -99,6 +99,8 @@ def evaluate_records(
     )
     search = Search(problem, precision=1e-3, rounds=2)
     search.run()
+    if search.status == "interrupted":  # half of a comparison is none
+        raise KeyboardInterrupt
     return at_point(problem, search.best)
 
 

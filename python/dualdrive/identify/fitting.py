@@ -96,7 +96,7 @@ def fit(
             one start. One start with one record has nothing to spread and is computed here.
         progress: told where the fit stands after each simulation of all records (on a scheduler
             with several starts: after each start); whatever it raises ends the fit,
-            KeyboardInterrupt with the best point so far.
+            KeyboardInterrupt with the best point so far, if there is one.
 
     Returns:
         :class:`Fit`, or :class:`~dualdrive.identify.BalanceFit` from the torque balance.

@@ -47,6 +47,7 @@ class Search:
 
         Raises:
             FitError: no starting point simulates.
+            KeyboardInterrupt: Ctrl-C came before anything was known.
             SchedulerError: the workers were lost before a start had ended.
 
         """
@@ -55,7 +56,10 @@ class Search:
         else:
             ends = self._spread(self._beginnings(starts, seed))
         errors = [end.error for end in ends if end.error]
+        stopped = any(end.status == "interrupted" for end in ends)
         ends = [end for end in ends if end.point is not None]
+        if not ends and stopped:
+            raise KeyboardInterrupt
         if not ends:
             raise FitError(errors[0] if errors else "stopped before the first simulation ended")
         found = min(ends, key=lambda end: end.size)
