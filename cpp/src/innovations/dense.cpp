@@ -17,13 +17,6 @@ constexpr double dependent = 1e-13;  // of a diagonal: below it a pivot is round
 constexpr double longest = 1.0;      // of ‖X‖: 1/17! is below rounding
 constexpr int most_halvings = 40;
 
-MatrixXd padded_rows(const MatrixXd& A) {
-    MatrixXd wide(exact::padded(static_cast<int>(A.rows())), A.cols());
-    wide.topRows(A.rows()) = A;
-    wide.bottomRows(wide.rows() - A.rows()).setZero();
-    return wide;
-}
-
 // Room of each thread for what the kernels take and give: products come by the million, and their room would cost as much.
 Eigen::Map<MatrixXd> room(std::vector<double>& kept, Eigen::Index rows, Eigen::Index columns) {
     const auto size = static_cast<std::size_t>(rows * columns);
@@ -63,6 +56,13 @@ std::array<double, 17> reciprocal_factorials(int later) {
 }
 
 }  // namespace
+
+MatrixXd padded_rows(const MatrixXd& A) {
+    MatrixXd wide(exact::padded(static_cast<int>(A.rows())), A.cols());
+    wide.topRows(A.rows()) = A;
+    wide.bottomRows(wide.rows() - A.rows()).setZero();
+    return wide;
+}
 
 MatrixXd product(const MatrixXd& A, const MatrixXd& B) {
     const auto rows = static_cast<int>(A.rows()), inner = static_cast<int>(A.cols()), padded = exact::padded(rows),

@@ -5,6 +5,9 @@
 
 namespace dualdrive::innovations {
 
+// With rows of zeros below, as many as the kernels want.
+Eigen::MatrixXd padded_rows(const Eigen::MatrixXd& A);
+
 Eigen::MatrixXd product(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B);
 
 // Not a number where there is none.

@@ -107,11 +107,12 @@ GainSchedule::Place GainSchedule::after(const Modes& pattern, std::size_t phase)
     if (const auto own = own_exits_.find(key); own != own_exits_.end()) return own->second;
 
     StateSpace &here = space(sojourn(now_).pattern), &there = space(pattern);
-    const Eigen::MatrixXd P = covariance(sojourn(now_), here, age_);
+    Eigen::MatrixXd P = covariance(sojourn(now_), here, age_);
     Sojourn next;
     next.pattern = pattern;
     next.phase = (phase + 1) % there.phases();
-    next.begin = there.next(P, here.gain(P), phase);
+    there.next(P, here.gain(P), phase);
+    next.begin = std::move(P);
     const Place place = more(std::move(next), learn_ && !now_.own);
     if (place.own)
         own_exits_[key] = place;

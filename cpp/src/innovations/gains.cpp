@@ -1,10 +1,10 @@
 #include "gains.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
+#include "../solvers/exact/kernels.hpp"
 #include "dense.hpp"
 
 namespace dualdrive {
@@ -56,6 +56,33 @@ constexpr double forgotten = 100.0;       // s: see steady()
 constexpr double unknown = 100.0;         // of that size: what is not known of the first state
 constexpr double white_floor = 1e-3;      // of a sensor's drive: no reading is exact, and R has an inverse
 
+// L of a positive definite L L', not a number where there is none. Of a few rows, for which a library's calls cost more.
+MatrixXd lower_factor(MatrixXd A) {
+    const Eigen::Index n = A.rows();
+    for (Eigen::Index j = 0; j < n; ++j) {
+        for (Eigen::Index k = 0; k < j; ++k)
+            for (Eigen::Index i = j; i < n; ++i) A(i, j) -= A(i, k) * A(j, k);
+        const double pivot = std::sqrt(A(j, j));
+        for (Eigen::Index i = j; i < n; ++i) A(i, j) /= pivot;
+        for (Eigen::Index i = 0; i < j; ++i) A(i, j) = 0.0;
+    }
+    return A;
+}
+
+MatrixXd lower_inverse(const MatrixXd& L) {
+    const Eigen::Index n = L.rows();
+    MatrixXd inverse = MatrixXd::Zero(n, n);
+    for (Eigen::Index j = 0; j < n; ++j) {
+        inverse(j, j) = 1.0 / L(j, j);
+        for (Eigen::Index i = j + 1; i < n; ++i) {
+            double sum = 0.0;
+            for (Eigen::Index k = j; k < i; ++k) sum -= L(i, k) * inverse(k, j);
+            inverse(i, j) = sum / L(i, i);
+        }
+    }
+    return inverse;
+}
+
 // 1 − memory², by which a stationary variance is larger than what drives it.
 double unforgotten(double memory) { return std::max(1e-9, 1.0 - memory * memory); }
 
@@ -105,14 +132,24 @@ StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel
         stationary_(b, b) = Q_(b, b) / unforgotten(torque.memory);
         ++b;
     }
-    own_ = MatrixXd(F.bottomRightCorner(size - states_, size - states_)).sparseView();
+    for (Eigen::Index j = states_; j < size; ++j)
+        for (Eigen::Index i = states_; i < size; ++i)
+            if (F(i, j) != 0.0) own_.push_back({i - states_, j - states_, F(i, j)});
     for (std::size_t phase = 0; phase < flow.phases(); ++phase) {
         const MatrixXd flowed = flow.over_a_sample(frozen, phase);
         F.topLeftCorner(states_, states_) = flowed.topLeftCorner(states_, states_);
         F.block(0, states_, states_, torques) = flowed.block(0, flow.first_torque(), states_, torques);
         F_.push_back(F);
-        moved_.emplace_back(F.topLeftCorner(states_, n));
+        const MatrixXd rows = F.topLeftCorner(states_, n);
+        moved_.push_back({padded_rows(rows), rows.transpose()});
     }
+    if (drifts) zeros_ = size - m;
+    seen_ = C_.leftCols(states_).transpose();
+    const MatrixXd room = padded_rows(MatrixXd::Zero(states_, size));
+    shown_ = gained_ = padded_rows(MatrixXd::Zero(size, m));
+    across_ = room;
+    back_ = room.leftCols(states_);
+    half_ = MatrixXd::Zero(size - states_, size - states_);
 }
 
 const VectorXd& StateSpace::scale() {
@@ -138,12 +175,25 @@ VectorXd StateSpace::reached() const {
     return reached.diagonal().cwiseMax(0.0).cwiseSqrt();
 }
 
-KalmanGains::Set StateSpace::gain(const MatrixXd& P) const {
-    const MatrixXd CP = product(C_, P), S = product(CP, C_.transpose()) + R_;
-    const Eigen::LLT<MatrixXd> factor(S);
+KalmanGains::Set StateSpace::gain(const MatrixXd& P) {
+    const auto rows = static_cast<int>(P.rows()), n = static_cast<int>(states_), m = static_cast<int>(C_.rows());
+    MatrixXd& PC = shown_;  // P C'
+    exact::kernels().product(rows, n, P.data(), n, seen_.data(), m, PC.data());
+    for (Eigen::Index j = 0; j < m; ++j) {
+        PC.col(j) += P.col(sensors_ + j);
+        if (zeros_) PC.col(j) += P.col(zeros_ + j);
+    }
+    MatrixXd S = R_;
+    for (Eigen::Index j = 0; j < m; ++j)
+        for (Eigen::Index i = j; i < m; ++i) {
+            S(i, j) += seen_.col(i).dot(PC.col(j).head(n)) + PC(sensors_ + i, j);
+            if (zeros_) S(i, j) += PC(zeros_ + i, j);
+        }
     KalmanGains::Set set;
-    set.whitening = factor.matrixL().solve(MatrixXd::Identity(S.rows(), S.cols()));
-    set.K = product(CP.transpose(), set.whitening.transpose() * set.whitening);
+    set.whitening = lower_inverse(lower_factor(S));
+    const MatrixXd inverse = set.whitening.transpose().lazyProduct(set.whitening);
+    exact::kernels().product(rows, m, PC.data(), m, inverse.data(), m, gained_.data());
+    set.K = gained_.topRows(size());
     set.log_det = -2.0 * set.whitening.diagonal().array().log().sum();
     return set;
 }
@@ -162,11 +212,11 @@ RiccatiDoubling& StateSpace::horizon() {
     return *horizon_;
 }
 
-KalmanGains::Phased StateSpace::gains(MatrixXd P, std::size_t phase) const {
+KalmanGains::Phased StateSpace::gains(MatrixXd P, std::size_t phase) {
     KalmanGains::Phased found{std::vector<KalmanGains::Set>(F_.size())};
     for (std::size_t k = 0; k < F_.size(); ++k, phase = (phase + 1) % F_.size()) {
         found.sets[phase] = gain(P);
-        if (k + 1 < F_.size()) P = next(P, found.sets[phase], phase);
+        if (k + 1 < F_.size()) next(P, found.sets[phase], phase);
     }
     return found;
 }
@@ -179,44 +229,61 @@ MatrixXd StateSpace::steady_covariance() {
             const double f = F_.front()(j, j), q = Q_(j, j), r = R_(k, k), b = r * (1.0 - f * f) - q;
             P(j, j) = 0.5 * (-b + std::sqrt(b * b + 4.0 * q * r));
         }
-        return P;
+        return padded_rows(P);
     }
     // what nothing shows and nothing feels may walk away, as the difference of two slaves' equalisers does that both act on
     // the master: forgotten over minutes it stays finite, and no gain feels it
     Steady found = horizon().steady();
     if (!found.converged) found = doubling(std::exp(-step_ / forgotten)).steady();
     if (!found.converged) throw std::domain_error("kalman_gains: no steady gain; a state grows that no sensor sees");
-    return units().asDiagonal() * found.P * units().asDiagonal();
+    return padded_rows(units().asDiagonal() * found.P * units().asDiagonal());
 }
 
 MatrixXd StateSpace::later(const MatrixXd& P, std::size_t periods) {
     const VectorXd& s = units();
-    const MatrixXd scaled = s.cwiseInverse().asDiagonal() * P * s.cwiseInverse().asDiagonal();
-    return s.asDiagonal() * horizon().after(scaled, periods) * s.asDiagonal();
+    const MatrixXd scaled = s.cwiseInverse().asDiagonal() * P.topRows(size()) * s.cwiseInverse().asDiagonal();
+    return padded_rows(s.asDiagonal() * horizon().after(scaled, periods) * s.asDiagonal());
 }
 
 MatrixXd StateSpace::start(const VectorXd& deviation) const {
     MatrixXd P = stationary_;
     for (Eigen::Index k = 0; k < states_; ++k) P(k, k) = std::pow(deviation(k), 2);
-    return P;
+    return padded_rows(P);
 }
 
-// F (P − K C P) F' + Q by blocks: what is no state of the machine moves by `own_` alone.
-MatrixXd StateSpace::next(const MatrixXd& P, const KalmanGains::Set& set, std::size_t phase) const {
-    const Eigen::Index n = states_, torqued = sensors_, rest = P.rows() - n;
-    MatrixXd after = P;
-    after.noalias() -= product(set.K, product(C_, P));
-    const MatrixXd& moved = moved_[phase];
-    const MatrixXd across = product(moved, after.topRows(torqued));
-    MatrixXd next = Q_;
-    const MatrixXd own = product(moved, across.leftCols(torqued).transpose());
-    next.topLeftCorner(n, n) += 0.5 * (own + own.transpose());
-    const MatrixXd cross = across.rightCols(rest) * own_.transpose();
-    next.topRightCorner(n, rest) += cross;
-    next.bottomLeftCorner(rest, n) += cross.transpose();
-    const MatrixXd half = own_ * after.bottomRightCorner(rest, rest), others = half * own_.transpose();
-    next.bottomRightCorner(rest, rest) += 0.5 * (others + others.transpose());
-    return next;
+// F (P − B B') F' + Q by blocks, K = B W: what is no state of the machine moves by `own_` alone.
+void StateSpace::next(MatrixXd& P, const KalmanGains::Set& set, std::size_t phase) {
+    const Eigen::Index n = states_, torqued = sensors_, rest = size() - n;
+    const exact::Kernels& kernels = exact::kernels();
+    const auto rows = static_cast<int>(P.rows()), m = static_cast<int>(C_.rows());
+    const MatrixXd factor = lower_inverse(set.whitening);
+    gained_.topRows(size()) = set.K;
+    MatrixXd &B = shown_, &minus = gained_, &across = across_, &back = back_;
+    kernels.product(rows, m, gained_.data(), m, factor.data(), m, B.data());
+    minus = -B;
+    kernels.add_outer(rows, static_cast<int>(size()), m, minus.data(), rows, B.data(), P.data());
+    const auto& [moved, transposed] = moved_[phase];
+    const auto tall = static_cast<int>(moved.rows());
+    kernels.product(tall, static_cast<int>(torqued), moved.data(), rows, P.data(), static_cast<int>(size()),
+                    across.data());
+    kernels.product(tall, static_cast<int>(torqued), across.data(), static_cast<int>(torqued), transposed.data(),
+                    static_cast<int>(n), back.data());
+    half_.setZero();
+    for (const auto& [i, j, f] : own_) half_.col(i) += f * P.col(n + j).segment(n, rest);
+    P.topRows(size()) = Q_;
+    for (Eigen::Index j = 0; j < n; ++j)
+        for (Eigen::Index i = 0; i < n; ++i) P(i, j) += 0.5 * (back(i, j) + back(j, i));
+    for (const auto& [i, j, f] : own_) P.col(n + i).head(n) += f * across.col(n + j).head(n);
+    for (Eigen::Index c = 0; c < rest; ++c)
+        for (const auto& [i, j, f] : own_)
+            if (i >= c) P(n + i, n + c) += f * half_(j, c);
+    for (Eigen::Index j = n; j < size(); ++j)
+        for (Eigen::Index i = 0; i < j; ++i) {
+            if (i < n)
+                P(j, i) = P(i, j);
+            else
+                P(i, j) = P(j, i);
+        }
 }
 
 }  // namespace innovations

@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "../solvers/exact/kernels.hpp"
 #include "dense.hpp"
 
 namespace dualdrive::innovations {
@@ -13,12 +14,21 @@ namespace {
 constexpr std::size_t most_doublings = 40;  // a horizon of 10¹² samples
 constexpr double converged_at = 1e-11;      // relative change of P
 
+// With rows and columns of zeros, as many as the kernels want: states that nothing moves.
+MatrixXd padded_square(const MatrixXd& A) {
+    const Eigen::Index size = exact::padded(static_cast<int>(A.rows()));
+    MatrixXd square = MatrixXd::Zero(size, size);
+    square.topLeftCorner(A.rows(), A.cols()) = A;
+    return square;
+}
+
 }  // namespace
 
 RiccatiDoubling::RiccatiDoubling(const std::vector<MatrixXd>& F, const MatrixXd& Q, const MatrixXd& C,
-                                 const MatrixXd& R) {
-    const MatrixXd G = C.transpose() * R.ldlt().solve(C);
-    for (const MatrixXd& own : F) phases_.push_back({own.transpose(), G, Q});
+                                 const MatrixXd& R)
+    : size_(Q.rows()) {
+    const MatrixXd G = padded_square(C.transpose() * R.ldlt().solve(C)), H = padded_square(Q);
+    for (const MatrixXd& own : F) phases_.push_back({padded_square(own.transpose()), G, H});
 }
 
 RiccatiDoubling::Level RiccatiDoubling::both(const Level& first, const Level& second) {
@@ -49,19 +59,21 @@ const RiccatiDoubling::Level& RiccatiDoubling::level(std::size_t k) {
     return levels_[k];
 }
 
-MatrixXd RiccatiDoubling::after(MatrixXd P, std::size_t periods) {
+MatrixXd RiccatiDoubling::after(const MatrixXd& P, std::size_t periods) {
+    MatrixXd later = padded_square(P);
     for (std::size_t k = 0; periods > 0; ++k, periods /= 2)
-        if (periods % 2 == 1) P = through(level(k), P);
-    return P;
+        if (periods % 2 == 1) later = through(level(k), later);
+    return later.topLeftCorner(size_, size_);
 }
 
 Steady RiccatiDoubling::steady() {
     for (std::size_t k = 1; k <= most_doublings; ++k) {
         const MatrixXd H = level(k).H, before = level(k - 1).H;
-        if (!H.allFinite()) return {before, false};
-        if ((H - before).norm() <= converged_at * H.norm()) return {H, true};
+        const auto own = [&](const MatrixXd& M) { return M.topLeftCorner(size_, size_); };
+        if (!H.allFinite()) return {own(before), false};
+        if ((H - before).norm() <= converged_at * H.norm()) return {own(H), true};
     }
-    return {levels_.back().H, false};
+    return {levels_.back().H.topLeftCorner(size_, size_), false};
 }
 
 }  // namespace dualdrive::innovations

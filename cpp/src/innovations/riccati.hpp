@@ -20,7 +20,7 @@ class RiccatiDoubling {
     RiccatiDoubling(const std::vector<Eigen::MatrixXd>& F, const Eigen::MatrixXd& Q, const Eigen::MatrixXd& C,
                     const Eigen::MatrixXd& R);
     // The covariance so many periods after one at phase 0.
-    Eigen::MatrixXd after(Eigen::MatrixXd P, std::size_t periods);
+    Eigen::MatrixXd after(const Eigen::MatrixXd& P, std::size_t periods);
     Steady steady();  // at phase 0
 
   private:
@@ -30,6 +30,7 @@ class RiccatiDoubling {
     static Level both(const Level& first, const Level& second);
     static Eigen::MatrixXd through(const Level& level, const Eigen::MatrixXd& P);
     const Level& level(std::size_t k);
+    Eigen::Index size_;                   // of P; those of the levels are padded
     std::vector<Level> phases_, levels_;  // over one sample; over 2ᵏ periods
 };
 

@@ -18,7 +18,7 @@ struct Way {
     std::size_t& of;
     std::optional<KalmanGains::Set> known = std::nullopt;
 
-    const KalmanGains::Set& gain(const StateSpace& space) {
+    const KalmanGains::Set& gain(StateSpace& space) {
         if (!known) known = space.gain(P);
         return *known;
     }
@@ -29,7 +29,7 @@ void go_on(Way& way, StateSpace& space, std::size_t first_phase, std::size_t sam
     const std::size_t period = space.phases();
     const auto phase = [&] { return (first_phase + way.of) % period; };
     const auto one = [&] {
-        way.P = space.next(way.P, way.gain(space), phase());
+        space.next(way.P, way.gain(space), phase());
         way.known.reset();
         ++way.of;
     };
@@ -51,6 +51,7 @@ void reach(KalmanGains::Sojourn& sojourn, StateSpace& space, std::size_t sample,
     const auto phase = [&](std::size_t k) { return (sojourn.phase + k) % period; };
     if (sojourn.P.size() == 0) sojourn.P = sojourn.begin;
     Way way{sojourn.P, sojourn.of};
+    if (!pieces.empty()) way.known = pieces.back().sets[phase(sojourn.of)];  // that of P
     while (!sojourn.settled && (pieces.empty() || pieces.back().end <= sample)) {
         const std::size_t begin = pieces.empty() ? 0 : pieces.back().end;
         std::size_t length = 1, middle = begin;

@@ -1,0 +1,222 @@
+"""Which law `diagnose` names where one law of the library, or none, is hidden in the bench.
+
+    python benchmarks/survey_of_laws.py                        every law
+    python benchmarks/survey_of_laws.py cogging stribeck --jobs 2
+    python benchmarks/survey_of_laws.py --draw 3               other sizes, numbers and noise
+
+The motions are those of the independent bench (`DUALDRIVE_DATA`), its sensors' coloured noise and
+rounding as well; the machine behind them is this program's own. So the survey shows what a search
+misses, and nothing of what the physics lacks.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import time
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+import dualdrive as dd
+from dualdrive.diagnose import diagnose
+from dualdrive.traces import Trace, read
+from independent_bench import DATA
+from report import table
+
+Array = NDArray[np.float64]
+
+#: name -> effect, place, numbers at a size that is usual here
+LAWS: dict[str, tuple[str, str, dict[str, float]]] = {
+    "coulomb_motors": ("coulomb", "motors", {"torque": 0.02}),
+    "coulomb_pinions": ("coulomb", "pinions", {"torque": 0.15}),
+    "coulomb_table": ("coulomb", "table", {"torque": 0.7}),
+    "stribeck": ("stribeck", "table", {"torque": 0.7, "static_ratio": 1.5, "speed": 0.05}),
+    "lugre": (
+        "lugre",
+        "table",
+        {"torque": 0.7, "static_ratio": 1.4, "speed": 0.02, "stiffness": 2000.0, "damping": 2.0},
+    ),
+    "angle_friction": (
+        "angle_dependent_friction",
+        "table",
+        {"torque": 0.6, "order": 1, "phase": 0.7},
+    ),
+    "mesh_loss": ("load_dependent_mesh_loss", "pinions", {"fraction": 0.05}),
+    "mesh_damping": ("mesh_damping", "meshes", {"coefficient": 0.5}),
+    "eccentricity": ("eccentricity", "table", {"amplitude": 1e-3, "phase": 0.5, "spacing": np.pi}),
+    "transmission_error": (
+        "transmission_error",
+        "pinions",
+        {"amplitude": 3e-4, "teeth": 20, "phase": 0.3},
+    ),
+    "pitch_error": (
+        "pitch_error",
+        "table",
+        {"amplitude": 5e-4, "order": 3, "phase": 0.3, "spacing": np.pi},
+    ),
+    "mesh_stiffness": (
+        "time_varying_mesh_stiffness",
+        "pinions",
+        {"amplitude": 0.2, "teeth": 20, "phase": 0.3},
+    ),
+    "hertz": ("hertzian_stiffness", "meshes", {"growth": 0.6, "overlap": 2e-3}),
+    "wear": ("wear", "table", {"depth": 2e-3, "centre": 0.05, "width": 0.3}),
+    "cogging": ("cogging", "motors", {"amplitude": 0.02, "order": 24, "phase": 0.3}),
+    "ripple": ("torque_ripple", "motor_1", {"amplitude": 0.06, "order": 6, "phase": 0.3}),
+    "unbalance": ("unbalance", "table", {"amplitude": 0.5, "phase": 0.4}),
+    "drag": ("hydrostatic_drag", "table", {"quadratic": 0.8}),
+    "inertia": (
+        "position_dependent_inertia",
+        "table",
+        {"amplitude": 0.15, "order": 1, "phase": 0.3},
+    ),
+    "delay_motors": ("sensor_delay", "motors", {"time": 2e-3}),
+    "encoder": ("encoder_eccentricity", "table", {"amplitude": 4e-4, "phase": 0.3}),
+    "radial_shift": ("radial_shift", "table", {"compliance": 2e-6}),
+    "tilt": ("table_tilt", "table", {"compliance": 2e-6}),
+    "saturation": ("torque_constant_saturation", "motors", {"loss": 0.1}),
+    "thermal": ("thermal_drift", "motors", {"rise": 40.0, "flux_loss": 0.002}),
+    "dead_time": ("dead_time", "motors", {"voltage": 1.0, "current": 0.05}),
+    "mismatch": ("tension_mismatch", "motor_2", {"error": 0.15}),
+    "current_limit": ("current_limit", "motors", {"T_max": 0.09}),
+    "voltage_limit": ("voltage_limit", "motors", {"U_max": 10.6}),
+    "transport_delay": ("transport_delay", "controller", {"delta_c": 2e-3}),
+    "play": ("gearbox_backlash", "gearboxes", {"gap": 5e-4, "stiffness": 1e6}),
+    "shafts": ("shaft_compliance", "gearboxes", {"stiffness": 600.0}),
+}
+NOTHING = "nothing"
+#: channel -> one-sigma of its noise, its rounding; the noise remembers MEMORY of itself each ms
+NOISE = {
+    "theta_m": (2e-6, 1e-6),
+    "theta_1": (3e-5, 5e-6),
+    "theta_2": (3e-5, 5e-6),
+    "I_1": (5e-3, 0.0),
+    "I_2": (5e-3, 0.0),
+}
+MEMORY = 0.9
+UNITS = {"t": "s", "theta_ref": "rad", "omega_ref": "rad/s"}
+#: number of the data sheet -> one-sigma of the logarithm of what it is really
+OFF = {"table.J": 0.04, "motors.R": 0.03, "table.b": 0.1}
+#: numbers of a law that are no sizes: they stand, or turn freely
+STANDING, TURNING = ("order", "teeth", "spacing"), "phase"
+SLACK = {"slack": {"controller.T_ten": 0.0}}
+HEAD = [
+    "hidden", "verdict", "named", "sizes", "refitted", "with it", "cross-val.", "floor", "CPU",
+]  # fmt: skip
+
+
+def hidden(name: str, draw: int) -> tuple[dd.Machine, dict[str, float], np.random.Generator]:
+    """A machine whose numbers are a little off, with its law; that law's numbers."""
+    rng = np.random.default_rng([draw, *name.encode()])
+    machine = dd.Machine.load(DATA / "nominal.toml")
+    for path, sigma in OFF.items():
+        machine.set(path, machine.get(path) * float(np.exp(sigma * rng.standard_normal())))
+    if name == NOTHING:
+        return machine, {}, rng
+    effect, place, usual = LAWS[name]
+    numbers = dict(usual)
+    for key in numbers if draw else ():  # the first draw has the usual sizes
+        if key == TURNING:
+            numbers[key] = float(rng.uniform(-np.pi, np.pi))
+        elif key not in STANDING:
+            numbers[key] *= float(np.exp(rng.uniform(-0.35, 0.35)))
+    machine.add(effect, place, **numbers)
+    return machine, numbers, rng
+
+
+def records(machine: dd.Machine, rng: np.random.Generator) -> dict[str, Trace]:
+    """What its sensors say on the bench's motions."""
+    found = {}
+    for path in sorted((DATA / "coulomb_table").glob("*.csv")):
+        told = read(path)
+        own = machine.copy()
+        for key, value in SLACK.get(path.stem, {}).items():
+            own.set(key, value)
+        motion = dd.motion.sampled(told.t, told["theta_ref"])
+        run = dd.simulate(
+            own, motion, times=told.t, signals=["theta_ref", "omega_ref", *NOISE], energy=False
+        )
+        columns = {c: np.array(run[c]) for c in ("theta_ref", "omega_ref")}
+        for channel, (sigma, step) in NOISE.items():
+            y = np.array(run[channel]) + coloured(rng, len(told.t), sigma)
+            columns[channel] = np.round(y / step) * step if step else y
+        found[path.stem] = Trace(told.t, columns)
+    return found
+
+
+def coloured(rng: np.random.Generator, n: int, sigma: float) -> Array:
+    """An autoregression of order one with this standard deviation, shape (n,)."""
+    driven = rng.standard_normal(n) * sigma * np.sqrt(1.0 - MEMORY**2)
+    x = np.empty(n)
+    last = sigma * rng.standard_normal()
+    for k, drive in enumerate(driven):
+        x[k] = last = MEMORY * last + drive
+    return x
+
+
+def row(name: str, draw: int, budget: float, effort: str) -> list[str]:
+    """One law hidden and sought."""
+    machine, numbers, rng = hidden(name, draw)
+    traces = records(machine, rng)
+    cpu = time.process_time()
+    found = diagnose(
+        dd.Machine.load(DATA / "nominal.toml"),
+        traces,
+        settings=SLACK,
+        effort=effort,
+        budget=budget,
+        experiment=False,
+        threads=1,
+    )
+    took = f"{time.process_time() - cpu:.0f} s"
+    named = found.groups[0] if found.groups and found.verdict != "parameters" else ()
+    if found.verdict == "effect":
+        named = (found.candidates[0].label,)
+    known = found.candidates[0].parameters if named else {}
+    sizes = []
+    for key, p in known.items():
+        true = numbers.get(key.rsplit(".", 1)[-1])
+        sizes.append(f"{p.value:.3g}" + (f" ({true:.3g})" if true is not None else ""))
+    errors = [
+        f"{100 * found.error[key]:.3g} %"
+        for key in ("refitted", "best", "held_out_best", "noise_floor")
+    ]
+    return [
+        name, found.verdict, ", ".join(named), ", ".join(sizes), *errors, took,
+    ]  # fmt: skip
+
+
+def main() -> None:
+    """Print the table, a row as it comes."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("law", nargs="*", choices=[[], NOTHING, *LAWS], help="all unless given")
+    parser.add_argument("--draw", type=int, default=0, help="of sizes, numbers and noise")
+    parser.add_argument(
+        "--budget",
+        type=float,
+        default=math.inf,
+        help="seconds of a diagnosis, then it is unfinished",
+    )
+    parser.add_argument("--effort", default="normal", choices=["quick", "normal", "thorough"])
+    parser.add_argument("--jobs", type=int, default=1, help="diagnoses side by side")
+    asked = parser.parse_args()
+    if not DATA.exists():
+        parser.exit(1, f"no records in {DATA}; DUALDRIVE_DATA names the folder of measured data\n")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    one = partial(row, draw=asked.draw, budget=asked.budget, effort=asked.effort)
+    rows = []
+    with ProcessPoolExecutor(asked.jobs) as pool:
+        for own in pool.map(one, asked.law or [NOTHING, *LAWS]):
+            rows.append(own)
+            print("; ".join(own), flush=True)
+    print(table(HEAD, rows))
+
+
+if __name__ == "__main__":
+    main()
