@@ -158,7 +158,7 @@ void Flow::start(std::size_t sample, const std::map<std::string, double>& initia
     }
     const double t = record_.times()[sample];
     cell_ = {t, record_.times()[sample + 1]};
-    at_end_ = false;
+    at_end_ = corrected_ = false;
     ticked_at_ = -1.0;
     modes_.assign(layout_.switches.size(), 0);
     for (std::size_t e = 0; e < modes_.size(); ++e)
@@ -192,6 +192,10 @@ void Flow::start(std::size_t sample, const std::map<std::string, double>& initia
 // What the laws add to the tangent at (t, y): the rates less A y.
 void Flow::remainder(double t, const double* y, double* n) {
     evaluate(t, y);
+    rest(y, n);
+}
+
+void Flow::rest(const double* y, double* n) const {
     exact::kernels().multiply(exact::padded(n_), first_torque(), now_->packed.data(), n_, y, 1, n);
     for (int k = 0; k < states(); ++k) n[k] = model_.rate()[static_cast<std::size_t>(k)] - n[k];
     for (int k = states(); k < n_; ++k) n[k] = 0.0;
@@ -232,10 +236,15 @@ void Flow::at(double fraction, double* y) const {
 bool Flow::advance(double t, double length) {
     at_end_ = false;
     const Step* const step = step_of(*now_, length);
-    if (!step) return through_switches(t, length);
+    if (!step) {
+        corrected_ = false;
+        return through_switches(t, length);
+    }
     exact::kernels().multiply(static_cast<int>(out_.size()), n_, step->flow.data(), n_, y_.data(), 1, out_.data());
     if (!affine_) {
-        remainder(t, y_.data(), n0_.data());
+        if (!corrected_) evaluate(t, y_.data());
+        corrected_ = false;
+        rest(y_.data(), n0_.data());
         const auto add = [&](const std::vector<double>& phi, const std::vector<double>& x) {
             exact::kernels().multiply(exact::padded(n_), n_, phi.data(), n_, x.data(), 1, trial_.data());
             for (int k = 0; k < n_; ++k) out_[static_cast<std::size_t>(k)] += trial_[static_cast<std::size_t>(k)];
@@ -260,10 +269,14 @@ bool Flow::advance(double t, double length) {
     return std::isfinite(y_[0]);
 }
 
+void Flow::enter(std::size_t sample) {
+    cell_ = {record_.times()[sample], record_.times()[sample + 1]};
+    std::copy_n(record_.generator_states(sample), record_.generator().size(), y_.data() + states());
+}
+
 bool Flow::flow(std::size_t sample) {
     const double begin = record_.times()[sample], end = record_.times()[sample + 1];
-    cell_ = {begin, end};
-    std::copy_n(record_.generator_states(sample), record_.generator().size(), y_.data() + states());
+    enter(sample);
     double t = begin;
     at_end_ = false;
     while (t < end - instant(end)) {
@@ -286,7 +299,7 @@ bool Flow::flow(std::size_t sample) {
                 std::copy_n(record_.generator_states(sample + 1), record_.generator().size(), y_.data() + states());
             }
             tick(t);
-            at_end_ = false;
+            at_end_ = corrected_ = false;
         }
     }
     return true;
@@ -330,8 +343,12 @@ void Flow::correct(std::size_t sample, const Eigen::MatrixXd& K, const double* e
         if (!stand) settle(sample);
         return;
     }
+    // a corner of the command may lie at the sample: what holds from now on is what counts
+    if (!affine_ && sample + 1 < record_.times().size()) enter(sample);
     all_guards(record_.times()[sample], y_.data(), g0_.data());
-    if (!holds || std::any_of(g0_.begin(), g0_.end(), [](double g) { return g < 0.0; })) settle(sample);
+    const bool stand = holds && std::none_of(g0_.begin(), g0_.end(), [](double g) { return g < 0.0; });
+    if (!stand) settle(sample);
+    corrected_ = stand && !affine_ && !memory_;
 }
 
 }  // namespace dualdrive::innovations

@@ -89,6 +89,8 @@ class Flow final {
     Frozen& frozen();
     void evaluate(double t, const double* z);
     void remainder(double t, const double* y, double* n);
+    void rest(const double* y, double* n) const;  // the same where the laws were evaluated last
+    void enter(std::size_t sample);               // the inputs from a sample on
     bool advance(double t, double length);
     std::size_t resting(int element) const;  // the speed that a friction holds
     bool through_switches(double t, double length);
@@ -136,6 +138,7 @@ class Flow final {
     bool spread_ = false;  // ticks do not repeat soon: their gains are those of ticks spread over time
     std::unique_ptr<DelayMemory> memory_;
     long switches_ = 0;
+    bool corrected_ = false;  // the laws were evaluated last at the present state, as corrected
     bool at_end_ = false;  // out_ holds outputs and guards of the present state: the last sample took one whole step
 };
 
