@@ -139,7 +139,7 @@ class Flow final {
     std::unique_ptr<DelayMemory> memory_;
     long switches_ = 0;
     bool corrected_ = false;  // the laws were evaluated last at the present state, as corrected
-    bool at_end_ = false;  // out_ holds outputs and guards of the present state: the last sample took one whole step
+    bool at_end_ = false;     // out_ holds outputs and guards of the present state: the last sample took one whole step
 };
 
 }  // namespace dualdrive::innovations
