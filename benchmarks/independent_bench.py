@@ -15,7 +15,7 @@ import time
 from pathlib import Path
 
 from dualdrive import Machine
-from dualdrive.diagnose import diagnose
+from dualdrive.diagnose import Diagnosis, diagnose
 from dualdrive.traces import read
 from report import table
 from surroundings import ROOT
@@ -32,6 +32,8 @@ HIDDEN = {
     "gearbox_play": "gearbox_backlash@gearboxes",
     "out_boucwen": "no law of the library",
 }
+#: record -> what was set for it
+SLACK = {"slack": {"controller.T_ten": 0.0}}
 HEAD = [
     "case",
     "hidden",
@@ -47,6 +49,17 @@ HEAD = [
 ]
 
 
+def told(found: Diagnosis) -> tuple[str, list[str]]:
+    """What a diagnosis names, and its errors: refitted, with it, cross-validated, floor."""
+    named = (
+        found.candidates[0].label
+        if found.verdict == "effect"
+        else ", ".join(found.groups[0] if found.groups else ())
+    )
+    keys = ("refitted", "best", "held_out_best", "noise_floor")
+    return named, [f"{100 * found.error[key]:.3g} %" for key in keys]
+
+
 def row(case: str, seconds: float | None, effort: str) -> list[str]:
     """One case diagnosed."""
     traces = {p.stem: read(p) for p in sorted((DATA / case).glob("*.csv"))}
@@ -56,22 +69,14 @@ def row(case: str, seconds: float | None, effort: str) -> list[str]:
     found = diagnose(
         Machine.load(DATA / "nominal.toml"),
         traces,
-        settings={"slack": {"controller.T_ten": 0.0}},
+        settings=SLACK,
         effort=effort,
         experiment=False,
     )
     took = [f"{time.perf_counter() - wall:.0f} s", f"{time.process_time() - cpu:.0f} s"]
-    named = (
-        found.candidates[0].label
-        if found.verdict == "effect"
-        else ", ".join(found.groups[0] if found.groups else ())
-    )
+    named, errors = told(found)
     known = found.candidates[0].parameters if named else {}
     sizes = ", ".join(f"{p.value:.3g} {p.unit}".strip() for p in known.values())
-    errors = [
-        f"{100 * found.error[key]:.3g} %"
-        for key in ("refitted", "best", "held_out_best", "noise_floor")
-    ]
     return [case, HIDDEN[case], found.verdict, named, sizes, *errors, *took]
 
 

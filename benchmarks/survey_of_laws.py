@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
 import time
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
@@ -24,7 +23,7 @@ from numpy.typing import NDArray
 import dualdrive as dd
 from dualdrive.diagnose import diagnose
 from dualdrive.traces import Trace, read
-from independent_bench import DATA
+from independent_bench import DATA, SLACK, told
 from report import table
 
 Array = NDArray[np.float64]
@@ -103,7 +102,6 @@ UNITS = {"t": "s", "theta_ref": "rad", "omega_ref": "rad/s"}
 OFF = {"table.J": 0.04, "motors.R": 0.03, "table.b": 0.1}
 #: numbers of a law that are no sizes: they stand, or turn freely
 STANDING, TURNING = ("order", "teeth", "spacing"), "phase"
-SLACK = {"slack": {"controller.T_ten": 0.0}}
 HEAD = [
     "hidden", "verdict", "named", "sizes", "refitted", "with it", "cross-val.", "floor", "CPU",
 ]  # fmt: skip
@@ -132,19 +130,19 @@ def records(machine: dd.Machine, rng: np.random.Generator) -> dict[str, Trace]:
     """What its sensors say on the bench's motions."""
     found = {}
     for path in sorted((DATA / "coulomb_table").glob("*.csv")):
-        told = read(path)
+        measured = read(path)
         own = machine.copy()
         for key, value in SLACK.get(path.stem, {}).items():
             own.set(key, value)
-        motion = dd.motion.sampled(told.t, told["theta_ref"])
+        motion = dd.motion.sampled(measured.t, measured["theta_ref"])
         run = dd.simulate(
-            own, motion, times=told.t, signals=["theta_ref", "omega_ref", *NOISE], energy=False
+            own, motion, times=measured.t, signals=["theta_ref", "omega_ref", *NOISE], energy=False
         )
         columns = {c: np.array(run[c]) for c in ("theta_ref", "omega_ref")}
         for channel, (sigma, step) in NOISE.items():
-            y = np.array(run[channel]) + coloured(rng, len(told.t), sigma)
+            y = np.array(run[channel]) + coloured(rng, len(measured.t), sigma)
             columns[channel] = np.round(y / step) * step if step else y
-        found[path.stem] = Trace(told.t, columns)
+        found[path.stem] = Trace(measured.t, columns)
     return found
 
 
@@ -173,20 +171,14 @@ def row(name: str, draw: int, budget: float, effort: str) -> list[str]:
         threads=1,
     )
     took = f"{time.process_time() - cpu:.0f} s"
-    named = found.groups[0] if found.groups and found.verdict != "parameters" else ()
-    if found.verdict == "effect":
-        named = (found.candidates[0].label,)
+    named, errors = told(found)
     known = found.candidates[0].parameters if named else {}
     sizes = []
     for key, p in known.items():
         true = numbers.get(key.rsplit(".", 1)[-1])
         sizes.append(f"{p.value:.3g}" + (f" ({true:.3g})" if true is not None else ""))
-    errors = [
-        f"{100 * found.error[key]:.3g} %"
-        for key in ("refitted", "best", "held_out_best", "noise_floor")
-    ]
     return [
-        name, found.verdict, ", ".join(named), ", ".join(sizes), *errors, took,
+        name, found.verdict, named, ", ".join(sizes), *errors, took,
     ]  # fmt: skip
 
 
@@ -208,7 +200,6 @@ def main() -> None:
     asked = parser.parse_args()
     if not DATA.exists():
         parser.exit(1, f"no records in {DATA}; DUALDRIVE_DATA names the folder of measured data\n")
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     one = partial(row, draw=asked.draw, budget=asked.budget, effort=asked.effort)
     rows = []
     with ProcessPoolExecutor(asked.jobs) as pool:
