@@ -97,6 +97,19 @@ def test_without_unknown_torque_it_is_a_simulation(
     assert found["switches"] > 4, "the meshes' flanks open and close in this record"
 
 
+def test_the_error_of_its_steps_falls_with_their_square() -> None:
+    """Cogging of 24 periods a turn, which a step of a sample turns by a good part of one."""
+    core = bench({"cogging@motors": {"amplitude": 0.02, "order": 24.0}})
+    inputs = {"theta_ref": _core.sine(0.1, 1.0)}
+    seen = record(inputs, run(core, inputs, 1000))
+    one, two, eight = (
+        np.abs(predicted(core, seen, QUIET, states=True, substeps=k)["innovations"][:, 0]).max()
+        for k in (1, 2, 8)
+    )
+    assert one / two > 3.0
+    assert two / eight > 10.0
+
+
 def test_loops_that_tick_read_a_corner_as_the_engine_does() -> None:
     """Straight lines between samples, and loops that tick at them: the rate is that of the next."""
     core = bench()
