@@ -170,7 +170,7 @@ def test_a_simulation_begins_with_the_tension_that_was_there() -> None:
     left = simulated(own, Variant(own.core), own.start(Variant(own.core)))
     assert left is not None
     noise = coloured(np.random.default_rng(5), SAMPLES)
-    assert np.std(left[0], axis=0) == pytest.approx(np.std(noise, axis=0), rel=0.2)
+    assert np.std(left.missed[0], axis=0) == pytest.approx(np.std(noise, axis=0), rel=0.2)
 
 
 def test_what_nothing_feels_may_walk_away() -> None:

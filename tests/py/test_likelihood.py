@@ -156,5 +156,5 @@ def test_a_record_simulated_whole_leaves_its_sensors_noise() -> None:
     point, _, _ = likeliest(0.0)
     missed = simulated(grey(0.0), point.variant, point.theta)
     assert missed is not None
-    for column, (drive, memory, _) in zip(missed[0].T, SENSORS, strict=True):
+    for column, (drive, memory, _) in zip(missed.missed[0].T, SENSORS, strict=True):
         assert np.std(column) == pytest.approx(drive / np.sqrt(1.0 - memory**2), rel=0.2)

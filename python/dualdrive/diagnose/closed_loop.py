@@ -26,11 +26,11 @@ from dualdrive.diagnose.result import Candidate, Diagnosis, Experiment, Interval
 from dualdrive.diagnose.selection import EFFORTS, Fitted, Selection, select
 from dualdrive.diagnose.sentences import paragraph
 from dualdrive.diagnose.shape import shapes
-from dualdrive.diagnose.simulated_errors import error_of, noise_floor
+from dualdrive.diagnose.simulated_errors import Simulation, noise_floor, of_the_data_sheet
 from dualdrive.diagnose.uncertainty import Uncertainty
 from dualdrive.identify import FitError
 from dualdrive.identify.unknowns import Unknown, default_free, default_tolerances, unknowns
-from dualdrive.innovations import Counter, GreyBox, Variant, predictable
+from dualdrive.innovations import Counter, GreyBox, Noise, predictable
 from dualdrive.replay import (
     Record,
     core_of,
@@ -140,20 +140,23 @@ def _told(
     best = leaders[0] if leaders else found.base
     refitted = machine_at(machine, grey, found.base)
     improved = machine_at(machine, grey, best) if named else None
+    loops = {f.variant.key: Simulation.of(grey, f) for f in (found.base, *leaders[:_TOLD])}
+    told = (found.base, best) if named else (found.base,)
+    out = _unfollowed(grey, [loops[f.variant.key] for f in told], decision.best.noise)
+    errors = {key: loop.error(out) for key, loop in loops.items()}
+    refitted_error = errors[found.base.variant.key]
     error = {
-        "nominal": error_of(grey, Variant(grey.core), grey.start(Variant(grey.core))),
-        "refitted": error_of(grey, found.base.variant, found.base.point.theta),
-        "noise_floor": noise_floor(grey, decision.best),
+        "nominal": of_the_data_sheet(grey).error(out),
+        "refitted": refitted_error,
+        "noise_floor": noise_floor(grey, decision.best, out),
+        "held_out_refitted": refitted_error * sure.cross_validated(found.base),
     }
-    ratio = sure.cross_validated(found.base)
-    error["held_out_refitted"] = error["refitted"] * ratio
-    errors: dict[str, float] = {}
-    for f in leaders[:_TOLD]:
-        errors[f.variant.key] = error_of(grey, f.variant, f.point.theta)
-    error["best"] = errors[best.variant.key] if leaders and named else error["refitted"]
+    error["best"] = errors[best.variant.key] if named else refitted_error
     error["held_out_best"] = (
         error["best"] * sure.cross_validated(best) if named else error["held_out_refitted"]
     )
+    if out:
+        warnings = [*warnings, _left_out(sorted(out))]
     decision = replace(decision, verdict=beside_the_data_sheet(decision.verdict, error))
     why = objection(decision.verdict, error) or takes_too_little(decision.verdict, error)
     if why:
@@ -225,6 +228,21 @@ def _told(
         over_floor=error["best"] / error["noise_floor"] if error["noise_floor"] else float("nan"),
         effort={"replays": grey.counter.replays, "of": grey.counter.replays},
         missing_torque=dict(decision.missing),
+    )
+
+
+def _unfollowed(grey: GreyBox, loops: Sequence[Simulation], noise: Noise) -> set[str]:
+    """Records that one of these machines can't follow; none where that would leave no record."""
+    out = set[str]().union(*(loop.unfollowed(noise) for loop in loops))
+    return out if len(out) < len(grey.records) else set()
+
+
+def _left_out(names: Sequence[str]) -> str:
+    which = f"record {names[0]}" if len(names) == 1 else f"records {', '.join(names)}"
+    return (
+        f"the errors of the simulated loop leave out {which}: begun as little elsewhere as the "
+        "sensors can't tell, the same machine goes another way there, so that no simulation "
+        "follows it. The likelihood, which decides, counts every record."
     )
 
 

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dualdrive.innovations import GreyBox, Variant, predictable, simulated
-from dualdrive.replay import Record, headline
+from dualdrive.innovations import GreyBox, Noise, Simulated, Variant, predictable, simulated
+from dualdrive.replay import Compared, Record, headline
 
 if TYPE_CHECKING:
     from dualdrive.diagnose.selection.fitted import Fitted
-
-Array = NDArray[np.float64]
 
 
 def simulated_error(core: Any, played: Sequence[Record]) -> float:
@@ -23,36 +21,85 @@ def simulated_error(core: Any, played: Sequence[Record]) -> float:
     Constants of the sensors and the first angles are fitted. Not a number where the machine does
     not run there.
     """
-    grey = GreyBox(core, predictable(core, played), [])
-    return error_of(grey, Variant(core), np.zeros(grey.shared))
+    return of_the_data_sheet(GreyBox(core, predictable(core, played), [])).error()
 
 
-def error_of(grey: GreyBox, variant: Variant, theta: Array) -> float:
-    """Headline error of a variant simulated over the records; NaN where it does not run."""
-    found = simulated(grey, variant, theta)
-    if found is None:
-        return float("nan")
-    left, whole = dict[str, float](), dict[str, float]()
-    for r, missed in zip(grey.records, found, strict=True):
-        own = dict(zip(r.channels, missed.T, strict=True))
-        for c in r.record.channels:
-            total = sum(factor * own[name] for name, factor in c.parts if name in own)
-            residual = np.broadcast_to(total, len(r.record.t))
-            residual = residual - np.mean(residual) if c.floating else residual
-            left[c.name] = left.get(c.name, 0.0) + float(residual @ residual)
-            whole[c.name] = whole.get(c.name, 0.0) + c.spread**2 * len(r.record.t)
-    channels = [c for r in grey.records for c in r.record.channels]
-    return headline({n: float(np.sqrt(left[n] / whole[n])) for n in left}, channels)
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """A machine simulated over the records.
+
+    found: None where it does not run
+    """
+
+    grey: GreyBox
+    found: Simulated | None
+
+    @classmethod
+    def of(cls, grey: GreyBox, f: Fitted) -> Simulation:
+        """Of a hypothesis as fitted."""
+        return cls(grey, simulated(grey, f.variant, f.point.theta))
+
+    def unfollowed(self, noise: Noise) -> set[str]:
+        """Names of the records that no simulation follows; see `Simulated.followed`."""
+        if self.found is None:
+            return set()
+        every = zip(self.grey.records, self.found.followed(noise), strict=True)
+        return {r.name for r, followed in every if not followed}
+
+    def error(self, without: Collection[str] = ()) -> float:
+        """Headline error, over all records but these; NaN where it does not run, or none is left.
+
+        without: names of records
+        """
+        if self.found is None:
+            return float("nan")
+        left = _Sums()
+        for r, missed in zip(self.grey.records, self.found.missed, strict=True):
+            if r.name in without:
+                continue
+            own = dict(zip(r.channels, missed.T, strict=True))
+            for c in r.record.channels:
+                total = sum(factor * own[name] for name, factor in c.parts if name in own)
+                residual = np.broadcast_to(total, len(r.record.t))
+                residual = residual - np.mean(residual) if c.floating else residual
+                left.add(c, len(r.record.t), float(residual @ residual))
+        return left.headline()
 
 
-def noise_floor(grey: GreyBox, f: Fitted) -> float:
-    """Headline error that the sensors' noise alone would leave, as the likelihood has it."""
-    left, whole = dict[str, float](), dict[str, float]()
-    channels = [c for r in grey.records for c in r.record.channels]
+def of_the_data_sheet(grey: GreyBox) -> Simulation:
+    """The machine as given, its numbers where they are nominal."""
+    nothing = Variant(grey.core)
+    return Simulation(grey, simulated(grey, nothing, grey.start(nothing)))
+
+
+def noise_floor(grey: GreyBox, f: Fitted, without: Collection[str] = ()) -> float:
+    """Headline error that the sensors' noise alone would leave, as the likelihood has it.
+
+    without: names of records that do not count
+    """
+    left = _Sums()
     for r in grey.records:
+        if r.name in without:
+            continue
         variance = f.noise.variance(r)
         for c in r.record.channels:
             own = sum(factor**2 * variance.get(name, 0.0) for name, factor in c.parts)
-            left[c.name] = left.get(c.name, 0.0) + own * len(r.record.t)
-            whole[c.name] = whole.get(c.name, 0.0) + c.spread**2 * len(r.record.t)
-    return headline({n: float(np.sqrt(left[n] / whole[n])) for n in left}, channels)
+            left.add(c, len(r.record.t), own * len(r.record.t))
+    return left.headline()
+
+
+class _Sums:
+    """Squares of what is left, channel by channel, beside those of the signals."""
+
+    def __init__(self) -> None:
+        self.left, self.whole = dict[str, float](), dict[str, float]()
+        self.channels: list[Compared] = []
+
+    def add(self, c: Compared, rows: int, squares: float) -> None:
+        self.channels.append(c)
+        self.left[c.name] = self.left.get(c.name, 0.0) + squares
+        self.whole[c.name] = self.whole.get(c.name, 0.0) + c.spread**2 * rows
+
+    def headline(self) -> float:
+        relative = {n: float(np.sqrt(self.left[n] / self.whole[n])) for n in self.left}
+        return headline(relative, self.channels)

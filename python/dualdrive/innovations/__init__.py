@@ -14,7 +14,7 @@ from dualdrive.innovations.noise import Noise, drive_torque, first_noise
 from dualdrive.innovations.records import Predictable, predictable
 from dualdrive.innovations.stretches import some
 from dualdrive.innovations.variant import Point, Variant, carried, flat
-from dualdrive.innovations.whole_record import simulated
+from dualdrive.innovations.whole_record import Simulated, simulated
 
 __all__ = [
     "Counter",
@@ -22,6 +22,7 @@ __all__ = [
     "Noise",
     "Point",
     "Predictable",
+    "Simulated",
     "Variant",
     "carried",
     "drive_torque",

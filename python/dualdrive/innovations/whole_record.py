@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -20,10 +21,38 @@ _STEPS = 4  # of Gauss-Newton
 _BEGIN = 1e-4  # rad: how well the first angles are believed, and their unit
 _DIFFERENCE = 1e-3  # of a unit, for finite differences
 _GAIN = 1e-3  # of the cost: a step that brings less ends the fit
+_TWIN = 0.1  # of one reading's deviation, where a twin begins: what it parts tenfold it has not followed
 
 
-def simulated(grey: GreyBox, variant: Variant, theta: Array) -> list[Array] | None:
-    """Measured less simulated of every record, SI, shape (rows, channels) each.
+@dataclass(frozen=True, eq=False)
+class Simulated:
+    """Records simulated whole.
+
+    missed: measured less simulated of every record, SI, shape (rows, channels) each
+    """
+
+    missed: list[Array]
+    _loop: _Loop = field(repr=False)
+    _begin: Array = field(repr=False)
+
+    def followed(self, noise: Noise) -> list[bool]:
+        """Whether a simulation can follow each record at all.
+
+        Where flanks or detents decide which way a motor falls, a machine parts from its own twin
+        that begins as little elsewhere as no sensor can tell (sensitive dependence on the first
+        state: Guckenheimer & Holmes, Nonlinear Oscillations, section 2.2). A record on which the
+        twins leave more between them than the sensors' noise says nothing about a simulated
+        machine, right or wrong; nor does one on which the twin is lost.
+
+        Args:
+            noise: of the sensors, which tells how well a first state is known.
+
+        """
+        return self._loop.followed(self._begin, self.missed, noise)
+
+
+def simulated(grey: GreyBox, variant: Variant, theta: Array) -> Simulated | None:
+    """Every record simulated whole, from where it fits best.
 
     The machine's numbers are held; what belongs to the records is fitted by Gauss-Newton: the
     sensors' constants, and at which angles of table and meshes, and with which tension, each record
@@ -56,7 +85,7 @@ def simulated(grey: GreyBox, variant: Variant, theta: Array) -> list[Array] | No
         x, now = trials[k][0], trials[k][1] or now
         if costs[k] > (1.0 - _GAIN) * cost:
             break
-    return [part * loop.scale[k] for k, part in enumerate(now)]
+    return Simulated([part * loop.scale[k] for k, part in enumerate(now)], loop, x)
 
 
 def _square(parts: Sequence[Array]) -> float:
@@ -121,6 +150,26 @@ class _Loop:
                 J[u, ends[k] : ends[k + 1]] = (f - now[k]).ravel() / _DIFFERENCE
         return J
 
+    def followed(self, x: Array, missed: Sequence[Array], noise: Noise) -> list[bool]:
+        """Per record, whether a twin begun a sensor's deviation elsewhere stays within the noise."""
+        shared, own = len(self.grey.offsets), len(self.begins)
+        known = [noise.variance(r) for r in self.grey.records]
+        y = x.copy()
+        for k, (r, variance) in enumerate(zip(self.grey.records, known, strict=True)):
+            seen = _resolution(self.core, r, variance)
+            moved = [min(_TWIN * seen.get(s, s0), s0) / s0 for s, s0 in self.begins.items()]
+            y[shared + k * own : shared + (k + 1) * own] += moved
+        found = list[bool]()
+        twins = self._runs([(k, y) for k in range(len(known))])
+        for k, (twin, one, variance) in enumerate(zip(twins, missed, known, strict=True)):
+            if twin is None:
+                found.append(False)
+                continue
+            parted = np.mean((twin * self.scale[k] - one) ** 2, axis=0)
+            allowed = np.array([variance[c] for c in self.grey.records[k].channels])
+            found.append(bool(np.all(parted <= allowed)))
+        return found
+
     def _runs(self, jobs: Sequence[tuple[int, Array]]) -> list[Array | None]:
         self.grey.counter.replays += len(jobs)
         return list(self.grey.pool.map(lambda job: self._run(*job), jobs))
@@ -154,6 +203,25 @@ def _missed(
     if not found["finite"]:
         return None
     return np.asarray(found["innovations"]) / scale
+
+
+def _resolution(core: Any, record: Predictable, variance: Mapping[str, float]) -> dict[str, float]:
+    """State -> standard deviation with which one reading of an encoder tells it, rad."""
+    table, found = variance.get("theta_m"), dict[str, float]()
+    if table is not None:
+        found["theta_m"] = float(np.sqrt(table))
+    for motor in core.motors:
+        n = motor.rpartition("_")[2]
+        mesh, gearbox = f"mesh_{n}", f"gearbox_{n}"
+        for channel, geared in (
+            (f"theta_{n}", gearbox in core.connections),
+            (f"theta_c{n}", False),
+        ):
+            if channel in record.channels and mesh in core.connections:
+                ratio = core.get(f"{gearbox}.ratio") if geared else 1.0
+                of_table = core.get(f"{mesh}.ratio") ** 2 * (table or 0.0)
+                found[f"{mesh}.twist"] = float(np.sqrt(variance[channel] / ratio**2 + of_table))
+    return found
 
 
 def _twists(core: Any) -> list[str]:

@@ -27,7 +27,7 @@ from dualdrive.diagnose.selection.parts import brings, is_joint, is_part
 from dualdrive.diagnose.selection.ranking import Ranking
 from dualdrive.diagnose.selection.refits import worth_refitting
 from dualdrive.diagnose.selection.residual_analysis import suffices, white
-from dualdrive.diagnose.simulated_errors import error_of, noise_floor
+from dualdrive.diagnose.simulated_errors import Simulation, noise_floor
 from dualdrive.diagnose.thresholds import threshold
 from dualdrive.diagnose.work import Leader
 from dualdrive.innovations import GreyBox, Point, carried, inflation
@@ -91,8 +91,10 @@ class _Search:
         """
         if not (white(f) and suffices(self.core, self.whole, f)):
             return False
-        left = error_of(self.whole, f.variant, f.point.theta)
-        return left < threshold("beyond the floor") * noise_floor(self.whole, f)
+        loop = Simulation.of(self.whole, f)
+        out = loop.unfollowed(f.noise)
+        left, floor = loop.error(out), noise_floor(self.whole, f, out)
+        return left < threshold("beyond the floor") * floor
 
     def _compare_on(self, grey: GreyBox, found: Sequence[Fitted]) -> None:
         """On these records from now on, this being known there."""
