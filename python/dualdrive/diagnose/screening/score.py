@@ -9,9 +9,11 @@ One-sided where a strength has one sign: a delay that would have to be negative 
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +27,7 @@ Array = NDArray[np.float64]
 
 _WITHIN = 0.3  # of a sample
 _BATCH = 16  # probes whose innovations are kept at a time
+_ROOT = math.sqrt(2.0)
 _SMALLEST = 0.1  # of its usual size: a strength that the score has smaller begins there
 
 
@@ -47,6 +50,8 @@ class _Probe:
 
     strength: path of the strength that this probe lets in; empty: its coefficient means nothing
     turned: the probe a quarter of a turn after the one before
+    opposite: path of the spacing by which the next pinion meets the wheel half a period later, in
+        this probe and the one before; a law that two pinions meet has its phase at each
     signed: whether the coefficient may be negative, too
     """
 
@@ -54,6 +59,7 @@ class _Probe:
     strength: str = ""
     phase: str = ""
     turned: bool = False
+    opposite: str = ""
     signed: bool = True
 
 
@@ -129,8 +135,12 @@ def residual_maker(
     return lambda change: change - J.T @ (factor @ (J @ change))
 
 
-def _probes(core: object, free: Sequence[Unknown]) -> list[_Probe]:
-    """Every strength by itself, at two phases where it has one; other laws at usual values."""
+def _probes(core: Any, free: Sequence[Unknown]) -> list[_Probe]:
+    """Every strength by itself, at two phases where it has one; other laws at usual values.
+
+    Of a wheel that two pinions meet each phase is tried at two spacings of theirs, alike and in
+    turn: the four waves span every spacing.
+    """
     strengths = [p for p in free if is_strength(core, p.path)]
     if not strengths:
         return [_Probe(s) for s in probes(core, free)]
@@ -144,12 +154,24 @@ def _probes(core: object, free: Sequence[Unknown]) -> list[_Probe]:
             found.append(_Probe(on, p.path, signed=p.low < 0.0))
             continue
         first = phase.value(phase.start)
-        found.append(_Probe({**on, phase.path: first}, p.path, phase.path))
+        plain = {**on, phase.path: first}
         turned = {**on, phase.path: first + 0.5 * math.pi}
+        found.append(_Probe(plain, p.path, phase.path))
         found.append(_Probe(turned, p.path, phase.path, turned=True))
+        label = phase.path.rpartition(".")[0]
+        for path in (x.path for x in free if x.path == f"{label}.spacing"):
+            half = {path: math.pi / _periods(core, label)}
+            found.append(_Probe({**plain, **half}, p.path, phase.path, opposite=path))
+            found.append(_Probe({**turned, **half}, p.path, phase.path, True, path))
     known = {p.path for p in strengths}
     shapes = [p for p in free if p.path not in known and not p.path.endswith(".phase")]
     return found + [_Probe(s) for s in probes(core, [strengths[0], *shapes])[1:]]
+
+
+def _periods(core: Any, label: str) -> float:
+    """Of a law, per turn of its wheel."""
+    [own] = [e for e in core.effects if e["label"] == label]
+    return float(core.get(f"{label}.order")) if "order" in own["parameters"] else 1.0
 
 
 def _scored(
@@ -172,16 +194,24 @@ def _scored(
 
 
 def _start(found: Sequence[tuple[_Probe, Array]], sizes: Array) -> dict[str, float]:
-    """Strengths and phases at the regression's minimum."""
+    """Strengths, phases and spacings at the regression's minimum."""
     start: dict[str, float] = {}
+    waves: dict[str, complex] = {}  # phase -> what the probes before asked for at it
     for k, (probe, _) in enumerate(found):
         if not probe.strength:
             continue
         scale, size = probe.setting[probe.strength], float(sizes[k])
         if probe.phase and not probe.turned:
             quarter = float(sizes[k + 1]) if k + 1 < len(found) and found[k + 1][0].turned else 0.0
-            start[probe.strength] = scale * max(math.hypot(size, quarter), _SMALLEST)
-            start[probe.phase] = probe.setting[probe.phase] + math.atan2(quarter, size)
+            wave = complex(size, quarter)
+            if probe.opposite:  # what all pinions meet alike, and what they meet in turn
+                alike, half = waves[probe.phase], probe.setting[probe.opposite]
+                wave, other = alike + wave, alike - wave
+                start[probe.opposite] = cmath.phase(other * wave.conjugate()) * half / math.pi
+                wave = cmath.rect(math.hypot(abs(wave), abs(other)) / _ROOT, cmath.phase(wave))
+            waves[probe.phase] = wave
+            start[probe.strength] = scale * max(abs(wave), _SMALLEST)
+            start[probe.phase] = probe.setting[probe.phase] + cmath.phase(wave)
         elif not probe.phase:
             start[probe.strength] = scale * max(size, _SMALLEST)
     return start
