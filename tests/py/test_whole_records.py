@@ -1,4 +1,4 @@
-"""Records simulated whole: which of them a simulation can follow, and what the errors then count."""
+"""Records simulated whole: which a simulation can follow, and what the errors then count."""
 
 from __future__ import annotations
 
