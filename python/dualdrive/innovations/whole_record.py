@@ -151,7 +151,7 @@ class _Loop:
         return J
 
     def followed(self, x: Array, missed: Sequence[Array], noise: Noise) -> list[bool]:
-        """Per record, whether a twin begun a sensor's deviation elsewhere stays within the noise."""
+        """Per record, whether a twin stays within the noise; see `Simulated.followed`."""
         shared, own = len(self.grey.offsets), len(self.begins)
         known = [noise.variance(r) for r in self.grey.records]
         y = x.copy()
