@@ -21,7 +21,7 @@ _STEPS = 4  # of Gauss-Newton
 _BEGIN = 1e-4  # rad: how well the first angles are believed, and their unit
 _DIFFERENCE = 1e-3  # of a unit, for finite differences
 _GAIN = 1e-3  # of the cost: a step that brings less ends the fit
-_TWIN = 0.1  # of one reading's deviation, where a twin begins: what it parts tenfold it has not followed
+_TWIN = 0.1  # of one reading's deviation: where a twin begins, which may part tenfold
 
 
 @dataclass(frozen=True, eq=False)
