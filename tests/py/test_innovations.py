@@ -110,6 +110,24 @@ def test_the_error_of_its_steps_falls_with_their_square() -> None:
     assert two / eight > 10.0
 
 
+@pytest.mark.parametrize("stiffness", [2e3, 2e4, 2e5])
+def test_bristles_stiffer_than_a_sample_are_replayed(stiffness: float) -> None:
+    """At full speed they relax by up to e^-30 from one sample to the next."""
+    law = {
+        "torque": 0.7,
+        "static_ratio": 1.4,
+        "speed": 0.02,
+        "stiffness": stiffness,
+        "damping": 2.0,
+    }
+    core, inputs = bench({"lugre@table": law}), {"theta_ref": REVERSALS}
+    truth = run(core, inputs, 3000)
+    found = predicted(core, record(inputs, truth), {}, states=True)
+    assert found["finite"]
+    off = np.sqrt(np.mean(found["innovations"] ** 2, axis=0)) / np.std(truth, axis=0)
+    assert np.max(off) < 1e-3
+
+
 def test_loops_that_tick_read_a_corner_as_the_engine_does() -> None:
     """Straight lines between samples, and loops that tick at them: the rate is that of the next."""
     core = bench()

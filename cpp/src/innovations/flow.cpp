@@ -19,7 +19,9 @@ constexpr int most_passes = 8;  // over the modes, until they stand
 constexpr int most_terms = 80;
 constexpr std::size_t most_lengths = 8;  // of time with propagators of their own, per set of modes
 constexpr int worth = 12;                // times that a length is flown by a series before it gets one
-constexpr double alike = 1e-9;           // of a substep: lengths that are the same
+constexpr double at_rest = 1e-5;         // rad/s: slower, nothing relaxes with the speed
+constexpr int most_octaves = 40;
+constexpr double alike = 1e-9;  // of a substep: lengths that are the same
 
 std::vector<int> signals_of(const Layout& layout, const SampledRecord& record) {
     std::vector<int> signals;
@@ -59,6 +61,8 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
         if (layout_.switches[e].kind == SwitchKind::flank) contacts_.push_back(static_cast<int>(e));
     for (std::size_t e = 0; e < layout_.switches.size(); ++e)
         if (layout_.switches[e].kind == SwitchKind::stick) sticks_.push_back(static_cast<int>(e));
+    for (const auto& memory : layout_.memories)
+        relaxing_.push_back(layout_.group_of[static_cast<std::size_t>(memory.body)]);
     const auto n = static_cast<std::size_t>(exact::padded(n_));
     for (auto* v : {&y_, &trial_, &n0_, &n1_, &slope_}) v->assign(n, 0.0);
     for (auto* g : {&g0_, &g1_}) g->assign(guard_count(), 1.0);
@@ -129,11 +133,29 @@ const Step* Flow::step_of(Frozen& frozen, double length) const {
     return &*own;
 }
 
+std::vector<int> Flow::octaves() const {
+    std::vector<int> found;
+    for (const int g : relaxing_) {
+        const double speed = std::abs(y_[static_cast<std::size_t>(g)]);
+        found.push_back(speed > at_rest ? 1 + std::min(std::ilogb(speed / at_rest), most_octaves) : 0);
+    }
+    return found;
+}
+
+Eigen::VectorXd Flow::touching() const {
+    Eigen::VectorXd y = Eigen::Map<const Eigen::VectorXd>(y_.data(), n_);
+    for (std::size_t k = 0; k < relaxing_.size(); ++k)
+        if (octaves_[k] > 0)
+            y(relaxing_[k]) = std::copysign(std::ldexp(std::sqrt(2.0) * at_rest, octaves_[k] - 1), y(relaxing_[k]));
+    return y;
+}
+
 Frozen& Flow::frozen() {
-    auto& known = known_[modes_];
+    octaves_ = octaves();
+    auto& known = known_[{modes_, octaves_}];
     if (!known) {
         known = std::make_unique<Frozen>(
-            prepare(affine_ ? reader_.read(modes_) : reader_.tangent(modes_, cell_.low, y_.data()), modes_));
+            prepare(affine_ ? reader_.read(modes_) : reader_.tangent(modes_, cell_.low, touching().data()), modes_));
         known->pattern = pattern_of(modes_);
         known->contacts = contacts_of(modes_);
     }
@@ -235,6 +257,7 @@ void Flow::at(double fraction, double* y) const {
 
 bool Flow::advance(double t, double length) {
     at_end_ = false;
+    if (!relaxing_.empty() && octaves() != octaves_) now_ = &frozen();
     const Step* const step = step_of(*now_, length);
     if (!step) {
         corrected_ = false;

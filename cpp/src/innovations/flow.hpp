@@ -87,6 +87,12 @@ class Flow final {
     // The propagator over a length of time, null while that length has not come often enough to be worth one.
     const Step* step_of(Frozen& frozen, double length) const;
     Frozen& frozen();
+    // Octaves of the speeds of bodies where a law's memory relaxes as fast as the body turns: LuGre's bristles by σ0 |ω|/g, far
+    // stiffer than a sample. Within an octave of where the tangent touches, what it leaves of such a rate is less than the rate
+    // itself, and exponential integrators bear that (Hochbruck & Ostermann, Acta Numerica 19, 2010, §2.1).
+    std::vector<int> octaves() const;
+    Eigen::VectorXd touching()
+        const;  // where the tangent of these modes touches: the state, those speeds amid their octaves
     void evaluate(double t, const double* z);
     void remainder(double t, const double* y, double* n);
     void rest(const double* y, double* n) const;  // the same where the laws were evaluated last
@@ -125,7 +131,9 @@ class Flow final {
     double h_;                            // substep
     std::vector<int> contacts_, sticks_;  // elements: flanks; bodies with dry friction
     Modes modes_;
-    std::map<Modes, std::unique_ptr<Frozen>> known_;
+    std::map<std::pair<Modes, std::vector<int>>, std::unique_ptr<Frozen>> known_;  // by modes and octaves
+    std::vector<int> relaxing_;  // groups on which a law's memory relaxes
+    std::vector<int> octaves_;   // of their speeds, for which now_ was prepared
     Frozen* now_ = nullptr;
     std::vector<double> y_, out_, terms_, trial_, n0_, n1_, slope_, g0_, g1_;
     std::vector<double> arriving_;
