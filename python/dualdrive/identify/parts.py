@@ -6,8 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dualdrive.replay import Record
+from dualdrive.replay import Record, ratio_to_table
+
+Array = NDArray[np.float64]
 
 #: of the play in the mesh behind it: where play of a reducer begins
 _OF_MESH = 0.2
@@ -21,7 +24,8 @@ def sizes_of_part(
     """Path -> where to begin with each number of a structural effect that is off.
 
     A torque limit begins where the largest torque recorded of its motors lies but for the noise,
-    from the current where that alone was recorded; a voltage limit at the largest voltage; neither
+    from the current where that alone was recorded; a voltage limit at the largest voltage, or where
+    that was not recorded at what current and speed need, R I + L dI/dt + C_e omega; neither
     where nothing of it was recorded, or the machine's own limit lies below. Play of a reducer
     begins at a fifth of that in its mesh.
     """
@@ -44,17 +48,39 @@ def _peaks(core: Any, motors: Sequence[str], limit: str, played: Sequence[Record
     """Largest size of what a limit limits, over all records, of every motor that has it."""
     if limit not in ("T_max", "U_max"):
         return []
+    of = _torques if limit == "T_max" else _voltages
     found = []
     for motor in motors:
-        n = motor.rpartition("_")[2]
-        volts = {f"U_{n}": 1.0}
-        torques = {f"T_{n}": 1.0, f"I_{n}": core.get(f"{motor}.K_d")}
         own = [
-            factor * float(np.quantile(np.abs(record.trace[channel]), _PEAK))
+            float(np.quantile(np.abs(x), _PEAK))
             for record in played
-            for channel, factor in (torques if limit == "T_max" else volts).items()
-            if channel in record.trace
+            for x in of(core, motor, record)
         ]
         if own:
             found.append(max(own))
     return found
+
+
+def _torques(core: Any, motor: str, record: Record) -> list[Array]:
+    """Of a motor, N*m, as recorded and by its current."""
+    n, trace = motor.rpartition("_")[2], record.trace
+    factors = {f"T_{n}": 1.0, f"I_{n}": core.get(f"{motor}.K_d")}
+    return [factor * trace[name] for name, factor in factors.items() if name in trace]
+
+
+def _voltages(core: Any, motor: str, record: Record) -> list[Array]:
+    """Of a motor, V, as recorded, else by its current and speed (physics.md, the armature)."""
+    n, trace = motor.rpartition("_")[2], record.trace
+    if f"U_{n}" in trace:
+        return [trace[f"U_{n}"]]
+    if f"I_{n}" not in trace:
+        return []
+    current, numbers = trace[f"I_{n}"], {k: core.get(f"{motor}.{k}") for k in ("R", "L", "C_e")}
+    table = trace.get("theta_m", record.reference)
+    own = f"theta_{n}"
+    angle = trace[own] if own in trace else table * ratio_to_table(core, motor)
+    return [
+        numbers["R"] * current
+        + numbers["L"] * np.gradient(current, trace.t)
+        + numbers["C_e"] * np.gradient(angle, trace.t)
+    ]
