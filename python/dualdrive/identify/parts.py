@@ -76,9 +76,10 @@ def _voltages(core: Any, motor: str, record: Record) -> list[Array]:
     if f"I_{n}" not in trace:
         return []
     current, numbers = trace[f"I_{n}"], {k: core.get(f"{motor}.{k}") for k in ("R", "L", "C_e")}
-    table = trace.get("theta_m", record.reference)
-    own = f"theta_{n}"
-    angle = trace[own] if own in trace else table * ratio_to_table(core, motor)
+    ratio = ratio_to_table(core, motor)
+    known = {f"theta_{n}": 1.0, "theta_m": ratio}
+    angles = [factor * trace[name] for name, factor in known.items() if name in trace]
+    angle = [*angles, ratio * record.reference][0]
     return [
         numbers["R"] * current
         + numbers["L"] * np.gradient(current, trace.t)
