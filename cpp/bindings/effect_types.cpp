@@ -73,6 +73,7 @@ void bind_effect_types(nb::module_& m) {
         .def_prop_ro("places", [](const EffectType& e) { return std::string(e.text.places); })
         .def_prop_ro("affine", [](const EffectType& e) { return e.text.affine; })
         .def_prop_ro("acts_on", &acts_on)
+        .def_ro("memory", &EffectType::memory, "How many states of its own it brings: bristles that bend, for one.")
         .def_prop_ro("structural", &EffectType::structural,
                      "Whether it is a part of the machine, its parameters one value with that part's.")
         .def_prop_ro("in_balance", &EffectType::in_balance, "Whether a torque balance on recorded motion contains it.")

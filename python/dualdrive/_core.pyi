@@ -244,6 +244,10 @@ class EffectType:
     def acts_on(self) -> str: ...
 
     @property
+    def memory(self) -> int:
+        """How many states of its own it brings: bristles that bend, for one."""
+
+    @property
     def structural(self) -> bool:
         """
         Whether it is a part of the machine, its parameters one value with that part's.

@@ -7,7 +7,7 @@ import functools
 import numpy as np
 import pytest
 
-from dualdrive import Machine
+from dualdrive import Machine, parse_motion, simulate
 from dualdrive.compare import RecordWarning, check_records
 from dualdrive.traces import Trace, read
 from measured import EXAMPLES, emps, measured_file, rig
@@ -92,6 +92,23 @@ def test_wrong_units_and_frames() -> None:
     told = spoilt(I_1=sound()["I_1"] / 100.0, I_2=sound()["I_2"] / 100.0)["scale"]
     assert "0.01 times" in told.message
     assert "command" in spoilt(theta_ref=np.degrees(sound()["theta_ref"]))
+
+
+def test_friction_that_a_machine_lacks_is_no_wrong_unit() -> None:
+    """Slow turning takes little but friction: five times what the data sheet needs, and sound."""
+    machine = Machine.load("bench")
+    machine.add("coulomb", "table", torque=0.7)
+    run = simulate(machine, parse_motion("cycle:0;6;0,v=1,a=0.2,j=2,dwell=0.2"), end=25.0)
+    t = np.arange(0.0, 25.0, 1e-3)
+    names = ("theta_ref", "theta_m", "theta_1", "theta_2", "I_1", "I_2")
+    seen = {name: np.interp(t, run.t, run[name]) for name in names}
+    sheet = Machine.load("bench")
+    told = {w.code: w for w in check_records(sheet, Trace(t, seen, name="record"))}
+    assert "scale" not in told
+    assert not told["friction"].fatal
+    for name in ("I_1", "I_2"):
+        seen[name] = 1e3 * seen[name]
+    assert {w.code: w for w in check_records(sheet, Trace(t, seen, name="record"))}["scale"].fatal
 
 
 def test_another_machine() -> None:

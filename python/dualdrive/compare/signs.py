@@ -160,7 +160,17 @@ def torques_fit(core: Any, trace: Trace) -> Iterator[Finding]:
     if float(np.std(needed)) == 0.0 or _correlation(total, needed) < _ALIKE:
         return
     size = float(np.std(total) / np.std(needed))
-    if not 1.0 / _ORDERS < size < _ORDERS:
+    most = sum(ratio_to_table(core, motor) * core.get(f"{motor}.T_max") for motor in core.motors)
+    if size >= _ORDERS and float(np.max(np.abs(total))) < most:
+        # slow motion needs next to nothing but what rubs or pulls: no reason to refuse it
+        yield (
+            "friction",
+            f"{' + '.join(torques)} is {size:.2g} times what this machine needs for that motion, "
+            "and within what its drives can give: a friction or a load is missing; else a unit or "
+            "the frame of the torques is wrong",
+            False,
+        )
+    elif not 1.0 / _ORDERS < size < _ORDERS:
         yield (
             "scale",
             f"{' + '.join(torques)} is {size:.2g} times what this machine needs for that motion; "

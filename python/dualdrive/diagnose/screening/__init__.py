@@ -4,6 +4,6 @@ from __future__ import annotations
 
 from dualdrive.diagnose.screening.orders import strongest_orders
 from dualdrive.diagnose.screening.score import Scored, residual_maker, scores
-from dualdrive.diagnose.screening.variants import Library
+from dualdrive.diagnose.screening.variants import Library, brings_states
 
-__all__ = ["Library", "Scored", "residual_maker", "scores", "strongest_orders"]
+__all__ = ["Library", "Scored", "brings_states", "residual_maker", "scores", "strongest_orders"]

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive import _core
 from dualdrive.diagnose.hypotheses import is_strength, probes
+from dualdrive.diagnose.screening.variants import brings_states
 from dualdrive.identify.unknowns import Unknown
 from dualdrive.innovations import GreyBox, Point, Variant, flat
 
@@ -91,8 +91,8 @@ def scores(
     within = _WITHIN * min(x.sampled.step for x in grey.records)
     jobs: list[tuple[int, Variant, Array, _Probe]] = []
     for k, v in enumerate(variants):
-        if _core.effect_type(v.effects[-1][0]).structural:
-            continue  # has other states
+        if brings_states(v.effects[-1][0]):
+            continue  # the base's gains are none for it
         own = v.extra[len(base.variant.extra) :]
         for probe in _probes(v.grown, own):
             # a reading that moves by whole samples moves its noise, too: a probe stays within one

@@ -150,6 +150,12 @@ def usual_sizes(core: Any, grey: GreyBox) -> dict[str, float]:
     return {**known, "delay": _DELAY}
 
 
+def brings_states(effect: str) -> bool:
+    """Whether a machine has other states with it: a part that is put in, or a law with a memory."""
+    own = _core.effect_type(effect)
+    return bool(own.structural or own.memory)
+
+
 def _counted(effect: str) -> str:
     """The number of an effect that is an order or a count of teeth; empty: it has none."""
     names = [p.path for p in _core.effect_type(effect).parameters]

@@ -1,4 +1,4 @@
-"""Refits of parts that are put in: shafts, play, limits, dead times.
+"""Refits of parts that are put in: shafts, play, limits, dead times, bristles.
 
 A part is scored beside the leader at several sizes first, as laws are; where that says nothing,
 nothing is refitted. A part softens or frees what the numbers of the machine had stood for: its
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
-from dualdrive.diagnose.screening import residual_maker
+from dualdrive.diagnose.screening import brings_states, residual_maker
 from dualdrive.diagnose.selection.estimation import Estimator, Place
 from dualdrive.diagnose.thresholds import threshold
 from dualdrive.innovations import GreyBox, Noise, Point, Variant, flat, inflation
@@ -29,7 +29,7 @@ _TRIED = (3.0, 1.0, 0.3, 0.1)  # times its usual one: sizes at which a part is s
 
 def is_part(variant: Variant) -> bool:
     """Whether its last effect is a part of the machine with states of its own."""
-    return bool(_core.effect_type(variant.effects[-1][0]).structural)
+    return brings_states(variant.effects[-1][0])
 
 
 def is_joint(variant: Variant) -> bool:
