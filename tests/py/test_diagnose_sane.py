@@ -17,6 +17,7 @@ from dualdrive.diagnose.closed_loop import nominal_unknowns
 from dualdrive.diagnose.decision import (
     MissingTorque,
     beside_the_data_sheet,
+    leaves_too_much,
     objection,
     takes_too_little,
 )
@@ -159,6 +160,15 @@ def test_a_law_that_hardly_brings_the_simulation_nearer_is_no_name() -> None:
     faint = {**SOUND, "refitted": 0.0494, "best": 0.0468, "noise_floor": 0.0258}
     assert "takes away 11% of what the refitted machine leaves" in takes_too_little("effect", faint)
     assert takes_too_little("unknown", faint) == ""
+
+
+def test_a_law_with_which_more_than_noise_is_left_is_no_name() -> None:
+    clean = {**SOUND, "best": 0.036}
+    assert leaves_too_much("effect", clean) == ""
+    for verdict in ("effect", "ambiguous"):
+        assert "not, or not alone, what is missing" in leaves_too_much(verdict, SOUND)
+    assert leaves_too_much("unknown", SOUND) == ""
+    assert leaves_too_much("parameters", SOUND) == ""
 
 
 def test_what_was_cut_or_is_unknown_needs_no_objection() -> None:

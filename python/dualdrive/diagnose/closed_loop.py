@@ -17,6 +17,7 @@ from dualdrive.diagnose.decision import (
     MissingTorque,
     beside_the_data_sheet,
     decide,
+    leaves_too_much,
     objection,
     takes_too_little,
 )
@@ -158,7 +159,8 @@ def _told(
     if out:
         warnings = [*warnings, _left_out(sorted(out))]
     decision = replace(decision, verdict=beside_the_data_sheet(decision.verdict, error))
-    why = objection(decision.verdict, error) or takes_too_little(decision.verdict, error)
+    denials = (objection, takes_too_little, leaves_too_much)
+    why = next(filter(None, (deny(decision.verdict, error) for deny in denials)), "")
     if why:
         decision = replace(decision, verdict="unknown", group=())
         warnings = [*warnings, f"no verdict but unknown can stand: {why}"]

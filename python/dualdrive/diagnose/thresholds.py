@@ -95,7 +95,7 @@ THRESHOLDS = {
     "beyond the floor": Threshold(
         1.35,
         "times what the sensors leave: where a machine leaves more, it is not said that no effect "
-        "is missing. As `improve` had it; by hand",
+        "is missing, nor that the one that is named is all. As `improve` had it; by hand",
     ),
     "simulated error": Threshold(
         0.3,

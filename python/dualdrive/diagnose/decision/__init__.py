@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from dualdrive.diagnose.decision.sanity import beside_the_data_sheet, objection, takes_too_little
+from dualdrive.diagnose.decision.sanity import (
+    beside_the_data_sheet,
+    leaves_too_much,
+    objection,
+    takes_too_little,
+)
 from dualdrive.diagnose.decision.verdict import Decision, decide
 from dualdrive.diagnose.selection import MissingTorque
 from dualdrive.diagnose.thresholds import THRESHOLDS
@@ -13,6 +18,7 @@ __all__ = [
     "MissingTorque",
     "beside_the_data_sheet",
     "decide",
+    "leaves_too_much",
     "objection",
     "takes_too_little",
 ]

@@ -63,3 +63,22 @@ def takes_too_little(verdict: Verdict, error: Mapping[str, float]) -> str:
         f"the best candidate takes away {taken / beyond:.0%} of what the refitted machine leaves "
         "beyond the sensors' noise"
     )
+
+
+def leaves_too_much(verdict: Verdict, error: Mapping[str, float]) -> str:
+    """Why a law is not, or not alone, what is missing; empty where nothing speaks against it.
+
+    As of a machine without a law: where sensors leave less than the simulated loop, it can't be
+    said that nothing more is missing. A hysteresis of no law of the library is nearly as likely as
+    bristles to a filter, which forgives what acts slowly, and leaves a simulation half as much
+    again.
+
+    error: as in :func:`objection`
+    """
+    left, floor = error["best"], error["noise_floor"]
+    if verdict not in ("effect", "ambiguous") or not left > threshold("beyond the floor") * floor:
+        return ""
+    return (
+        f"with the best candidate the simulated loop leaves {left:.3g}, where the sensors alone "
+        f"would leave {floor:.3g}: that is not, or not alone, what is missing"
+    )
