@@ -10,7 +10,7 @@ from dualdrive.identify.parts import sizes_of_part
 from dualdrive.replay import core_of, records
 from dualdrive.traces import Trace
 
-LIMIT = 12.0  # V, of 20 that the motion would take
+LIMIT = 12.0  # V, less than the motion would take
 ENCODERS = ("theta_1", "theta_2")
 
 

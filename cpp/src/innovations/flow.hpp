@@ -91,8 +91,8 @@ class Flow final {
     // stiffer than a sample. Within an octave of where the tangent touches, what it leaves of such a rate is less than the rate
     // itself, and exponential integrators bear that (Hochbruck & Ostermann, Acta Numerica 19, 2010, §2.1).
     std::vector<int> octaves() const;
-    Eigen::VectorXd touching()
-        const;  // where the tangent of these modes touches: the state, those speeds amid their octaves
+    // Where the tangent of these modes touches: the state, those speeds amid their octaves.
+    Eigen::VectorXd touching() const;
     void evaluate(double t, const double* z);
     void remainder(double t, const double* y, double* n);
     void rest(const double* y, double* n) const;  // the same where the laws were evaluated last
