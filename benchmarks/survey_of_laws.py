@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 import dualdrive as dd
 from dualdrive.diagnose import diagnose
-from dualdrive.traces import Trace, read
+from dualdrive.recorder import reading_times, sources, written
+from dualdrive.traces import Trace, read as read_trace
 from independent_bench import DATA, SLACK, told
 from report import table
 
@@ -130,17 +131,26 @@ def records(machine: dd.Machine, rng: np.random.Generator) -> dict[str, Trace]:
     """What its sensors say on the bench's motions."""
     found = {}
     for path in sorted((DATA / "coulomb_table").glob("*.csv")):
-        measured = read(path)
+        measured = read_trace(path)
         own = machine.copy()
         for key, value in SLACK.get(path.stem, {}).items():
             own.set(key, value)
         motion = dd.motion.sampled(measured.t, measured["theta_ref"])
+        read = sources(own.core)
+        late = {channel: source.delay for channel, source in read.items()}
+        times = reading_times(measured.t, late, float(measured.t[0]))
         run = dd.simulate(
-            own, motion, times=measured.t, signals=["theta_ref", "omega_ref", *NOISE], energy=False
+            own, motion, times=times, signals=["theta_ref", "omega_ref", *NOISE], energy=False
         )
-        columns = {c: np.array(run[c]) for c in ("theta_ref", "omega_ref")}
+        now = np.searchsorted(times, measured.t)
+        columns = {c: np.array(run[c])[now] for c in ("theta_ref", "omega_ref")}
         for channel, (sigma, step) in NOISE.items():
-            y = np.array(run[channel]) + coloured(rng, len(measured.t), sigma)
+            then = np.maximum(measured.t - late.get(channel, 0.0), measured.t[0])
+            y = np.array(run[channel])[np.searchsorted(times, then)]
+            if channel in read:  # what the sensor says, whose law the loop feels, too
+                none = np.zeros((len(y), 0))
+                y, _ = written(own.core, read[channel].places, measured.t, y, none, [])
+            y = y + coloured(rng, len(measured.t), sigma)
             columns[channel] = np.round(y / step) * step if step else y
         found[path.stem] = Trace(measured.t, columns)
     return found

@@ -197,8 +197,8 @@ class _Search:
                 ) is not None:
                     fewer.append(found)
             self.ranking.keep(fewer)
-            best = min(fewer, key=self.ranking.criterion, default=leader)
-            if self.ranking.criterion(best) > self.ranking.criterion(leader):
+            best = min(fewer, key=self.ranking.criterion, default=None)
+            if best is None or self.ranking.criterion(best) > self.ranking.criterion(leader):
                 break
             leader = self.ranking[best.variant.key]
         return leader
