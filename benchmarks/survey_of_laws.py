@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 import dualdrive as dd
 from dualdrive.diagnose import diagnose
 from dualdrive.recorder import reading_times, sources, written
-from dualdrive.traces import Trace, read as read_trace
+from dualdrive.traces import Trace
+from dualdrive.traces import read as read_trace
 from independent_bench import DATA, SLACK, told
 from report import table
 

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from dualdrive.diagnose.screening import Library
-from dualdrive.innovations import Point, Variant
+from dualdrive.diagnose.selection.fitted import EFFORTS, Fitted
+from dualdrive.diagnose.selection.search import _Search
+from dualdrive.innovations import Point, Variant, first_noise
+from dualdrive.innovations.greybox import Counter
 from test_likelihood import grey
 
 
@@ -40,3 +43,25 @@ def test_what_is_left_is_what_would_have_been_put_in_alone(out: tuple[str, str])
     assert found.fixed == expected.fixed
     assert found.looks == expected.looks
     assert {e["label"] for e in found.grown.effects} == {e["label"] for e in expected.grown.effects}
+
+
+def test_an_elimination_that_is_stopped_ends() -> None:
+    """With nothing refitted any more there is nothing to compare the leader with."""
+    own = grey(0.4)
+    asked = 0
+
+    def stop() -> bool:
+        nonlocal asked
+        asked += 1
+        assert asked < 100, "it asks for ever"
+        return True
+
+    own.counter = Counter(stop)
+    search = _Search(own.core, own, EFFORTS["quick"], lambda _: None)
+    whole = Variant(own.core)
+    for effect in CHAIN[:2]:
+        whole = beside(search.library, whole, effect)
+    noise = first_noise(own.core, own.records, 0.1)
+    base, leader = (Fitted(blank(v), noise, 1.0, 0.0, []) for v in (Variant(own.core), whole))
+    search._compare_on(own, [base, leader])
+    assert search._eliminated(leader) is leader
