@@ -21,8 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dualdrive as dd
+from dualdrive._core import recorder_delay
 from dualdrive.diagnose import diagnose
-from dualdrive.recorder import reading_times, sources, written
+from dualdrive.recorder import reading_times, written
 from dualdrive.traces import Trace
 from dualdrive.traces import read as read_trace
 from independent_bench import DATA, SLACK, told
@@ -137,20 +138,18 @@ def records(machine: dd.Machine, rng: np.random.Generator) -> dict[str, Trace]:
         for key, value in SLACK.get(path.stem, {}).items():
             own.set(key, value)
         motion = dd.motion.sampled(measured.t, measured["theta_ref"])
-        read = sources(own.core)
-        late = {channel: source.delay for channel, source in read.items()}
+        late = {f"theta_{n}": recorder_delay(own.core, f"motor_{n}")[0] for n in (1, 2)}
         times = reading_times(measured.t, late, float(measured.t[0]))
-        run = dd.simulate(
-            own, motion, times=times, signals=["theta_ref", "omega_ref", *NOISE], energy=False
-        )
+        signals = {**{c: c for c in ("theta_ref", "omega_ref", *NOISE)}, "theta_m": "sensed.table"}
+        run = dd.simulate(own, motion, times=times, signals=[*signals.values()], energy=False)
         now = np.searchsorted(times, measured.t)
         columns = {c: np.array(run[c])[now] for c in ("theta_ref", "omega_ref")}
         for channel, (sigma, step) in NOISE.items():
             then = np.maximum(measured.t - late.get(channel, 0.0), measured.t[0])
-            y = np.array(run[channel])[np.searchsorted(times, then)]
-            if channel in read:  # what the sensor says, whose law the loop feels, too
-                none = np.zeros((len(y), 0))
-                y, _ = written(own.core, read[channel].places, measured.t, y, none, [])
+            y = np.array(run[signals[channel]])[np.searchsorted(times, then)]
+            if channel in late:  # a record shows what the loop's own encoder says
+                place = channel.replace("theta", "motor")
+                y, _ = written(own.core, [place], measured.t, y, np.zeros((len(y), 0)), [])
             y = y + coloured(rng, len(measured.t), sigma)
             columns[channel] = np.round(y / step) * step if step else y
         found[path.stem] = Trace(measured.t, columns)

@@ -27,7 +27,8 @@ struct Eccentricity {
         .equation = "deflection = twist + amplitude * cos(angle + (mesh number - 1) * spacing + phase)",
         .source = "Smith, Gear Noise and Vibration, Marcel Dekker: run-out as once-per-turn transmission error",
         .validity = "centre offset small against the tooth depth; gap unchanged",
-        .confused_with = "eccentricity",  // of the other wheel: many turns tell them apart
+        .confused_with =
+            "eccentricity,encoder_eccentricity",  // of the other wheel: turns tell; of the encoder: inertia
         .places = "table,pinions",
     };
 

@@ -12,7 +12,7 @@ from dualdrive.diagnose.screening import Scored
 from dualdrive.diagnose.selection.estimation import Estimator, Place, on_all_samples
 from dualdrive.diagnose.selection.fitted import Effort, Fitted
 from dualdrive.diagnose.selection.parts import is_part
-from dualdrive.diagnose.selection.refits import begin, refitted, with_rivals
+from dualdrive.diagnose.selection.refits import begin, confused, refitted, with_rivals
 from dualdrive.diagnose.selection.residual_analysis import suffices, white
 from dualdrive.diagnose.thresholds import threshold
 from dualdrive.diagnose.work import Leader
@@ -103,10 +103,16 @@ class Contest:
     def _in_turn(self, places: Sequence[Place], gains: Mapping[str, float]) -> list[Fitted]:
         """Laws by their gain: those that are nearly as good as the best, and then the others.
 
-        What one of the first leaves may be noise; the others need not come near then.
+        With the first goes what the library declares them to be taken for: it may have come less
+        near. What one of the first leaves may be noise; the others need not come near then.
         """
         most = max((gains[p.variant.key] for p, _ in places), default=0.0)
         tied = [p for p in places if gains[p[0].variant.key] > threshold("tied") * most]
+        tied += [
+            p
+            for p in places
+            if p not in tied and any(confused(t[0].variant, p[0].variant) for t in tied)
+        ]
         rest = [p for p in places if p not in tied]
         found = self.compared(self._approached(tied, fitted=True))
         if not any(map(self.suffices, found)):

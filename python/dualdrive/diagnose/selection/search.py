@@ -252,16 +252,18 @@ class _Search:
         """The simpler one from the numbers found with more effects, where it is likelier there.
 
         What is gained by an effect is told against the simpler machine at its own best, which a
-        search from the data sheet may have missed.
+        search from the data sheet may have missed: its numbers, or its noise.
         """
         self.tell(f"{simpler.variant.key} from the numbers of {richer.variant.key}")
         theta = richer.point.theta[: len(simpler.point.theta)]
-        there = self.estimator.under(self.grey, simpler.variant, [theta], simpler.noise)
+        fits = [
+            self.estimator.under(self.grey, simpler.variant, [theta], noise)
+            for noise in (simpler.noise, richer.noise)
+        ]
+        there = min(filter(None, fits), key=lambda f: f.point.minus_two_log, default=None)
         if there is None or not self._clearly(there, simpler):
             return []
-        found = self.estimator.likeliest(
-            self.grey, simpler.variant, there.point.theta, simpler.noise
-        )
+        found = self.estimator.likeliest(self.grey, simpler.variant, there.point.theta, there.noise)
         return [found] if found else []
 
     @staticmethod
