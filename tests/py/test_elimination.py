@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dualdrive.diagnose.screening import Library
+from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.diagnose.selection.fitted import EFFORTS, Fitted
 from dualdrive.diagnose.selection.search import _Search
 from dualdrive.innovations import Point, Variant, first_noise
@@ -47,7 +48,7 @@ def test_what_is_left_is_what_would_have_been_put_in_alone(out: tuple[str, str])
 
 def test_an_elimination_that_is_stopped_ends() -> None:
     """With nothing refitted any more there is nothing to compare the leader with."""
-    own = grey(0.4)
+    own = grey(0.4).on(grey(0.4).records)
     asked = 0
 
     def stop() -> bool:
@@ -64,4 +65,18 @@ def test_an_elimination_that_is_stopped_ends() -> None:
     noise = first_noise(own.core, own.records, 0.1)
     base, leader = (Fitted(blank(v), noise, 1.0, 0.0, []) for v in (Variant(own.core), whole))
     search._compare_on(own, [base, leader])
-    assert search._eliminated(leader) is leader
+    assert search._eliminated(leader, proven=1) is leader
+
+
+def test_what_came_last_is_taken_out_where_it_has_not_proved_itself() -> None:
+    own = grey(0.4).on(grey(0.4).records)
+    search = _Search(own.core, own, EFFORTS["quick"], lambda _: None)
+    estimator, noise = Estimator(own.core, own), first_noise(own.core, own.records, 0.1)
+    pair = nothing = Variant(own.core)
+    for effect in (("coulomb", "table"), ("torque_ripple", "motors")):
+        pair = beside(search.library, pair, effect)
+    fits = [estimator.likeliest(own, v, own.start(v), noise) for v in (nothing, pair)]
+    base, leader = (f for f in fits if f is not None)
+    search._compare_on(own, [base, leader])
+    assert search._eliminated(leader, proven=1) is leader
+    assert search._eliminated(leader).variant.label == "coulomb@table"

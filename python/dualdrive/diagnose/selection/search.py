@@ -74,6 +74,7 @@ class _Search:
             self._forward(base.there)
         if base.grey is not self.whole:
             self._on_all_samples(base, silent)
+            self._eliminated(self.ranking.best)  # what all samples need no longer
         self._forget_faint_joints()
         self._weigh_drifting_zeros()
         own = (replace(f, criterion=self.ranking.criterion(f)) for f in self.ranking)
@@ -125,7 +126,7 @@ class _Search:
             gained = self.ranking.criterion(leader) - self.ranking.criterion(best)
             if best is leader or gained < threshold("gain"):
                 break
-            leader = self._eliminated(best)
+            leader = self._eliminated(best, proven=1)
             self.leader.judged(leader.variant.key, f"gain {gained:.3g}")
             if len(leader.variant.effects) == _PAIR and not self.contest.leaves_noise(leader):
                 leader = self._swapped(leader)
@@ -176,16 +177,22 @@ class _Search:
         if self.ranking.criterion(leader) - self.ranking.criterion(best) < threshold("gain"):
             return leader
         self.leader.judged(best.variant.key, "instead")
-        return self._eliminated(best)
+        return self._eliminated(best, proven=1)
 
-    def _eliminated(self, leader: Fitted) -> Fitted:
+    def _eliminated(self, leader: Fitted, proven: int = 0) -> Fitted:
         """Backward elimination: what was first may stand for what came later.
 
         (Draper, Smith, Applied Regression Analysis, 3rd ed., 15.)
+
+        Args:
+            leader: several effects.
+            proven: of them, how many that came last have just proved themselves.
+
         """
         while len(leader.variant.effects) > 1:
             fewer = []
-            for effect in leader.variant.effects[:-1]:  # the last one has just proved itself
+            count = len(leader.variant.effects) - proven
+            for effect in leader.variant.effects[:count]:
                 variant = self.library.without(leader.variant, effect)
                 if variant is None or self.grey.counter.stop():
                     continue
