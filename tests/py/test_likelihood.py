@@ -130,6 +130,28 @@ def test_a_delay_that_would_have_to_be_negative_gains_nothing(late: float) -> No
     assert (score.gain > 25.0) if late > 0.0 else (abs(score.gain) < 1e-6)
 
 
+@pytest.mark.parametrize("late", [3e-4, 5e-4, 7e-4, 1.4e-3, 2.5e-3])
+def test_a_reading_of_any_part_of_a_sample_ago_is_followed(late: float) -> None:
+    """Under gains that hardly trust the model, corrections by late readings may swing up."""
+    own = grey_box(Machine.load("bench"), bench({}), SAMPLES, 3, late=late)
+    blank = tuple(np.zeros_like(r.measured) for r in own.records)
+    nothing = Variant(own.core)
+    known = Library(own.core, own).variants(
+        nothing, Point(nothing, own.start(nothing), blank, 0.0, 0.0)
+    )
+    [delay] = [v for v in known if v.label == "sensor_delay@theta_1"]
+    [time] = delay.extra
+    for share in (0.1, 1e-3):
+        noise = first_noise(own.core, own.records, share)
+        thetas = [np.r_[own.start(nothing), time.coordinate(x)] for x in (late, 0.0, 2.0 * late)]
+        found = own.likelihoods(delay, [(theta, noise) for theta in thetas])
+        heights = [f[0].minus_two_log if f else np.inf for f in found]
+        if share == 0.1:
+            assert max(heights) < min(heights) + 1000.0  # none is lost
+        else:
+            assert heights[0] < min(heights[1:]) - 100.0
+
+
 def order_two(random: np.random.Generator, samples: int) -> Array:
     """The same drives, through a resonance at a sixth of the sampling rate."""
     w = random.normal(size=(samples + 500, len(SENSORS))) * [drive for drive, *_ in SENSORS]

@@ -26,6 +26,8 @@ class Reading {
     }
     std::size_t shift() const { return shift_; }
     bool plain() const { return effects_.empty(); }
+    // How much earlier than the state it is, s: less than a sample.
+    double rest() const { return rest_; }
     // value, slope and curvature of the signal at the time of the state; the reading `shift` samples later.
     double read(double t, double value, double slope, double curvature) const {
         double y = value - rest_ * slope + 0.5 * rest_ * rest_ * curvature;
@@ -75,10 +77,11 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
         out.pattern.assign(samples, 0);
     }
     std::vector<Reading> readings;
-    bool plain = true;
+    bool plain = true, late = false;
     for (std::size_t j = 0; j < static_cast<std::size_t>(m); ++j) {
         readings.emplace_back(machine, record, j);
         plain = plain && readings.back().plain();
+        late = late || readings.back().rest() != 0.0;
     }
     const Vector offsets = options.offsets.empty() ? Vector::Zero(m) : Vector(Map(options.offsets.data(), m));
 
@@ -118,6 +121,17 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
         const bool counts = k - begin >= static_cast<std::size_t>(options.given);
         if (counts) out.log_det += set.log_det;
         correction.noalias() = set.K * e;
+        // A reading of a moment before tells of the state then: what it corrects there has flowed on since. Corrections of
+        // the present by what is late by half a sample would swing up under gains that hardly trust the model.
+        for (Eigen::Index j = 0; late && j < m; ++j) {
+            const double rest = readings[static_cast<std::size_t>(j)].rest();
+            if (rest == 0.0) continue;
+            Vector there = Vector::Zero(now->A.rows());
+            there.head(states) = e(j) * set.K.col(j).head(states);
+            there.segment(flow.first_torque(), torques) = e(j) * set.K.col(j).segment(states, torques);
+            const Vector rate = now->A * there, curvature = now->A * rate;
+            correction.head(states) += rest * (rate + 0.5 * rest * curvature).head(states);
+        }
         for (Eigen::Index j = 0; j < m; ++j) {
             const double value = r(j);
             if (!std::isfinite(value)) {
@@ -135,7 +149,7 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
             if (drifts) drift(j) = sensor.drift.memory * (drift(j) + correction(n + before + m + j));
         }
         for (Eigen::Index j = 0; j < torques; ++j) flow.torques()[j] += correction(states + j);
-        flow.correct(k, set.K, e.data(), correction.data(), k - begin >= innovations::one_by_one, steady);
+        flow.correct(k, set.K, e.data(), correction.data(), k - begin >= innovations::one_by_one, steady && !late);
         if (options.states) {
             const auto row = static_cast<std::ptrdiff_t>(k);
             std::copy_n(flow.y(), states, out.trajectory.begin() + row * states);
