@@ -124,9 +124,8 @@ def main() -> None:
             ]
         )
     print(table(["number", "bound", "scatter", "over the bound", "bias, sigma of the mean"], rows))
-    print(
-        f"\nScatter of {asked.draws} draws over the bound; in brackets what the filter's own information says.\n"
-    )
+    print(f"\nScatter of {asked.draws} draws over the bound; in brackets what the filter's own")
+    print("information says.\n")
     print(table(["unknown torque allowed for, of the drives'", *names], lost))
 
 

@@ -58,7 +58,7 @@ def time(f: Fitted) -> float:
 
 
 def test_a_law_arrives_from_the_noise_of_a_machine_without_it() -> None:
-    """The torque of unknown course had borne there what the delay does, and goes on doing so."""
+    """Though a torque of unknown course had borne there what the delay does."""
     estimator, grey, base = fitted(LATER)
     begin = law("sensor_delay@theta_1", LATER)
     at_once = estimator.likeliest(grey, begin.variant, begin.theta, base.noise)
@@ -67,9 +67,8 @@ def test_a_law_arrives_from_the_noise_of_a_machine_without_it() -> None:
     assert near is not None
     by_way = estimator.likeliest(grey, begin.variant, near[0].theta, near[1])
     assert by_way is not None
-    assert by_way.point.minus_two_log < at_once.point.minus_two_log - 1000.0
-    assert time(by_way) == pytest.approx(LATER, rel=0.01)
-    assert time(at_once) < 0.5 * LATER
+    for found in (at_once, by_way):
+        assert time(found) == pytest.approx(LATER, rel=0.01)
 
 
 def test_what_leaves_noise_leads() -> None:

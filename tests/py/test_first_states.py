@@ -24,6 +24,7 @@ from dualdrive.innovations import (
     drive_torque,
     first_noise,
     inflation,
+    least_noise,
     maximum_likelihood,
     predictable,
     simulated,
@@ -86,7 +87,7 @@ def grey_box(loop: str, lead: float, noise: str) -> GreyBox:
 
 def likeliest(own: GreyBox) -> tuple[Point, Noise, list[Any]]:
     wide = first_noise(own.core, own.records, 0.1)
-    floor = first_noise(own.core, own.records, 1e-5).torque
+    floor = least_noise(own.core, own.records, 1e-5)
     nothing = Variant(own.core)
     found = maximum_likelihood(own, nothing, own.start(nothing), wide, floor=floor, steps=30)
     assert found is not None

@@ -24,6 +24,7 @@ from dualdrive.innovations import (
     Variant,
     first_noise,
     inflation,
+    least_noise,
     maximum_likelihood,
     simulated,
 )
@@ -57,7 +58,7 @@ def likeliest(friction: float, law: str = "nothing") -> tuple[Point, Noise, list
         known = Library(own.core, own).variants(nothing, base)
         variant = next(v for v in known if v.label == law)
     wide = first_noise(own.core, own.records, 0.1)
-    floor = first_noise(own.core, own.records, 1e-5).torque
+    floor = least_noise(own.core, own.records, 1e-5)
     found = maximum_likelihood(own, variant, own.start(variant), wide, floor=floor, steps=30)
     assert found is not None
     return found
@@ -162,7 +163,7 @@ def test_noise_of_order_two_is_recovered() -> None:
     own = grey_box(Machine.load("bench"), bench({}), SAMPLES, 5, noise=order_two)
     nothing = Variant(own.core)
     wide = first_noise(own.core, own.records, 0.1)
-    floor = first_noise(own.core, own.records, 1e-5).torque
+    floor = least_noise(own.core, own.records, 1e-5)
     one = maximum_likelihood(own, nothing, own.start(nothing), wide, floor=floor, steps=30)
     assert one is not None
     two = maximum_likelihood(own, nothing, one[0].theta, one[1].of_order_two(), floor=floor)

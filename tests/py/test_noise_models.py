@@ -46,7 +46,7 @@ def test_zeros_that_drift_more_slowly_drift_as_far(factor: float) -> None:
 @pytest.mark.parametrize("seeks", [False, True])
 def test_a_vector_of_noughts_is_the_noise_it_was_begun_with(seeks: bool) -> None:
     noise = replace(NOISE, seeks=seeks)
-    own = Logarithms(noise, {})
+    own = Logarithms(noise)
     found = own.at(np.zeros(len(own)))
     for name in ("drive", "memory", "torque", "drift", "wander"):
         assert getattr(found, name) == pytest.approx(getattr(noise, name)), name
@@ -57,7 +57,7 @@ def test_a_vector_of_noughts_is_the_noise_it_was_begun_with(seeks: bool) -> None
 
 
 def test_a_logarithm_of_a_drifts_time_keeps_how_far_it_goes() -> None:
-    own = Logarithms(replace(NOISE, seeks=True), {})
+    own = Logarithms(replace(NOISE, seeks=True))
     kinds = 2
     for k in range(3 * kinds, 4 * kinds):  # after drives, memories and drifts
         x = np.zeros(len(own))

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dualdrive.innovations.greybox import Counter, GreyBox
 from dualdrive.innovations.levenberg_marquardt import fit, inflation
 from dualdrive.innovations.likelihood import maximum_likelihood
-from dualdrive.innovations.noise import Noise, drive_torque, first_noise
+from dualdrive.innovations.noise import Noise, drive_torque, first_noise, least_noise
 from dualdrive.innovations.records import Predictable, predictable
 from dualdrive.innovations.stretches import some
 from dualdrive.innovations.variant import Point, Variant, carried, flat
@@ -30,6 +30,7 @@ __all__ = [
     "fit",
     "flat",
     "inflation",
+    "least_noise",
     "maximum_likelihood",
     "predictable",
     "simulated",

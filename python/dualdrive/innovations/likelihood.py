@@ -7,7 +7,7 @@ the model is right (Ljung, System Identification, 2nd ed., ch. 7 and 9), but not
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -44,7 +44,7 @@ def maximum_likelihood(
     theta: Array,
     noise: Noise,
     *,
-    floor: Mapping[str, float] | None = None,
+    floor: Noise | None = None,
     rival: float = -np.inf,
     roughly: bool = False,
     steps: int = 40,
@@ -58,7 +58,7 @@ def maximum_likelihood(
         variant: what is fitted.
         theta: where its numbers begin, shape (unknowns,).
         noise: where the noise begins.
-        floor: body -> what drives the torque of unknown course at least, N*m.
+        floor: less drives nothing; see `least_noise`.
         rival: -2 log L of what leads: a search that would not come up to it at its present rate
             within the steps that it has left ends at once.
         roughly: whether coming near is enough.
@@ -66,7 +66,7 @@ def maximum_likelihood(
 
     """
     enough = _NEARLY if roughly else _ENOUGH
-    own = Logarithms(noise, dict(floor or {}))
+    own = Logarithms(noise, floor)
     n, m = len(theta), len(own)
     low, high = (np.r_[a, b] for a, b in zip(grey.bounds(variant), own.bounds(), strict=True))
     reach = np.r_[np.full(n, np.inf), np.full(m, _LONGEST)]

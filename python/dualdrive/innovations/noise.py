@@ -23,6 +23,9 @@ _WANDER = 0.2  # s: over which a sensor's zero drifts
 _DRIFT = 0.3  # of what drives a sensor's noise: its zero's drift at first
 _SHORTEST, _LONGEST = 10.0, 1e6  # samples: over which a zero may drift, where that is sought
 _FARTHEST = 14.0  # of a logarithm, from where the search began
+#: of what drives a sensor's noise at first: less is none, and no slope would lead back from it,
+#: since a likelihood knows a deviation by its square
+_FAINT = 1.0 / 30.0
 
 
 @dataclass(frozen=True)
@@ -98,9 +101,10 @@ class Noise:
         """The same with torques of unknown course `factor` times as large."""
         return replace(self, torque={body: factor * s for body, s in self.torque.items()})
 
-    def at_least(self, torque: Mapping[str, float]) -> Noise:
-        """The same with nothing less driving the torques of unknown course than given."""
-        least = {body: max(s, torque.get(body, 0.0)) for body, s in self.torque.items()}
+    def at_least(self, floor: Noise | None) -> Noise:
+        """The same with nothing less driving the torques of unknown course than another noise."""
+        known = floor.torque if floor else {}
+        least = {body: max(s, known.get(body, 0.0)) for body, s in self.torque.items()}
         return replace(self, torque=least)
 
 
@@ -122,6 +126,16 @@ def first_noise(core: Any, records: Sequence[Predictable], share: float) -> Nois
     drift = {kind: _DRIFT * s * float(np.sqrt(1.0 - wander**2)) for kind, s in drive.items()}
     wanders = dict.fromkeys(drive, wander)
     return Noise(drive, dict.fromkeys(drive, 0.5), torque, course, drift, wanders)
+
+
+def least_noise(core: Any, records: Sequence[Predictable], share: float) -> Noise:
+    """What a search of the noise does not go below: beside it there is none.
+
+    share: of the RMS drive torque, standard deviation of the torque of unknown course
+    """
+    found = first_noise(core, records, share)
+    drive = {kind: _FAINT * s for kind, s in found.drive.items()}
+    return replace(found, drive=drive, drift={kind: _FAINT * s for kind, s in found.drift.items()})
 
 
 def drive_torque(core: Any, records: Sequence[Predictable]) -> dict[str, float]:
@@ -153,10 +167,10 @@ class Logarithms:
     """A noise as a vector of logarithms, torques of the motors tied.
 
     noise: where all of them are zero
-    floor: body -> what drives the torque of unknown course at least, N*m
+    floor: less drives nothing; None: there is no least
     """
 
-    def __init__(self, noise: Noise, floor: Mapping[str, float]) -> None:
+    def __init__(self, noise: Noise, floor: Noise | None = None) -> None:
         self.noise, self.floor = noise, floor
         self.kinds = tuple(sorted(noise.drive))
         self.ties = tuple(sorted({_tie(body) for body in noise.torque}))
@@ -204,13 +218,13 @@ class Logarithms:
 
     def bounds(self) -> tuple[Array, Array]:
         """Lowest and highest of every logarithm; a memory's are those of a pole."""
-        own = self.noise
-        ends: list[tuple[float, float]] = [(-_FARTHEST, _FARTHEST)] * len(self.kinds)
+        own, floor = self.noise, self.floor
+        ends = _above(own.drive, floor.drive if floor else {})
         for kind in self.kinds:
             pole = _logit(own.memory[kind])
             # what changes more slowly than a torque of unknown course is no sensor's noise
             ends.append((_logit(_LEAST_MEMORY) - pole, _logit(own.course) - pole))
-        ends += [(-_FARTHEST, _FARTHEST)] * len(own.drift)
+        ends += _above(own.drift, floor.drift if floor else {})
         for kind in sorted(own.drift) if own.seeks else ():
             samples = -1.0 / np.log(own.wander[kind])
             ends.append((float(np.log(_SHORTEST / samples)), float(np.log(_LONGEST / samples))))
@@ -220,6 +234,14 @@ class Logarithms:
         ends += [(-_FARTHEST, _FARTHEST)] * len(self.ties)
         low, high = np.array(ends).T
         return np.minimum(low, 0.0), np.maximum(high, 0.0)
+
+
+def _above(own: Mapping[str, float], least: Mapping[str, float]) -> list[tuple[float, float]]:
+    """Lowest and highest logarithms of drives, in the order of their kinds."""
+    return [
+        (float(np.log(least[kind] / own[kind])) if kind in least else -_FARTHEST, _FARTHEST)
+        for kind in sorted(own)
+    ]
 
 
 def _variance(drive: float, memory: float) -> float:

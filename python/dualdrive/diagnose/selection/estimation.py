@@ -20,6 +20,7 @@ from dualdrive.innovations import (
     first_noise,
     fit,
     inflation,
+    least_noise,
     maximum_likelihood,
 )
 
@@ -41,14 +42,14 @@ class Estimator:
     Attributes:
         core: the machine of the data sheet.
         wide: a first noise, torques of unknown course so large that any machine follows.
-        floor: body -> what drives the torque of unknown course there at least, N*m.
+        floor: less drives nothing.
 
     """
 
     def __init__(self, core: Any, grey: GreyBox) -> None:
         self.core = core
         self.wide = first_noise(core, grey.records, threshold("wide torque"))
-        self.floor = first_noise(core, grey.records, threshold("least torque")).torque
+        self.floor = least_noise(core, grey.records, threshold("least torque"))
 
     def likeliest(
         self,
