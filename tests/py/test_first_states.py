@@ -250,3 +250,23 @@ def test_loops_that_tick_fast_have_the_gains_of_continuous_ones() -> None:
     # loops that hold for ever differ by 0.2 in contact
     continuous, fast = (g.log_det() for g in gains)
     assert fast == pytest.approx(continuous, abs=0.01)
+
+
+def test_a_record_begins_where_its_encoder_errs_from() -> None:
+    """What the law of an encoder adds to the first reading is no angle of the table."""
+    reading, amplitude, phase = 0.01, 4e-4, 0.3
+    law = {"encoder_eccentricity@table": {"amplitude": amplitude, "phase": phase}}
+    seen = np.full((SAMPLES, len(CHANNELS)), reading) + coloured(np.random.default_rng(2), SAMPLES)
+    seen[0] = reading
+    t = STEP * np.arange(SAMPLES)
+    trace = Trace(t, {"theta_ref": 0.0 * t, **dict(zip(CHANNELS, seen.T, strict=True))}, name="r")
+    plain = Machine.load("bench")
+    [own] = predictable(core_of(plain), records(plain, {"r": trace}, start="rest"))
+    [without], [first] = (own.initial(core, {}) for core in (core_of(plain), bench(law)))
+    assert without["theta_m"] == reading
+    angle = first["theta_m"]
+    assert angle + amplitude * np.cos(angle + phase) == pytest.approx(reading, abs=1e-15)
+    assert angle < reading - 0.9 * amplitude
+    ratio = bench().get("mesh_1.ratio")
+    wound = first["mesh_1.twist"] - without["mesh_1.twist"]
+    assert wound == pytest.approx(ratio * (reading - angle))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from bench_record import grey_box
 from dualdrive import Machine
+from dualdrive.diagnose.screening import Library
 from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.diagnose.selection.fitted import Fitted
 from dualdrive.diagnose.uncertainty import Uncertainty
@@ -65,3 +67,20 @@ def test_blocks_of_time_add_up_to_the_information() -> None:
     columns = np.stack(grey.columns(found.point, range(len(found.point.theta)), found.gains))
     whole = normal.scale * columns @ columns.T + np.diag(normal.weight)
     np.testing.assert_allclose(normal.information, whole, rtol=0.05, atol=1e-3 * whole.max())
+
+
+def test_phases_are_told_within_half_a_turn_of_zero() -> None:
+    _, grey, found = fitted(1.0)
+    nothing = found.variant
+    [law] = [
+        v
+        for v in Library(grey.core, grey).variants(nothing, found.point)
+        if v.label == "unbalance@table"
+    ]
+    own = {"amplitude": 0.1, "phase": 0.5 + 2.0 * np.pi}
+    numbers = [p.coordinate(own[p.path.rpartition(".")[2]]) for p in law.extra]
+    [point] = grey.points([law], [np.r_[found.point.theta, numbers]], found.gains)
+    told = Uncertainty(grey).intervals(replace(found, point=point))
+    phase = told["unbalance@table.phase"]
+    assert phase.value == pytest.approx(0.5)
+    assert phase.low < phase.value < phase.high

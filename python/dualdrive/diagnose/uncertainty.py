@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -102,7 +103,10 @@ class Uncertainty:
         return float(np.sqrt(total / max(float(normal.squares.sum()), 1e-300)))
 
     def intervals(self, f: Fitted) -> dict[str, Interval]:
-        """Path -> value with its 95 % interval, nominal numbers and the effects' own."""
+        """Path -> value with its 95 % interval, nominal numbers and the effects' own.
+
+        Phases lie within half a turn of zero.
+        """
         grey, theta = self.grey, f.point.theta
         deviation = np.sqrt(np.maximum(np.diag(self.about(f).covariance), 0.0))
         known = [(p, k) for k, p in enumerate(grey.nominal)]
@@ -110,8 +114,9 @@ class Uncertainty:
         found = {}
         for p, k in known:
             u, d = float(theta[k]), _SURE * float(deviation[k])
-            ends = sorted((p.value(u - d), p.value(u + d)))
-            found[p.path] = Interval(p.value(u), ends[0], ends[1], p.unit)
+            low, high = sorted((p.value(u - d), p.value(u + d)))
+            turns = round(p.value(u) / math.tau) * math.tau if p.path.endswith(".phase") else 0.0
+            found[p.path] = Interval(p.value(u) - turns, low - turns, high - turns, p.unit)
         for path, value in f.variant.fixed.items():
             unit = f.variant.grown.parameter(f.variant.grown.members(path)[0]).unit
             found[path] = Interval(value, value, value, unit)

@@ -199,16 +199,23 @@ class _Search:
                 self.tell(f"{variant.key} from the numbers of {leader.variant.key}")
                 nothing = np.zeros(self.grey.shared + len(variant.extra))
                 theta = carried(leader.point, variant, nothing)
-                if (
-                    found := self.estimator.likeliest(self.grey, variant, theta, leader.noise)
-                ) is not None:
-                    fewer.append(found)
+                there = self.estimator.under(self.grey, variant, [theta], leader.noise)
+                if there is None or self._far_behind(there, leader):
+                    continue
+                theta = there.point.theta
+                found = self.estimator.likeliest(self.grey, variant, theta, leader.noise)
+                fewer += [found] if found else []
             self.ranking.keep(fewer)
             best = min(fewer, key=self.ranking.criterion, default=None)
             if best is None or self.ranking.criterion(best) > self.ranking.criterion(leader):
                 break
             leader = self.ranking[best.variant.key]
         return leader
+
+    def _far_behind(self, f: Fitted, leader: Fitted) -> bool:
+        """Whether it would not come up to the leader under a noise of its own."""
+        behind = self.ranking.criterion(f) - self.ranking.criterion(leader)
+        return behind > threshold("beyond")
 
     def _on_all_samples(self, base: Base, silent: bool) -> None:
         """What stands on stretches, refitted on everything; joints where numbers leave noise."""
