@@ -258,7 +258,7 @@ def test_a_record_begins_where_its_encoder_errs_from() -> None:
     law = {"encoder_eccentricity@table": {"amplitude": amplitude, "phase": phase}}
     seen = np.full((SAMPLES, len(CHANNELS)), reading) + coloured(np.random.default_rng(2), SAMPLES)
     seen[0] = reading
-    t = STEP * np.arange(SAMPLES)
+    t = STEP * np.arange(SAMPLES, dtype=np.float64)
     trace = Trace(t, {"theta_ref": 0.0 * t, **dict(zip(CHANNELS, seen.T, strict=True))}, name="r")
     plain = Machine.load("bench")
     [own] = predictable(core_of(plain), records(plain, {"r": trace}, start="rest"))

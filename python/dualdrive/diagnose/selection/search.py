@@ -30,7 +30,7 @@ from dualdrive.diagnose.selection.residual_analysis import suffices, white
 from dualdrive.diagnose.simulated_errors import Simulation, noise_floor
 from dualdrive.diagnose.thresholds import threshold
 from dualdrive.diagnose.work import Leader
-from dualdrive.innovations import GreyBox, Point, carried, inflation
+from dualdrive.innovations import GreyBox, Point, carried, inflation, some
 
 Array = NDArray[np.float64]
 
@@ -73,7 +73,10 @@ class _Search:
         else:
             self._forward(base.there)
         if base.grey is not self.whole:
+            deceptive = not silent and self.contest.leaves_noise(self.ranking.best)
             self._on_all_samples(base, silent)
+            if deceptive and not self.contest.leaves_noise(self.ranking.best):
+                self._search_where_it_fails(base)
             self._eliminated(self.ranking.best)  # what all samples need no longer
         self._forget_faint_joints()
         self._weigh_drifting_zeros()
@@ -233,6 +236,21 @@ class _Search:
         found = self.contest.on_these(near)
         nothing = base.everywhere or self._everywhere_refitted(there, bool(found))
         self.ranking.keep([nothing, *found])
+
+    def _search_where_it_fails(self, base: Base) -> None:
+        """Once more, on stretches where the best machine fails that leaves noise on others."""
+        known, nothing, best = list(self.ranking), self.ranking.base, self.ranking.best
+        self.tell(f"stretches where {best.variant.key} fails")
+        grey = some(self.whole, best.point, best.gains, int(threshold("stretches")))
+        there = self.estimator.likeliest(
+            grey, nothing.variant, base.there.point.theta, base.there.noise
+        )
+        if there is None:
+            return
+        self._compare_on(grey, [there])
+        self._forward(there)
+        self._on_all_samples(Base(grey, there, nothing), silent=False)
+        self.ranking.keep(known)
 
     def _everywhere_refitted(self, base: Fitted, beaten: bool) -> Fitted:
         """The numbers alone on all samples; to the end where no law stands."""
