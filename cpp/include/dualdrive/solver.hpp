@@ -14,7 +14,7 @@
 namespace dualdrive {
 
 // automatic: exact where every active effect is affine in its modes, else what docs/theory/engines.md says.
-enum class Engine { automatic, exact, explicit_rk, cvode };
+enum class Engine { automatic, exact, exponential, explicit_rk, cvode };
 // Of the cvode engine. automatic: adams for a plant that rings, bdf for a stiff one.
 enum class Method { automatic, adams, bdf };
 
@@ -85,6 +85,8 @@ class Solver {
     // Else: at how many points inside a step guards must be looked at, so that a parabola follows them from each odd one
     // to its neighbours. An odd number.
     virtual int looks() const { return 1; }
+    // Whether the solver saw all guards stay so far off zero in the last step that none needs a look.
+    virtual bool keeps_off_guards() const { return false; }
 
     struct Failure {
         bool step_vanished;

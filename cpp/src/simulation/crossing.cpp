@@ -35,7 +35,7 @@ std::vector<int> Simulation::fallen_guards(Solver::Outcome outcome) {
     const double from = solver_->previous_time(), to = solver_->time();
     if (guard_end_.empty() || !(to > from) || solver_->finds_every_root()) return fallen;
     watch(to, solver_->state().data(), guard_end_, slope_end_);
-    if (nothing_can_dip(to - from)) {
+    if (nothing_can_dip(to - from) || solver_->keeps_off_guards()) {
         std::swap(guard_begin_, guard_end_);
         std::swap(slope_begin_, slope_end_);
         return fallen;

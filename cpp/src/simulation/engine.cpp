@@ -8,6 +8,7 @@
 #include "../solvers/cvode.hpp"
 #include "../solvers/exact/exact.hpp"
 #include "../solvers/explicit/runge_kutta.hpp"
+#include "../solvers/exponential/exponential.hpp"
 #include "../solvers/handover.hpp"
 #include "affine.hpp"
 #include "instant.hpp"
@@ -151,6 +152,12 @@ void Simulation::choose_solver(int guards, std::span<const double> parameter_sca
     const auto explicit_solver = [&](double limit) {
         return std::make_unique<RungeKutta>(*this, size, options_.rtol, parameter_scale, limit);
     };
+    if (options_.engine == Engine::exponential) {
+        solver_ = std::make_unique<Exponential>(
+            *this, size, options_.rtol,
+            Exponential::Setup{machine_, inputs_, layout_, modes_, cell_, options_.start, exact_grid()});
+        return;
+    }
     if (options_.engine == Engine::explicit_rk) {
         solver_ = explicit_solver(std::numeric_limits<double>::infinity());
         return;

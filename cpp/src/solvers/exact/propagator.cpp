@@ -18,6 +18,8 @@ constexpr double hermite_error = 1.0 / 46080.0;
 constexpr int bound_nodes = 8;
 constexpr double rounding = 16.0;  // units in the last place of the largest term
 
+}  // namespace
+
 // A bound on the spectral radius of |A|, whatever the units of the states: max √(row sum · column sum) (A. Ostrowski,
 // 1951) after balancing by powers of two. Entries that only drive or are only driven have no part in it.
 template <class R>
@@ -56,8 +58,6 @@ int terms_for(R theta) {
     while (k < 200 && (term > std::numeric_limits<R>::epsilon() / 32 || R(k) < theta)) term *= theta / R(++k);
     return k + 4;
 }
-
-}  // namespace
 
 template <class R>
 std::vector<R> Propagator<R>::pack(const Matrix<R>& m, int rows) const {
@@ -243,6 +243,8 @@ void Propagator<R>::advance(R* y, R length, R* scratch) const {
     if (rest > R(0)) Arithmetic<R>::taylor(rows_, n_, A_.data(), rest, order_, y, scratch);
 }
 
+template double spectral_bound<double>(const Matrix<double>&);
+template int terms_for<double>(double);
 template class Propagator<double>;
 template class Propagator<long double>;
 

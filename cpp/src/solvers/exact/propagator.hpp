@@ -13,6 +13,12 @@ namespace dualdrive::exact {
 
 inline constexpr int levels = 5;  // halvings of a step that are kept
 
+// A bound on the spectral radius of |A|, and how many terms of an exponential's series matter where ‖A‖ h = θ.
+template <class R>
+R spectral_bound(const Matrix<R>& A);
+template <class R>
+int terms_for(R theta);
+
 template <class R>
 class Propagator {
   public:

@@ -1,0 +1,107 @@
+// Exponential collocation behind the face of a solver: ẏ = A y + n(t, y) with A the tangent in the present modes and the
+// inputs as states. What is linear is propagated by e^{A δ} however fast it is; the rest n is a polynomial through its
+// values at nine nodes of a step. For machines whose laws are not affine, and small or smooth beside what is.
+//
+// A method of one step: it begins with its full order after a switch, and its solution between the nodes is that of the
+// polynomial, exactly (M. Hochbruck, A. Ostermann, Appl. Numer. Math. 53 (2005) 323–339). docs/theory/exponential.md.
+#pragma once
+
+#include <limits>
+#include <map>
+#include <memory>
+#include <vector>
+
+#include "../exact/generator.hpp"
+#include "../exact/laws.hpp"
+#include "dualdrive/solver.hpp"
+#include "propagators.hpp"
+
+namespace dualdrive {
+
+class Exponential final : public Solver {
+  public:
+    struct Setup {
+        const Machine& machine;
+        const Inputs& inputs;
+        const Layout& layout;
+        const Modes& modes;  // as they are whenever restart() is called
+        const Cell& cell;
+        double start, grid;  // s; outputs and ticks come at start + k grid, mostly
+    };
+    Exponential(Problem& problem, Size size, double rtol, Setup setup);
+
+    void restart(double t, std::span<const double> atol, double quadrature_atol) override;
+    void limit_step(double longest, double turning) override;
+    Outcome step(double stop) override;
+    double time() const override { return t_; }
+    double previous_time() const override { return begin_; }
+    std::span<double> state() override { return z_; }
+    std::span<double> sensitivity(int) override { return {}; }
+    std::span<double> quadrature() override { return work_; }
+    void go_back(double t) override;
+    void state_at(double t, double* z) const override;
+    void sensitivity_at(double, int, double*) const override {}
+    void quadrature_at(double t, double* q) const override;
+    std::span<const int> roots() const override { return {}; }
+    int looks() const override { return static_cast<int>(exponential::intervals) - 1; }
+    bool keeps_off_guards() const override { return keeps_off_; }
+    Failure failure() const override;
+    Counts counts() const override { return counts_; }
+    std::string name() const override { return "exponential"; }
+
+  private:
+    using Vector = std::vector<double>;
+    static constexpr std::size_t nodes = exponential::nodes, intervals = exponential::intervals;
+
+    void take_modes();
+    void set_inputs(std::size_t node);
+    bool evaluate(std::size_t node, const double* y, double* rest);
+    double try_step(int level);
+    bool predict();
+    double sweep();
+    bool evaluate_nodes();
+    double interpolation_error();
+    double defect();
+    double work_error() const;
+    void look_at_guards();
+    void expand(const Vector& values, std::size_t width, std::size_t node, double* c) const;
+    double past(double places, std::size_t row) const;
+    double norm(const double* y) const;
+    bool knotted() const { return !generator_.knots().empty(); }
+    double step_end(double stop) const;
+    const double* at(double t) const;
+    double* column(std::size_t node) { return yc_.data() + node * width(); }
+    const double* column(std::size_t node) const { return yc_.data() + node * width(); }
+    std::size_t width() const { return static_cast<std::size_t>(now_->width()); }
+    std::size_t rows() const { return static_cast<std::size_t>(now_->rows()); }
+
+    Problem& problem_;
+    const Size size_;
+    const double rtol_;
+    const Setup setup_;
+    const exact::Generator generator_;
+    const std::vector<int> nothing_;
+    exact::Reader<double> reader_;
+    const std::size_t states_, one_;
+    std::vector<int> driven_;  // rows of y that the rest acts on, in any mode met so far
+    std::map<Modes, std::unique_ptr<exponential::Propagators>> known_;
+    exponential::Propagators* now_ = nullptr;
+
+    double t_ = 0.0, begin_ = 0.0, delta_ = 0.0;  // now; begin of the last step, and the distance of its nodes
+    double longest_ = std::numeric_limits<double>::infinity();
+    int level_ = 0, next_level_ = 0, steady_ = 0;
+    double contraction_ = 0.0;  // of a sweep, at next_level_; 0: not known
+    bool begun_ = false, finite_ = true, keeps_off_ = false, more_driven_ = false;
+    Vector z_, work_, atol_, weight_;
+    double quadrature_atol_ = 0.0;
+    Vector yc_, before_;       // per node y and its c; y of the sweep before
+    Vector rest_, older_rest_; // [node][driven]: n now; and over the step before, as far as it is known
+    double older_delta_ = 0.0, older_begin_ = 0.0;
+    Vector powers_, begin_work_;  // [node][path]
+    Vector guards_;               // [node][guard]
+    Vector rate_, linear_;
+    mutable Vector probe_, scratch_;
+    Counts counts_{};
+};
+
+}  // namespace dualdrive
