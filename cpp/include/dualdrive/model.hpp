@@ -53,6 +53,9 @@ class Model {
     // Everything at time t and state z; the accessors below refer to the last call.
     void evaluate(const S& t, const S* z, const Now& now);
 
+    // The inputs, angles, speeds, twists and currents at (t, z) alone: what no law has a part in.
+    void place(const S& t, const S* z, const Now& now);
+
     const std::vector<S>& signals() const { return signal_; }
     const std::vector<S>& rate() const { return rate_; }  // ż
     const std::array<S, powers>& power() const { return power_; }

@@ -60,6 +60,7 @@ void Simulation::read_options() {
         const auto& effects = layout_.at.effect;
         const int s = recorded_[k];
         all_.push_back(k);
+        placed_ = placed_ && layout_.is_placed(s);
         if (s == layout_.at.stored_energy || std::find(effects.begin(), effects.end(), s) != effects.end())
             curved_.push_back(k);
     }

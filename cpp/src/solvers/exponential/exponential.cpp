@@ -26,6 +26,9 @@ constexpr double negligible = 1e-4;    // of what a step may err by: a rest that
 constexpr double inner_share = 0.2;    // of the defect between nodes that counts as error
 constexpr int levels_of_a_bad_number = 2;
 constexpr double shape_area = 40.0;    // of |last_gram|'s polynomial between the nodes, about
+constexpr int coarser = 4;             // doublings of the finest step: a stretch of the walk
+constexpr std::size_t chunk = 16;      // stretches that are looked at together
+constexpr double straight = 0.01;      // of what a guard keeps off zero: a bend of less is a doubt, no more
 
 constexpr std::size_t terms = exponential::nodes;
 
@@ -60,6 +63,16 @@ void rescale(double* c, std::size_t m, double ratio) {
         for (std::size_t r = 0; r < m; ++r) c[k * m + r] *= power;
 }
 
+// Derivatives at a node of the polynomials through `values` [node][width].
+void expand(const std::vector<double>& values, std::size_t width, std::size_t node, double* c) {
+    for (std::size_t k = 0; k < terms; ++k)
+        for (std::size_t r = 0; r < width; ++r) {
+            double sum = 0.0;
+            for (std::size_t i = 0; i < terms; ++i) sum += through_nodes[node][k][i] * values[i * width + r];
+            c[k * width + r] = sum;
+        }
+}
+
 // c a unit of time later.
 void shift(double* c, std::size_t m) {
     for (std::size_t k = 0; k < terms; ++k)
@@ -78,13 +91,15 @@ Exponential::Exponential(Problem& problem, Size size, double rtol, Setup setup)
       reader_(setup.machine, setup.inputs, setup.layout, generator_, nothing_),
       states_(static_cast<std::size_t>(size.states)),
       one_(static_cast<std::size_t>(reader_.one())),
+      guard_count_(static_cast<std::size_t>(size.guards)),
       next_level_(-first_halvings),
       z_(states_, 0.0),
       work_(static_cast<std::size_t>(size.quadratures), 0.0),
       weight_(states_, 0.0),
       powers_(nodes * work_.size(), 0.0),
+      power_terms_(nodes * powers_.size(), 0.0),
       begin_work_(work_),
-      guards_(nodes * static_cast<std::size_t>(size.guards), 1.0),
+      guards_(nodes * guard_count_, 1.0),
       rate_(states_, 0.0) {}
 
 void Exponential::restart(double t, std::span<const double> atol, double quadrature_atol) {
@@ -92,9 +107,9 @@ void Exponential::restart(double t, std::span<const double> atol, double quadrat
     atol_.assign(atol.begin(), atol.end());
     quadrature_atol_ = quadrature_atol;
     now_ = nullptr;
-    older_rest_.clear();
-    if (begun_) next_level_ -= after_switch;
-    begun_ = false;
+    past_.clear();
+    if (counts_.steps > 0) next_level_ = std::max(next_level_ - after_switch, -first_halvings);
+    taken_ = false;
 }
 
 // What the machine's inputs do between nodes is known: nothing can be stepped over unseen, but for what laws make of it.
@@ -108,32 +123,30 @@ void Exponential::limit_step(double longest, double turning) {
 void Exponential::take_modes() {
     auto& known = known_[setup_.modes];
     if (!known) {
-        const exact::Matrix<double> A = reader_.tangent(setup_.modes, t_, z_.data()).A;
+        const exact::Laws<double> laws = reader_.tangent(setup_.modes, t_, z_.data());
+        known.reset(new Frozen{{laws.A, driven_, setup_.grid}, {laws, driven_, setup_.grid}});
         ++counts_.jacobians;
-        known = std::make_unique<exponential::Propagators>(A, driven_, setup_.grid);
     }
     now_ = known.get();
     linear_.assign(rows(), 0.0);
     scratch_.assign(2 * rows(), 0.0);
     probe_.assign(width(), 0.0);
     yc_.assign(nodes * width(), 0.0);
-    before_.assign(nodes * rows(), 0.0);
     rest_.assign(nodes * driven_.size(), 0.0);
 }
 
-// The rest at a node, with powers and guards there. False where the laws give no number, or rows are driven that were not.
-bool Exponential::evaluate(std::size_t node, const double* y, double* rest) {
-    const double t = begin_ + static_cast<double>(node) * delta_;
+// False where the laws give no number, or rows are driven that were not.
+bool Exponential::rest_at(double t, const double* y, double* rest) {
     ++counts_.rhs;
     finite_ = problem_.rhs(t, y, rate_.data());
     if (!finite_) return false;
-    now_->rates(y, linear_.data());
+    propagators().rates(y, linear_.data());
     std::size_t r = 0;
     for (std::size_t i = 0; i < states_; ++i) {
         const double n = rate_[i] - linear_[i];
-        if (r < driven_.size() && driven_[r] == static_cast<int>(i))
+        if (r < driven_.size() && driven_[r] == static_cast<int>(i)) {
             rest[r++] = n;
-        else if (std::abs(n) * delta_ * weight_[i] > negligible) {
+        } else if (std::abs(n) * delta_ * weight_[i] > negligible) {
             driven_.insert(driven_.begin() + static_cast<std::ptrdiff_t>(r), static_cast<int>(i));
             more_driven_ = true;
             return false;
@@ -142,8 +155,18 @@ bool Exponential::evaluate(std::size_t node, const double* y, double* rest) {
     return true;
 }
 
+// The rest at a node, and powers and guards there.
+bool Exponential::evaluate(std::size_t node) {
+    const double t = node_time(node);
+    const double* y = column(node);
+    if (!rest_at(t, y, rest_.data() + node * driven_.size())) return false;
+    finite_ = (work_.empty() || problem_.quadrature(t, y, powers_.data() + node * work_.size())) &&
+              (guard_count_ == 0 || problem_.guards(t, y, guards_.data() + node * guard_count_));
+    return finite_;
+}
+
 void Exponential::set_inputs(std::size_t node) {
-    const double t = begin_ + static_cast<double>(node) * delta_;
+    const double t = node_time(node);
     const auto& knots = generator_.knots();
     const auto next = std::lower_bound(knots.begin(), knots.end(), t - instant(t));
     const bool on_knot = next != knots.end() && *next <= t + instant(t);
@@ -154,15 +177,17 @@ void Exponential::set_inputs(std::size_t node) {
 
 Solver::Outcome Exponential::step(double stop) {
     begin_ = t_;
-    const double left = stop - t_, least = shortest * std::max(std::abs(t_), std::abs(stop));
-    if (left <= least) {
+    const double least = shortest * std::max(std::abs(t_), std::abs(stop));
+    if (stop - t_ <= least) {
         t_ = stop;
         return Outcome::stopped;
     }
+    if (taken_ && t_ < end_ && end_ <= stop) return deliver(stop);
+    origin_ = t_;
     begin_work_ = work_;
     int level = next_level_;
     const auto reach = [&] { return std::ldexp(setup_.grid, level) * static_cast<double>(intervals); };
-    while (reach() > longest_ || reach() >= 2.0 * left) --level;
+    while (reach() > longest_ || reach() >= 2.0 * (stop - t_)) --level;
     const int wanted = level;
     double e = infinite;
     for (;;) {
@@ -172,7 +197,7 @@ Solver::Outcome Exponential::step(double stop) {
         if (more_driven_) {
             known_.clear();
             now_ = nullptr;
-            older_rest_.clear();
+            past_.clear();
             continue;
         }
         if (e <= 1.0) break;
@@ -180,30 +205,28 @@ Solver::Outcome Exponential::step(double stop) {
         level -= e < infinite ? std::max(1, static_cast<int>(std::ceil(std::log2(e) / order))) : levels_of_a_bad_number;
     }
     ++counts_.steps;
-    begun_ = true;
     if (level < wanted)
         next_level_ = level;
     else if (e <= doubles && 2.0 * contraction_ <= slow && level == next_level_)
         ++next_level_;
-    older_rest_ = rest_;
-    older_begin_ = begin_;
-    older_delta_ = delta_;
-    look_at_guards();
-    const double end = step_end(stop);
-    const double* y = at(end);
-    quadrature_at(end, work_.data());
-    std::copy_n(y, states_, z_.begin());
-    t_ = end;
-    return end == stop ? Outcome::stopped : Outcome::stepped;
+    past_ = rest_;
+    past_origin_ = origin_;
+    past_delta_ = delta_;
+    for (std::size_t j = 0; j < nodes && !work_.empty(); ++j)
+        expand(powers_, work_.size(), j, power_terms_.data() + j * powers_.size());
+    taken_ = true;
+    end_ = end_before(stop);
+    walk();
+    look_for_suspects();
+    return deliver(stop);
 }
 
 // A step ends with its last node, or where it passes `stop`; one that began off the grid ends on it.
-double Exponential::step_end(double stop) const {
-    const double whole = static_cast<double>(intervals) * delta_, end = begin_ + whole;
+double Exponential::end_before(double stop) const {
+    const double end = node_time(intervals);
     if (end >= stop - instant(stop)) return stop;
-    const double on_grid =
-        setup_.start + std::floor((end + instant(end) - setup_.start) / setup_.grid) * setup_.grid;
-    return on_grid - begin_ >= 0.5 * whole || std::abs(on_grid - end) <= instant(end) ? on_grid : end;
+    const double on_grid = setup_.start + std::floor((end + instant(end) - setup_.start) / setup_.grid) * setup_.grid;
+    return on_grid >= node_time(intervals / 2) ? on_grid : end;
 }
 
 double Exponential::try_step(int level) {
@@ -215,7 +238,7 @@ double Exponential::try_step(int level) {
     std::copy(z_.begin(), z_.end(), column(0));
     column(0)[one_] = 1.0;
     set_inputs(0);
-    if (!predict()) return infinite;
+    if (!evaluate(0) || !predict()) return infinite;
     for (std::size_t i = 0; i < states_; ++i)
         weight_[i] = 1.0 / (atol_[i] + rtol_ * std::max(std::abs(z_[i]), std::abs(column(intervals)[i])));
     double moved = sweep();
@@ -233,15 +256,15 @@ double Exponential::try_step(int level) {
 // 889–908), by as many values as are known, those of the step before included.
 bool Exponential::predict() {
     const std::size_t m = driven_.size();
-    const double* const M = now_->step(level_);
+    const double* const M = propagators().step(level_);
     std::vector<double> values(most_back * m);  // of the past, the latest first
     std::size_t known = 0;
-    if (!older_rest_.empty())
-        while (known + 1 < most_back && begin_ - static_cast<double>(known + 1) * delta_ >= older_begin_ - instant(begin_)) {
-            for (std::size_t r = 0; r < m; ++r) values[known * m + r] = past(static_cast<double>(known + 1), r);
-            ++known;
+    if (!past_.empty())
+        for (; known + 1 < most_back; ++known) {
+            const double back = static_cast<double>(known + 1);
+            if (origin_ - back * delta_ < past_origin_ - instant(origin_)) break;
+            for (std::size_t r = 0; r < m; ++r) values[known * m + r] = past(back, r);
         }
-    if (!evaluate(0, column(0), rest_.data())) return false;
     for (std::size_t j = 0; j < intervals; ++j) {
         double* const c = column(j) + rows();
         const std::size_t p = std::min(most_back, j + 1 + known);
@@ -252,58 +275,50 @@ bool Exponential::predict() {
                     sum += backward[p - 1][k][i] * (i <= j ? rest_[(j - i) * m + r] : values[(i - j - 1) * m + r]);
                 c[k * m + r] = sum;
             }
-        exact::kernels().multiply(now_->rows(), static_cast<int>(rows() + p * m), M, now_->width(), column(j), 1,
+        exact::kernels().multiply(propagators().rows(), static_cast<int>(rows() + p * m), M, propagators().width(), column(j), 1,
                                   column(j + 1));
         if (knotted()) set_inputs(j + 1);
-        if (!evaluate(j + 1, column(j + 1), rest_.data() + (j + 1) * m)) return false;
+        if (!evaluate(j + 1)) return false;
     }
     return true;
 }
 
 // The rest of the step before, so many places back.
 double Exponential::past(double places, std::size_t row) const {
-    const double x = (begin_ - places * delta_ - older_begin_) / older_delta_;
+    const double x = (origin_ - places * delta_ - past_origin_) / past_delta_;
     const std::size_t m = driven_.size();
     double above = 0.0, below = 0.0;  // the barycentric formula; its weights are last_gram
     for (std::size_t i = 0; i < nodes; ++i) {
         const double apart = x - static_cast<double>(i);
-        if (std::abs(apart) < 1e-9) return older_rest_[i * m + row];
-        above += last_gram[i] / apart * older_rest_[i * m + row];
+        if (std::abs(apart) < 1e-9) return past_[i * m + row];
+        above += last_gram[i] / apart * past_[i * m + row];
         below += last_gram[i] / apart;
     }
     return above / below;
 }
 
-void Exponential::expand(const Vector& values, std::size_t width, std::size_t node, double* c) const {
-    for (std::size_t k = 0; k < terms; ++k)
-        for (std::size_t r = 0; r < width; ++r) {
-            double sum = 0.0;
-            for (std::size_t i = 0; i < nodes; ++i) sum += through_nodes[node][k][i] * values[i * width + r];
-            c[k * width + r] = sum;
-        }
-}
-
 // The states again, by the polynomial through all values of the rest; returns how far they moved.
 double Exponential::sweep() {
     const std::size_t m = driven_.size();
-    const double* const M = now_->step(level_);
-    Vector apart(states_);
+    const double* const M = propagators().step(level_);
+    Vector before(states_), apart(states_);
     double most = 0.0;
     for (std::size_t j = 0; j < intervals; ++j) {
         expand(rest_, m, j, column(j) + rows());
         double* const next = column(j + 1);
-        std::copy_n(next, states_, before_.begin());
-        exact::kernels().multiply(now_->rows(), now_->width(), M, now_->width(), column(j), 1, next);
+        std::copy_n(next, states_, before.begin());
+        exact::kernels().multiply(propagators().rows(), propagators().width(), M, propagators().width(), column(j), 1, next);
         if (knotted()) set_inputs(j + 1);
-        for (std::size_t i = 0; i < states_; ++i) apart[i] = next[i] - before_[i];
+        for (std::size_t i = 0; i < states_; ++i) apart[i] = next[i] - before[i];
         most = std::max(most, norm(apart.data()));
     }
+    expand(rest_, m, intervals, column(intervals) + rows());
     return most;
 }
 
 bool Exponential::evaluate_nodes() {
     for (std::size_t j = 1; j < nodes; ++j)
-        if (!evaluate(j, column(j), rest_.data() + j * driven_.size())) return false;
+        if (!evaluate(j)) return false;
     return true;
 }
 
@@ -316,9 +331,9 @@ double Exponential::norm(const double* y) const {
 // ------------------------------------------------------------------------------------------- errors
 
 // What the last of the polynomials that are orthogonal over the nodes, as far as the rest holds it, does to the states.
-double Exponential::interpolation_error() {
+double Exponential::interpolation_error() const {
     const std::size_t m = driven_.size();
-    const double* const M = now_->step(level_);
+    const double* const M = propagators().step(level_);
     Vector share(m, 0.0), e(width(), 0.0), next(rows());
     for (std::size_t r = 0; r < m; ++r) {
         for (std::size_t i = 0; i < nodes; ++i) share[r] += last_gram[i] * rest_[i * m + r];
@@ -328,7 +343,7 @@ double Exponential::interpolation_error() {
     for (std::size_t j = 0; j < intervals; ++j) {
         for (std::size_t k = 0; k < terms; ++k)
             for (std::size_t r = 0; r < m; ++r) e[rows() + k * m + r] = gram_derivatives[j][k] * share[r];
-        exact::kernels().multiply(now_->rows(), now_->width(), M, now_->width(), e.data(), 1, next.data());
+        exact::kernels().multiply(propagators().rows(), propagators().width(), M, propagators().width(), e.data(), 1, next.data());
         std::copy(next.begin(), next.end(), e.begin());
         most = std::max(most, norm(e.data()));
     }
@@ -342,67 +357,215 @@ double Exponential::defect() {
     if (m == 0) return 0.0;
     Vector half(column(0), column(0) + width()), y(rows()), rest(m), apart(states_, 0.0);
     rescale(half.data() + rows(), m, 0.5);
-    exact::kernels().multiply(now_->rows(), now_->width(), now_->step(level_ - 1), now_->width(), half.data(), 1,
+    exact::kernels().multiply(propagators().rows(), propagators().width(), propagators().step(level_ - 1), propagators().width(), half.data(), 1,
                               y.data());
     shift(half.data() + rows(), m);
-    const double begin = begin_;
-    begin_ += 0.5 * delta_;
-    const bool evaluated = evaluate(0, y.data(), rest.data());
-    begin_ = begin;
-    if (!evaluated) return infinite;
+    if (!rest_at(origin_ + 0.5 * delta_, y.data(), rest.data())) return infinite;
     for (std::size_t r = 0; r < m; ++r)
         apart[static_cast<std::size_t>(driven_[r])] = delta_ * (rest[r] - half[rows() + r]);
     return norm(apart.data());
 }
 
-double Exponential::work_error() const { return 0.0; }
+// The same of the powers, over the area of that polynomial.
+double Exponential::work_error() const {
+    const std::size_t m = work_.size();
+    double sum = 0.0;
+    for (std::size_t r = 0; r < m; ++r) {
+        double share = 0.0;
+        for (std::size_t i = 0; i < nodes; ++i) share += last_gram[i] * powers_[i * m + r];
+        const double e = delta_ * shape_area * share / exponential::last_gram_square /
+                         (quadrature_atol_ + rtol_ * std::abs(work_[r]));
+        sum += e * e;
+    }
+    return m > 0 ? std::sqrt(sum / static_cast<double>(m)) : 0.0;
+}
 
-void Exponential::look_at_guards() { keeps_off_ = false; }
+// ------------------------------------------------------------------------------------------- the step in pieces
+
+// Up to the next suspect, or over it.
+Solver::Outcome Exponential::deliver(double stop) {
+    const auto last = static_cast<std::size_t>(std::ceil((end_ - origin_) / stride() - 1e-9));
+    keeps_off_ = suspects_.empty() || suspects_.back() != position_;
+    if (!keeps_off_) {
+        suspects_.pop_back();
+        ++position_;
+    } else {
+        position_ = suspects_.empty() ? last : std::min(last, suspects_.back());
+    }
+    const double t = position_ >= last ? end_ : origin_ + static_cast<double>(position_) * stride();
+    const double* y = at(t);
+    quadrature_at(t, work_.data());
+    std::copy_n(y, states_, z_.begin());
+    t_ = t;
+    return t == stop ? Outcome::stopped : Outcome::stepped;
+}
+
+// y and c on points as near to each other as the walk needs them, up to the end of the step at least.
+void Exponential::walk() {
+    walk_level_ = std::min({level_, 0, propagators().finest() + coarser}) - finer_;
+    const std::size_t m = driven_.size(), per_node = std::size_t{1} << (level_ - walk_level_), all = intervals * per_node;
+    const auto needed = static_cast<std::size_t>(std::ceil((end_ - origin_) / stride() - 1e-9));
+    points_ = std::min(all, (needed + 1) / 2 * 2);
+    position_ = 0;
+    walked_.resize((points_ + 1) * width());
+    const double* const M = propagators().step(walk_level_);
+    for (std::size_t k = 0; k <= points_; ++k) {
+        if (k % per_node == 0) {
+            std::copy_n(column(k / per_node), width(), point(k));
+            rescale(point(k) + rows(), m, 1.0 / static_cast<double>(per_node));
+            continue;
+        }
+        exact::kernels().multiply(propagators().rows(), propagators().width(), M, propagators().width(), point(k - 1), 1,
+                                  point(k));
+        std::copy_n(point(k - 1) + rows(), terms * m, point(k) + rows());
+        shift(point(k) + rows(), m);
+    }
+}
+
+// What laws make of the watched quantities besides their linear part: all of it where that counts, else how much it is.
+void Exponential::find_bends() {
+    exponential::Watch& watch = now_->watch;
+    for (std::size_t j = 0; j < nodes; ++j) watch.set_apart(guards_.data() + j * guard_count_);
+    const std::vector<double>& W = watch.matrix(walk_level_);
+    const auto tall = static_cast<std::size_t>(watch.rows()), count = watch.quantities().size();
+    bends_.assign(nodes * tall, 0.0);
+    doubt_.assign(2 * tall, 0.0);  // of the chunk, of the whole step
+    std::vector<double> linear(3 * tall), nearest(tall, infinite);
+    for (std::size_t j = 0; j < nodes; ++j) {
+        exact::kernels().multiply(static_cast<int>(3 * tall), static_cast<int>(rows()), W.data(), propagators().width(),
+                                  column(j), 1, linear.data());
+        for (std::size_t i = 0; i < count; ++i) {
+            const auto& q = watch.quantities()[i];
+            const double value = guards_[j * guard_count_ + static_cast<std::size_t>(q.low)], bend = value - linear[i];
+            bends_[j * tall + i] = bend;
+            nearest[i] = std::min({nearest[i], value, q.upper - value});
+            doubt_[tall + i] = std::max(doubt_[tall + i], 2.0 * std::abs(bend));
+        }
+    }
+    bent_.clear();
+    for (std::size_t i = 0; i < count; ++i)
+        if (!(doubt_[tall + i] <= straight * nearest[i])) {
+            bent_.push_back(i);
+            doubt_[tall + i] = 0.0;
+        }
+    bend_terms_.resize(bent_.empty() ? 0 : nodes * nodes * tall);
+    for (std::size_t j = 0; j < nodes && !bent_.empty(); ++j)
+        expand(bends_, tall, j, bend_terms_.data() + j * nodes * tall);
+}
+
+// The stretches of the walk over which the quintic through both ends does not keep off zero by what it is doubted by.
+void Exponential::look_for_suspects() {
+    suspects_.clear();
+    if (guard_count_ == 0) return;
+    find_bends();
+    exponential::Watch& watch = now_->watch;
+    const std::vector<double>& W = watch.matrix(walk_level_);
+    const int tall = watch.rows();
+    const auto m = static_cast<std::size_t>(tall), per_node = std::size_t{1} << (level_ - walk_level_);
+    std::vector<double> margin(m);
+    watched_.resize(3 * m * (chunk + 1));
+    for (std::size_t first = 0; first < points_; first += chunk) {
+        const std::size_t count = std::min(chunk, points_ - first);
+        exact::kernels().multiply(3 * tall, static_cast<int>(rows() + 2 * driven_.size()), W.data(), propagators().width(),
+                                  point(first), static_cast<int>(count) + 1, watched_.data());
+        for (std::size_t k = 0; k <= count && !bent_.empty(); ++k) {
+            const std::size_t node = std::min((first + k) / per_node, intervals);
+            const double x = static_cast<double>(first + k - node * per_node) / static_cast<double>(per_node);
+            for (const std::size_t i : bent_) {
+                const double* const c = bend_terms_.data() + node * nodes * m + i;
+                double value = 0.0, slope = 0.0, curvature = 0.0;
+                for (std::size_t order_of = nodes; order_of-- > 0;) {
+                    value = value * x / static_cast<double>(order_of + 1) + c[order_of * m];
+                    if (order_of >= 1) slope = slope * x / static_cast<double>(order_of) + c[order_of * m];
+                    if (order_of >= 2) curvature = curvature * x / static_cast<double>(order_of - 1) + c[order_of * m];
+                }
+                double* const q = watched_.data() + k * 3 * m + i;
+                const double unit = 1.0 / static_cast<double>(per_node);
+                q[0] += value;
+                q[m] += slope * unit / 5.0;
+                q[2 * m] += curvature * unit * unit / 20.0;
+            }
+        }
+        exponential::largest_doubt(tall, static_cast<int>(count), watched_.data(), doubt_.data());
+        for (std::size_t i = 0; i < m; ++i) margin[i] = doubt_[i] + doubt_[m + i];
+        const auto next = [&](int from) {
+            return exact::kernels().suspect(tall, from, static_cast<int>(count), 1.0, watched_.data(), margin.data(),
+                                            watch.upper().data());
+        };
+        for (int k = next(0); k < static_cast<int>(count); k = next(k + 1))
+            suspects_.push_back(first + static_cast<std::size_t>(k));
+    }
+    if (4 * suspects_.size() > points_ && walk_level_ > propagators().finest())
+        ++finer_;
+    else if (suspects_.empty() && finer_ > 0)
+        --finer_;
+    std::reverse(suspects_.begin(), suspects_.end());
+}
 
 // ------------------------------------------------------------------------------------------- inside a step
 
 // y there, in `probe_` unless it is stored.
 const double* Exponential::at(double t) const {
     const std::size_t m = driven_.size();
-    const auto node = static_cast<std::size_t>(
-        std::clamp(std::floor((t - begin_) / delta_ + 1e-9), 0.0, static_cast<double>(intervals)));
-    double rest = t - (begin_ + static_cast<double>(node) * delta_);
-    if (rest <= instant(t) || node == intervals) return column(node);
-    std::copy_n(column(node), width(), probe_.begin());
+    const auto near = static_cast<std::size_t>(
+        std::clamp(std::floor((t - origin_) / stride() + 1e-9), 0.0, static_cast<double>(points_)));
+    double rest = t - (origin_ + static_cast<double>(near) * stride());
+    if (rest <= instant(t) || near == points_) return point(near);
+    std::copy_n(point(near), width(), probe_.begin());
     double* const c = probe_.data() + rows();
-    double unit = delta_;
-    for (int level = level_ - 1; level >= now_->finest() && rest > instant(t); --level) {
+    double unit = stride();
+    for (int level = walk_level_ - 1; level >= propagators().finest() && rest > instant(t); --level) {
         const double part = std::ldexp(setup_.grid, level);
         if (rest < part - instant(t)) continue;
         rescale(c, m, part / unit);
         unit = part;
-        exact::kernels().multiply(now_->rows(), now_->width(), now_->step(level), now_->width(), probe_.data(), 1,
-                                  scratch_.data());
+        exact::kernels().multiply(propagators().rows(), propagators().width(), propagators().step(level),
+                                  propagators().width(), probe_.data(), 1, scratch_.data());
         std::copy_n(scratch_.begin(), rows(), probe_.begin());
         shift(c, m);
         rest -= part;
     }
     if (rest > instant(t)) {
         rescale(c, m, rest / unit);
-        now_->taylor(rest, probe_.data(), scratch_.data());
+        propagators().taylor(rest, probe_.data(), scratch_.data());
     }
     return probe_.data();
 }
 
 void Exponential::state_at(double t, double* z) const {
-    if (t == t_ || t_ == begin_)
+    if (t == t_ || !taken_)
         std::copy(z_.begin(), z_.end(), z);
     else
         std::copy_n(at(t), states_, z);
 }
 
-void Exponential::quadrature_at(double, double* q) const { std::copy(work_.begin(), work_.end(), q); }
+void Exponential::quadrature_at(double t, double* q) const {
+    const std::size_t m = work_.size();
+    if (m == 0) return;
+    if (!taken_) {
+        std::copy(work_.begin(), work_.end(), q);
+        return;
+    }
+    const double places = std::clamp((t - origin_) / delta_, 0.0, static_cast<double>(intervals));
+    const auto node = std::min(static_cast<std::size_t>(places), intervals - 1);
+    std::copy(begin_work_.begin(), begin_work_.end(), q);
+    for (std::size_t j = 0; j < node; ++j)
+        for (std::size_t i = 0; i < nodes; ++i)
+            for (std::size_t r = 0; r < m; ++r) q[r] += delta_ * integrals[j][i] * powers_[i * m + r];
+    double power = delta_;
+    for (std::size_t k = 0; k < terms; ++k) {
+        power *= places - static_cast<double>(node);
+        for (std::size_t r = 0; r < m; ++r)
+            q[r] += power * inverse_factorial[k + 1] * power_terms_[node * powers_.size() + k * m + r];
+    }
+}
 
 void Exponential::go_back(double t) {
-    quadrature_at(t, work_.data());
     const double* y = at(t);
+    quadrature_at(t, work_.data());
     std::copy_n(y, states_, z_.begin());
     t_ = t;
+    taken_ = false;
 }
 
 Solver::Failure Exponential::failure() const {

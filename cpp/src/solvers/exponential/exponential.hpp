@@ -6,6 +6,7 @@
 // polynomial, exactly (M. Hochbruck, A. Ostermann, Appl. Numer. Math. 53 (2005) 323–339). docs/theory/exponential.md.
 #pragma once
 
+#include <cmath>
 #include <limits>
 #include <map>
 #include <memory>
@@ -15,6 +16,7 @@
 #include "../exact/laws.hpp"
 #include "dualdrive/solver.hpp"
 #include "propagators.hpp"
+#include "watch.hpp"
 
 namespace dualdrive {
 
@@ -52,28 +54,45 @@ class Exponential final : public Solver {
   private:
     using Vector = std::vector<double>;
     static constexpr std::size_t nodes = exponential::nodes, intervals = exponential::intervals;
+    // What belongs to one combination of modes.
+    struct Frozen {
+        exponential::Propagators propagators;
+        exponential::Watch watch;
+    };
 
+    // One step over all nodes, tried.
     void take_modes();
-    void set_inputs(std::size_t node);
-    bool evaluate(std::size_t node, const double* y, double* rest);
     double try_step(int level);
-    bool predict();
-    double sweep();
+    bool rest_at(double t, const double* y, double* rest);
+    bool evaluate(std::size_t node);
     bool evaluate_nodes();
-    double interpolation_error();
-    double defect();
-    double work_error() const;
-    void look_at_guards();
-    void expand(const Vector& values, std::size_t width, std::size_t node, double* c) const;
+    void set_inputs(std::size_t node);
+    bool predict();
     double past(double places, std::size_t row) const;
+    double sweep();
+    double interpolation_error() const;
+    double work_error() const;
+    double defect();
     double norm(const double* y) const;
     bool knotted() const { return !generator_.knots().empty(); }
-    double step_end(double stop) const;
+    double end_before(double stop) const;
+
+    // The step taken, in pieces: up to the next stretch that needs a close look for crossings, and over that.
+    Outcome deliver(double stop);
+    void walk();
+    void look_for_suspects();
+    void find_bends();
     const double* at(double t) const;
+
     double* column(std::size_t node) { return yc_.data() + node * width(); }
     const double* column(std::size_t node) const { return yc_.data() + node * width(); }
-    std::size_t width() const { return static_cast<std::size_t>(now_->width()); }
-    std::size_t rows() const { return static_cast<std::size_t>(now_->rows()); }
+    double* point(std::size_t k) { return walked_.data() + k * width(); }
+    const double* point(std::size_t k) const { return walked_.data() + k * width(); }
+    double node_time(std::size_t node) const { return origin_ + static_cast<double>(node) * delta_; }
+    double stride() const { return std::ldexp(setup_.grid, walk_level_); }
+    exponential::Propagators& propagators() const { return now_->propagators; }
+    std::size_t width() const { return static_cast<std::size_t>(propagators().width()); }
+    std::size_t rows() const { return static_cast<std::size_t>(propagators().rows()); }
 
     Problem& problem_;
     const Size size_;
@@ -82,23 +101,32 @@ class Exponential final : public Solver {
     const exact::Generator generator_;
     const std::vector<int> nothing_;
     exact::Reader<double> reader_;
-    const std::size_t states_, one_;
+    const std::size_t states_, one_, guard_count_;
     std::vector<int> driven_;  // rows of y that the rest acts on, in any mode met so far
-    std::map<Modes, std::unique_ptr<exponential::Propagators>> known_;
-    exponential::Propagators* now_ = nullptr;
+    std::map<Modes, std::unique_ptr<Frozen>> known_;
+    Frozen* now_ = nullptr;
 
-    double t_ = 0.0, begin_ = 0.0, delta_ = 0.0;  // now; begin of the last step, and the distance of its nodes
+    double t_ = 0.0, begin_ = 0.0;                   // now; begin of the last piece
+    double origin_ = 0.0, end_ = 0.0, delta_ = 0.0;  // of the step that is being delivered; distance of its nodes
     double longest_ = std::numeric_limits<double>::infinity();
-    int level_ = 0, next_level_ = 0, steady_ = 0;
-    double contraction_ = 0.0;  // of a sweep, at next_level_; 0: not known
-    bool begun_ = false, finite_ = true, keeps_off_ = false, more_driven_ = false;
+    int level_ = 0, next_level_;
+    double contraction_ = 0.0;  // of a sweep at level_, as last seen
+    bool taken_ = false;        // a step is being delivered
+    bool finite_ = true, keeps_off_ = false, more_driven_ = false;
     Vector z_, work_, atol_, weight_;
     double quadrature_atol_ = 0.0;
-    Vector yc_, before_;       // per node y and its c; y of the sweep before
-    Vector rest_, older_rest_; // [node][driven]: n now; and over the step before, as far as it is known
-    double older_delta_ = 0.0, older_begin_ = 0.0;
-    Vector powers_, begin_work_;  // [node][path]
-    Vector guards_;               // [node][guard]
+    Vector yc_;           // per node y and c
+    Vector rest_, past_;  // [node][driven]: now, and over the step before if no switch came since
+    double past_delta_ = 0.0, past_origin_ = 0.0;
+    Vector powers_, power_terms_, begin_work_;  // [node][path], [node][order][path]
+    Vector guards_;                             // [node][guard]
+
+    int walk_level_ = 0, finer_ = 0;  // halvings that the walk needs besides
+    std::size_t points_ = 0, position_ = 0;
+    Vector walked_, watched_, doubt_, bends_, bend_terms_;
+    std::vector<std::size_t> bent_;      // watched quantities whose bend counts
+    std::vector<std::size_t> suspects_;  // stretches of the walk, the last one first
+
     Vector rate_, linear_;
     mutable Vector probe_, scratch_;
     Counts counts_{};
