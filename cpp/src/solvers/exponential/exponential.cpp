@@ -26,6 +26,7 @@ constexpr double negligible = 1e-4;    // of what a step may err by: a rest that
 constexpr double inner_share = 0.2;    // of the defect between nodes that counts as error
 constexpr int levels_of_a_bad_number = 2;
 constexpr double shape_area = 40.0;    // of |last_gram|'s polynomial between the nodes, about
+constexpr double farthest = 4e-3;      // s, between nodes: a drive's own loops follow what takes longer; no law hides there
 constexpr int coarser = 4;             // doublings of the finest step: a stretch of the walk
 constexpr std::size_t chunk = 16;      // stretches that are looked at together
 constexpr double straight = 0.01;      // of what a guard keeps off zero: a bend of less is a doubt, no more
@@ -114,7 +115,7 @@ void Exponential::restart(double t, std::span<const double> atol, double quadrat
 
 // What the machine's inputs do between nodes is known: nothing can be stepped over unseen, but for what laws make of it.
 void Exponential::limit_step(double longest, double turning) {
-    longest_ = std::min(longest, static_cast<double>(intervals) * turning);
+    longest_ = std::min(longest, static_cast<double>(intervals) * std::min(turning, farthest));
 }
 
 // ------------------------------------------------------------------------------------------- modes
@@ -194,6 +195,12 @@ Solver::Outcome Exponential::step(double stop) {
         if (reach() <= least) return Outcome::failed;
         more_driven_ = false;
         e = try_step(level);
+        if (e <= 1.0) {
+            end_ = end_before(stop);
+            walk();
+            look_for_suspects();
+            e = std::max(e, inner_share * defect_of_suspects());
+        }
         if (more_driven_) {
             known_.clear();
             now_ = nullptr;
@@ -215,9 +222,6 @@ Solver::Outcome Exponential::step(double stop) {
     for (std::size_t j = 0; j < nodes && !work_.empty(); ++j)
         expand(powers_, work_.size(), j, power_terms_.data() + j * powers_.size());
     taken_ = true;
-    end_ = end_before(stop);
-    walk();
-    look_for_suspects();
     return deliver(stop);
 }
 
@@ -352,15 +356,29 @@ double Exponential::interpolation_error() const {
 
 // How far the polynomial is from the rest between the first two nodes, over the time between them: there it fits worst,
 // and something fast that dies away is seen.
-double Exponential::defect() {
+double Exponential::defect() { return defect(column(0), origin_, level_ - 1); }
+
+// The same in the middle of the stretches where a guard may come to zero: a law may be at its steepest where it ends, as
+// friction is that falls with speed.
+double Exponential::defect_of_suspects() {
+    double most = 0.0;
+    for (std::size_t k = 0; k < std::min(suspects_.size(), chunk) && most < infinite; ++k) {
+        const std::size_t from = suspects_[suspects_.size() - 1 - k];
+        most = std::max(most, defect(point(from), origin_ + static_cast<double>(from) * stride(), walk_level_ - 1));
+    }
+    return most;
+}
+
+// At half the unit of c after (y, c), which is a step of `level`.
+double Exponential::defect(const double* yc, double t, int level) {
     const std::size_t m = driven_.size();
     if (m == 0) return 0.0;
-    Vector half(column(0), column(0) + width()), y(rows()), rest(m), apart(states_, 0.0);
+    Vector half(yc, yc + width()), y(rows()), rest(m), apart(states_, 0.0);
     rescale(half.data() + rows(), m, 0.5);
-    exact::kernels().multiply(propagators().rows(), propagators().width(), propagators().step(level_ - 1), propagators().width(), half.data(), 1,
-                              y.data());
+    exact::kernels().multiply(propagators().rows(), propagators().width(), propagators().step(level),
+                              propagators().width(), half.data(), 1, y.data());
     shift(half.data() + rows(), m);
-    if (!rest_at(origin_ + 0.5 * delta_, y.data(), rest.data())) return infinite;
+    if (!rest_at(t + std::ldexp(setup_.grid, level), y.data(), rest.data())) return infinite;
     for (std::size_t r = 0; r < m; ++r)
         apart[static_cast<std::size_t>(driven_[r])] = delta_ * (rest[r] - half[rows() + r]);
     return norm(apart.data());
@@ -492,8 +510,19 @@ void Exponential::look_for_suspects() {
             return exact::kernels().suspect(tall, from, static_cast<int>(count), 1.0, watched_.data(), margin.data(),
                                             watch.upper().data());
         };
-        for (int k = next(0); k < static_cast<int>(count); k = next(k + 1))
+        // What comes after a fall is no solution: the modes are others there.
+        const auto fallen = [&](int k) {
+            const double* q = watched_.data() + static_cast<std::size_t>(k + 1) * 3 * m;
+            for (std::size_t i = 0; i < m; ++i)
+                if (q[i] < -margin[i] || q[i] > watch.upper()[i] + margin[i]) return true;
+            return false;
+        };
+        bool over = false;
+        for (int k = next(0); k < static_cast<int>(count) && !over; k = next(k + 1)) {
             suspects_.push_back(first + static_cast<std::size_t>(k));
+            over = fallen(k);
+        }
+        if (over) break;
     }
     if (4 * suspects_.size() > points_ && walk_level_ > propagators().finest())
         ++finer_;
@@ -565,7 +594,6 @@ void Exponential::go_back(double t) {
     quadrature_at(t, work_.data());
     std::copy_n(y, states_, z_.begin());
     t_ = t;
-    taken_ = false;
 }
 
 Solver::Failure Exponential::failure() const {

@@ -73,6 +73,8 @@ class Exponential final : public Solver {
     double interpolation_error() const;
     double work_error() const;
     double defect();
+    double defect(const double* yc, double t, int level);
+    double defect_of_suspects();
     double norm(const double* y) const;
     bool knotted() const { return !generator_.knots().empty(); }
     double end_before(double stop) const;
