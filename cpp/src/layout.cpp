@@ -34,8 +34,7 @@ bool Layout::is_placed(int signal) const {
     const auto one_of = [signal](const std::vector<int>& those) {
         return std::find(those.begin(), those.end(), signal) != those.end();
     };
-    return signal == at.theta_ref || signal == at.omega_ref || signal == at.T_load || one_of(at.angle) ||
-           one_of(at.speed) || one_of(at.twist) || one_of(at.I) || one_of(at.input);
+    return one_of(at.angle) || one_of(at.speed) || one_of(at.twist) || one_of(at.I);
 }
 
 }  // namespace dualdrive

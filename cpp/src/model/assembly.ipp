@@ -95,23 +95,18 @@ void Model<S>::instants(std::vector<double>& times) const {
     for (const auto& effect : effect_) effect->instants(times);
 }
 
-template <class S>
-void Model<S>::place(const S& t, const S* z, const Now& now) {
-    now_ = now;
-    time_ = t;
-    state_ = z;
-    read_inputs(t);
-    kinematics(z);
-}
-
 // The whole right-hand side: without play that of Eq. 14, with it that of Eq. 17, by selectors that of Eq. 22.
 template <class S>
 void Model<S>::evaluate(const S& t, const S* z, const Now& now) {
-    place(t, z, now);
+    now_ = now;
+    time_ = t;
+    state_ = z;
     power_.fill(S(0.0));
     stored_ = S(0.0);
     if (products_) products_->clear();
     std::fill(body_torque_.begin(), body_torque_.end(), S(0.0));
+    read_inputs(t);
+    place(z);
     connection_torques();
     motors(z);
     sense(t);

@@ -16,7 +16,7 @@ void Model<S>::read_inputs(const S& t) {
 }
 
 template <class S>
-void Model<S>::kinematics(const S* z) {
+void Model<S>::place(const S* z) {
     const auto& at = layout_.at;
     const auto angle = [&](int b) -> S& {
         return signal_[static_cast<std::size_t>(at.angle[static_cast<std::size_t>(b)])];

@@ -54,7 +54,7 @@ void Simulation::record(std::span<const double> times) {
 void Simulation::record_by_model(double t, const std::vector<std::size_t>& which, double* row) {
     solver_->state_at(t, z_scratch_.data());
     if (placed_) {
-        model_.place(t, z_scratch_.data(), now());
+        model_.place(z_scratch_.data());
         evaluated_.t = std::numeric_limits<double>::quiet_NaN();
     } else {
         evaluate(t, z_scratch_.data());
