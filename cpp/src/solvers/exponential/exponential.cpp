@@ -23,6 +23,7 @@ constexpr double enough = 0.1;         // of what a step may err by: what sweeps
 constexpr double least_contraction = 0.05, slow = 0.3;  // a sweep's, as reckoned with; and at which a step is too long
 constexpr int most_sweeps = 8;
 constexpr double negligible = 1e-4;    // of what a step may err by: a rest that small is none
+constexpr double rounding = 1024.0 * std::numeric_limits<double>::epsilon();  // of the largest term of a rate, and more
 constexpr double inner_share = 0.2;    // of the defect between nodes that counts as error
 constexpr int levels_of_a_bad_number = 2;
 constexpr double shape_area = 40.0;    // of |last_gram|'s polynomial between the nodes, about
@@ -64,14 +65,11 @@ void rescale(double* c, std::size_t m, double ratio) {
         for (std::size_t r = 0; r < m; ++r) c[k * m + r] *= power;
 }
 
-// Derivatives at a node of the polynomials through `values` [node][width].
-void expand(const std::vector<double>& values, std::size_t width, std::size_t node, double* c) {
-    for (std::size_t k = 0; k < terms; ++k)
-        for (std::size_t r = 0; r < width; ++r) {
-            double sum = 0.0;
-            for (std::size_t i = 0; i < terms; ++i) sum += through_nodes[node][k][i] * values[i * width + r];
-            c[k * width + r] = sum;
-        }
+// Derivatives at every node of the polynomials through `values`, [node][width] with a padded width: [node][order][width].
+void expand(const std::vector<double>& values, int width, std::vector<double>& out) {
+    out.resize(terms * terms * static_cast<std::size_t>(width));
+    exact::kernels().product(width, static_cast<int>(terms), values.data(), static_cast<int>(terms),
+                             through_nodes[0][0].data(), static_cast<int>(terms * terms), out.data());
 }
 
 // c a unit of time later.
@@ -97,11 +95,13 @@ Exponential::Exponential(Problem& problem, Size size, double rtol, Setup setup)
       z_(states_, 0.0),
       work_(static_cast<std::size_t>(size.quadratures), 0.0),
       weight_(states_, 0.0),
-      powers_(nodes * work_.size(), 0.0),
-      power_terms_(nodes * powers_.size(), 0.0),
+      paths_(static_cast<std::size_t>(exact::padded(size.quadratures))),
+      powers_(nodes * paths_, 0.0),
       begin_work_(work_),
       guards_(nodes * guard_count_, 1.0),
-      rate_(states_, 0.0) {}
+      inputs_(nodes * static_cast<std::size_t>(generator_.size())),
+      rate_(states_, 0.0),
+      before_(states_, 0.0) {}
 
 void Exponential::restart(double t, std::span<const double> atol, double quadrature_atol) {
     t_ = begin_ = t;
@@ -109,7 +109,8 @@ void Exponential::restart(double t, std::span<const double> atol, double quadrat
     quadrature_atol_ = quadrature_atol;
     now_ = nullptr;
     past_.clear();
-    if (counts_.steps > 0) next_level_ = std::max(next_level_ - after_switch, -first_halvings);
+    if (counts_.steps > 0 && setup_.modes != modes_) next_level_ = std::max(next_level_ - after_switch, -first_halvings);
+    modes_ = setup_.modes;
     taken_ = false;
 }
 
@@ -129,11 +130,12 @@ void Exponential::take_modes() {
         ++counts_.jacobians;
     }
     now_ = known.get();
+    padded_ = static_cast<std::size_t>(exact::padded(static_cast<int>(driven_.size())));
     linear_.assign(rows(), 0.0);
     scratch_.assign(2 * rows(), 0.0);
     probe_.assign(width(), 0.0);
     yc_.assign(nodes * width(), 0.0);
-    rest_.assign(nodes * driven_.size(), 0.0);
+    rest_.assign(nodes * padded_, 0.0);
 }
 
 // False where the laws give no number, or rows are driven that were not.
@@ -142,36 +144,50 @@ bool Exponential::rest_at(double t, const double* y, double* rest) {
     finite_ = problem_.rhs(t, y, rate_.data());
     if (!finite_) return false;
     propagators().rates(y, linear_.data());
+    std::vector<int> driven;  // with those that were not yet
     std::size_t r = 0;
     for (std::size_t i = 0; i < states_; ++i) {
         const double n = rate_[i] - linear_[i];
-        if (r < driven_.size() && driven_[r] == static_cast<int>(i)) {
+        if (r < driven_.size() && driven_[r] == static_cast<int>(i))
             rest[r++] = n;
-        } else if (std::abs(n) * delta_ * weight_[i] > negligible) {
-            driven_.insert(driven_.begin() + static_cast<std::ptrdiff_t>(r), static_cast<int>(i));
-            more_driven_ = true;
-            return false;
-        }
+        else if (std::abs(n) * delta_ * weight_[i] > negligible &&
+                 std::abs(n) > rounding * propagators().largest_term(static_cast<int>(i), y))
+            driven.push_back(static_cast<int>(i));
     }
-    return true;
+    if (driven.empty()) return true;
+    driven.insert(driven.end(), driven_.begin(), driven_.end());
+    std::sort(driven.begin(), driven.end());
+    driven_ = std::move(driven);
+    more_driven_ = true;
+
+    return false;
 }
 
 // The rest at a node, and powers and guards there.
 bool Exponential::evaluate(std::size_t node) {
     const double t = node_time(node);
     const double* y = column(node);
-    if (!rest_at(t, y, rest_.data() + node * driven_.size())) return false;
-    finite_ = (work_.empty() || problem_.quadrature(t, y, powers_.data() + node * work_.size())) &&
+    if (!rest_at(t, y, rest_.data() + node * padded_)) return false;
+    finite_ = (work_.empty() || problem_.quadrature(t, y, powers_.data() + node * paths_)) &&
               (guard_count_ == 0 || problem_.guards(t, y, guards_.data() + node * guard_count_));
     return finite_;
 }
 
-void Exponential::set_inputs(std::size_t node) {
-    const double t = node_time(node);
+// The inputs at the nodes, each as it begins there; without knots those of the first node go on by themselves.
+void Exponential::find_inputs() {
     const auto& knots = generator_.knots();
-    const auto next = std::lower_bound(knots.begin(), knots.end(), t - instant(t));
-    const bool on_knot = next != knots.end() && *next <= t + instant(t);
-    generator_.set(on_knot ? *next : t, setup_.cell, column(node) + states_);
+    const auto size = static_cast<std::size_t>(generator_.size());
+    for (std::size_t j = 0; j < (knotted() ? nodes : 1); ++j) {
+        const double t = node_time(j);
+        const auto next = std::lower_bound(knots.begin(), knots.end(), t - instant(t));
+        const bool on_knot = next != knots.end() && *next <= t + instant(t);
+        generator_.set(on_knot ? *next : t, setup_.cell, inputs_.data() + j * size);
+    }
+}
+
+void Exponential::put_inputs(std::size_t node) {
+    const auto size = static_cast<std::size_t>(generator_.size());
+    std::copy_n(inputs_.data() + node * size, size, column(node) + states_);
 }
 
 // ------------------------------------------------------------------------------------------- one step
@@ -219,8 +235,7 @@ Solver::Outcome Exponential::step(double stop) {
     past_ = rest_;
     past_origin_ = origin_;
     past_delta_ = delta_;
-    for (std::size_t j = 0; j < nodes && !work_.empty(); ++j)
-        expand(powers_, work_.size(), j, power_terms_.data() + j * powers_.size());
+    if (!work_.empty()) expand(powers_, static_cast<int>(paths_), power_terms_);
     taken_ = true;
     return deliver(stop);
 }
@@ -241,7 +256,8 @@ double Exponential::try_step(int level) {
     if (!now_) take_modes();
     std::copy(z_.begin(), z_.end(), column(0));
     column(0)[one_] = 1.0;
-    set_inputs(0);
+    find_inputs();
+    put_inputs(0);
     if (!evaluate(0) || !predict()) return infinite;
     for (std::size_t i = 0; i < states_; ++i)
         weight_[i] = 1.0 / (atol_[i] + rtol_ * std::max(std::abs(z_[i]), std::abs(column(intervals)[i])));
@@ -276,12 +292,12 @@ bool Exponential::predict() {
             for (std::size_t r = 0; r < m; ++r) {
                 double sum = 0.0;
                 for (std::size_t i = 0; i < p; ++i)
-                    sum += backward[p - 1][k][i] * (i <= j ? rest_[(j - i) * m + r] : values[(i - j - 1) * m + r]);
+                    sum += backward[p - 1][k][i] * (i <= j ? rest_[(j - i) * padded_ + r] : values[(i - j - 1) * m + r]);
                 c[k * m + r] = sum;
             }
         exact::kernels().multiply(propagators().rows(), static_cast<int>(rows() + p * m), M, propagators().width(), column(j), 1,
                                   column(j + 1));
-        if (knotted()) set_inputs(j + 1);
+        if (knotted()) put_inputs(j + 1);
         if (!evaluate(j + 1)) return false;
     }
     return true;
@@ -290,12 +306,11 @@ bool Exponential::predict() {
 // The rest of the step before, so many places back.
 double Exponential::past(double places, std::size_t row) const {
     const double x = (origin_ - places * delta_ - past_origin_) / past_delta_;
-    const std::size_t m = driven_.size();
     double above = 0.0, below = 0.0;  // the barycentric formula; its weights are last_gram
     for (std::size_t i = 0; i < nodes; ++i) {
         const double apart = x - static_cast<double>(i);
-        if (std::abs(apart) < 1e-9) return past_[i * m + row];
-        above += last_gram[i] / apart * past_[i * m + row];
+        if (std::abs(apart) < 1e-9) return past_[i * padded_ + row];
+        above += last_gram[i] / apart * past_[i * padded_ + row];
         below += last_gram[i] / apart;
     }
     return above / below;
@@ -305,18 +320,19 @@ double Exponential::past(double places, std::size_t row) const {
 double Exponential::sweep() {
     const std::size_t m = driven_.size();
     const double* const M = propagators().step(level_);
-    Vector before(states_), apart(states_);
+    if (m > 0) expand(rest_, static_cast<int>(padded_), rest_terms_);
+    for (std::size_t k = 0; k < nodes * terms; ++k)
+        std::copy_n(rest_terms_.data() + k * padded_, m, column(k / terms) + rows() + k % terms * m);
     double most = 0.0;
     for (std::size_t j = 0; j < intervals; ++j) {
-        expand(rest_, m, j, column(j) + rows());
         double* const next = column(j + 1);
-        std::copy_n(next, states_, before.begin());
-        exact::kernels().multiply(propagators().rows(), propagators().width(), M, propagators().width(), column(j), 1, next);
-        if (knotted()) set_inputs(j + 1);
-        for (std::size_t i = 0; i < states_; ++i) apart[i] = next[i] - before[i];
-        most = std::max(most, norm(apart.data()));
+        std::copy_n(next, states_, before_.begin());
+        exact::kernels().multiply(propagators().rows(), propagators().width(), M, propagators().width(), column(j), 1,
+                                  next);
+        if (knotted()) put_inputs(j + 1);
+        for (std::size_t i = 0; i < states_; ++i) before_[i] = next[i] - before_[i];
+        most = std::max(most, norm(before_.data()));
     }
-    expand(rest_, m, intervals, column(intervals) + rows());
     return most;
 }
 
@@ -340,7 +356,7 @@ double Exponential::interpolation_error() const {
     const double* const M = propagators().step(level_);
     Vector share(m, 0.0), e(width(), 0.0), next(rows());
     for (std::size_t r = 0; r < m; ++r) {
-        for (std::size_t i = 0; i < nodes; ++i) share[r] += last_gram[i] * rest_[i * m + r];
+        for (std::size_t i = 0; i < nodes; ++i) share[r] += last_gram[i] * rest_[i * padded_ + r];
         share[r] /= exponential::last_gram_square;
     }
     double most = 0.0;
@@ -390,7 +406,7 @@ double Exponential::work_error() const {
     double sum = 0.0;
     for (std::size_t r = 0; r < m; ++r) {
         double share = 0.0;
-        for (std::size_t i = 0; i < nodes; ++i) share += last_gram[i] * powers_[i * m + r];
+        for (std::size_t i = 0; i < nodes; ++i) share += last_gram[i] * powers_[i * paths_ + r];
         const double e = delta_ * shape_area * share / exponential::last_gram_square /
                          (quadrature_atol_ + rtol_ * std::abs(work_[r]));
         sum += e * e;
@@ -425,6 +441,7 @@ void Exponential::walk() {
     const auto needed = static_cast<std::size_t>(std::ceil((end_ - origin_) / stride() - 1e-9));
     points_ = std::min(all, (needed + 1) / 2 * 2);
     position_ = 0;
+    counts_.guards += static_cast<long>(points_);
     walked_.resize((points_ + 1) * width());
     const double* const M = propagators().step(walk_level_);
     for (std::size_t k = 0; k <= points_; ++k) {
@@ -444,31 +461,27 @@ void Exponential::walk() {
 void Exponential::find_bends() {
     exponential::Watch& watch = now_->watch;
     for (std::size_t j = 0; j < nodes; ++j) watch.set_apart(guards_.data() + j * guard_count_);
-    const std::vector<double>& W = watch.matrix(walk_level_);
     const auto tall = static_cast<std::size_t>(watch.rows()), count = watch.quantities().size();
     bends_.assign(nodes * tall, 0.0);
     doubt_.assign(2 * tall, 0.0);  // of the chunk, of the whole step
-    std::vector<double> linear(3 * tall), nearest(tall, infinite);
-    for (std::size_t j = 0; j < nodes; ++j) {
-        exact::kernels().multiply(static_cast<int>(3 * tall), static_cast<int>(rows()), W.data(), propagators().width(),
-                                  column(j), 1, linear.data());
+    std::vector<double> linear(nodes * tall), nearest(tall, infinite);
+    exact::kernels().multiply(watch.rows(), static_cast<int>(rows()), watch.values().data(), propagators().width(),
+                              column(0), static_cast<int>(nodes), linear.data());
+    for (std::size_t j = 0; j < nodes; ++j)
         for (std::size_t i = 0; i < count; ++i) {
             const auto& q = watch.quantities()[i];
-            const double value = guards_[j * guard_count_ + static_cast<std::size_t>(q.low)], bend = value - linear[i];
+            const double value = guards_[j * guard_count_ + static_cast<std::size_t>(q.low)], bend = value - linear[j * tall + i];
             bends_[j * tall + i] = bend;
             nearest[i] = std::min({nearest[i], value, q.upper - value});
             doubt_[tall + i] = std::max(doubt_[tall + i], 2.0 * std::abs(bend));
         }
-    }
     bent_.clear();
     for (std::size_t i = 0; i < count; ++i)
         if (!(doubt_[tall + i] <= straight * nearest[i])) {
             bent_.push_back(i);
             doubt_[tall + i] = 0.0;
         }
-    bend_terms_.resize(bent_.empty() ? 0 : nodes * nodes * tall);
-    for (std::size_t j = 0; j < nodes && !bent_.empty(); ++j)
-        expand(bends_, tall, j, bend_terms_.data() + j * nodes * tall);
+    if (!bent_.empty()) expand(bends_, watch.rows(), bend_terms_);
 }
 
 // The stretches of the walk over which the quintic through both ends does not keep off zero by what it is doubted by.
@@ -580,12 +593,12 @@ void Exponential::quadrature_at(double t, double* q) const {
     std::copy(begin_work_.begin(), begin_work_.end(), q);
     for (std::size_t j = 0; j < node; ++j)
         for (std::size_t i = 0; i < nodes; ++i)
-            for (std::size_t r = 0; r < m; ++r) q[r] += delta_ * integrals[j][i] * powers_[i * m + r];
+            for (std::size_t r = 0; r < m; ++r) q[r] += delta_ * integrals[j][i] * powers_[i * paths_ + r];
     double power = delta_;
     for (std::size_t k = 0; k < terms; ++k) {
         power *= places - static_cast<double>(node);
         for (std::size_t r = 0; r < m; ++r)
-            q[r] += power * inverse_factorial[k + 1] * power_terms_[node * powers_.size() + k * m + r];
+            q[r] += power * inverse_factorial[k + 1] * power_terms_[(node * terms + k) * paths_ + r];
     }
 }
 

@@ -66,7 +66,8 @@ class Exponential final : public Solver {
     bool rest_at(double t, const double* y, double* rest);
     bool evaluate(std::size_t node);
     bool evaluate_nodes();
-    void set_inputs(std::size_t node);
+    void find_inputs();
+    void put_inputs(std::size_t node);
     bool predict();
     double past(double places, std::size_t row) const;
     double sweep();
@@ -104,9 +105,11 @@ class Exponential final : public Solver {
     const std::vector<int> nothing_;
     exact::Reader<double> reader_;
     const std::size_t states_, one_, guard_count_;
+    std::size_t padded_ = 0;  // how many rows are driven
     std::vector<int> driven_;  // rows of y that the rest acts on, in any mode met so far
     std::map<Modes, std::unique_ptr<Frozen>> known_;
     Frozen* now_ = nullptr;
+    Modes modes_;  // at the last restart
 
     double t_ = 0.0, begin_ = 0.0;                   // now; begin of the last piece
     double origin_ = 0.0, end_ = 0.0, delta_ = 0.0;  // of the step that is being delivered; distance of its nodes
@@ -120,6 +123,8 @@ class Exponential final : public Solver {
     Vector yc_;           // per node y and c
     Vector rest_, past_;  // [node][driven]: now, and over the step before if no switch came since
     double past_delta_ = 0.0, past_origin_ = 0.0;
+    Vector rest_terms_;   // [node][order][driven]
+    const std::size_t paths_;                   // padded
     Vector powers_, power_terms_, begin_work_;  // [node][path], [node][order][path]
     Vector guards_;                             // [node][guard]
 
@@ -129,7 +134,8 @@ class Exponential final : public Solver {
     std::vector<std::size_t> bent_;      // watched quantities whose bend counts
     std::vector<std::size_t> suspects_;  // stretches of the walk, the last one first
 
-    Vector rate_, linear_;
+    Vector inputs_;  // [node][state of the generator]
+    Vector rate_, linear_, before_;
     mutable Vector probe_, scratch_;
     Counts counts_{};
 };

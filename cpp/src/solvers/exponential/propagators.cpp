@@ -30,7 +30,7 @@ Propagators::Propagators(const exact::Matrix<double>& A, const std::vector<int>&
         for (int i = 0; i < n_; ++i) A_[static_cast<std::size_t>(j * rows_ + i)] = A(i, j);
     const double norm = exact::spectral_bound<double>(A);
     while (norm * std::ldexp(unit_, finest_) > widest && finest_ > -most_levels) --finest_;
-    order_ = exact::terms_for<double>(norm * std::ldexp(unit_, finest_)) + terms;
+    order_ = exact::terms_for<double>(norm * std::ldexp(unit_, finest_));
     known_.emplace(finest_, first(std::ldexp(unit_, finest_)));
 }
 
@@ -107,12 +107,19 @@ void Propagators::rates(const double* y, double* out) const {
     exact::kernels().multiply(rows_, n_, A_.data(), rows_, y, 1, out);
 }
 
+double Propagators::largest_term(int row, const double* y) const {
+    double largest = 0.0;
+    for (int j = 0; j < n_; ++j)
+        largest = std::max(largest, std::abs(A_[static_cast<std::size_t>(j * rows_ + row)] * y[j]));
+    return largest;
+}
+
 // v_i = r^i y⁽ⁱ⁾/i!: v_{i+1} = r A v_i/(i + 1) + r c_i/(i + 1)!
 void Propagators::taylor(double length, double* yc, double* scratch) const {
     double *term = scratch, *next = scratch + rows_;
     std::copy_n(yc, rows_, term);
     double factorial = 1.0;
-    for (int i = 0; i < order_; ++i) {
+    for (int i = 0; i < std::max(order_, terms); ++i) {
         rates(term, next);
         factorial *= i + 1;
         for (int k = 0; k < rows_; ++k) next[k] *= length / (i + 1);

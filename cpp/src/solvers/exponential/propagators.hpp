@@ -25,6 +25,8 @@ class Propagators {
     const double* step(int level);
     // A y; `out` has rows().
     void rates(const double* y, double* out) const;
+    // Of the sum that is a row of A y.
+    double largest_term(int row, const double* y) const;
     // (y, c) → y over `length`, at most the finest step; c as at its begin with δ = `length`. `scratch`: 2 rows().
     void taylor(double length, double* yc, double* scratch) const;
 

@@ -33,6 +33,10 @@ void Watch::find_quantities() {
     upper_.assign(static_cast<std::size_t>(rows()), infinite);
     for (std::size_t k = 0; k < quantities_.size(); ++k) upper_[k] = quantities_[k].upper;
     known_.clear();
+    values_.assign(static_cast<std::size_t>(rows() * exact::padded(static_cast<int>(G_.cols()))), 0.0);
+    for (std::size_t k = 0; k < quantities_.size(); ++k)
+        for (Eigen::Index j = 0; j < G_.cols(); ++j)
+            values_[static_cast<std::size_t>(j * rows()) + k] = G_(quantities_[k].low, j);
 }
 
 bool Watch::set_apart(const double* guards) {

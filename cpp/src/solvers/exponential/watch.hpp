@@ -25,6 +25,7 @@ class Watch {
     const std::vector<double>& upper() const { return upper_; }
     // Of (y, c_0, c_1): q, q' w/5 and q'' w²/20 of all quantities, 3 rows() rows, w = unit 2^level.
     const std::vector<double>& matrix(int level);
+    const std::vector<double>& values() const { return values_; }  // q of y alone, rows() rows
     // Guards at a node as the model has them: those that are no pair there, or not constant, are watched alone from now on.
     // Returns whether any was new.
     bool set_apart(const double* guards);
@@ -38,7 +39,7 @@ class Watch {
     std::set<int> alone_;
     std::vector<exact::Watched<double>> quantities_;
     std::vector<bool> unwatched_;
-    std::vector<double> upper_;
+    std::vector<double> upper_, values_;
     std::map<int, std::vector<double>> known_;
 };
 
