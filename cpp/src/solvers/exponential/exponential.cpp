@@ -21,12 +21,14 @@ constexpr int after_switch = 2;        // halvings of the step before, as a swit
 constexpr double doubles = 1e-3;       // errors below it allow a step twice as long: 2⁻⁹, and half of that
 constexpr double enough = 0.1;         // of what a step may err by: what sweeps may leave
 constexpr double least_contraction = 0.05, slow = 0.3;  // a sweep's, as reckoned with; and at which a step is too long
+constexpr double fades = 0.7;  // what is known of it, with every step that did not show it
 constexpr int most_sweeps = 8;
 constexpr double negligible = 1e-4;    // of what a step may err by: a rest that small is none
 constexpr double rounding = 1024.0 * std::numeric_limits<double>::epsilon();  // of the largest term of a rate, and more
 constexpr double inner_share = 0.2;    // of the defect between nodes that counts as error
 constexpr int levels_of_a_bad_number = 2;
 constexpr double shape_area = 40.0;    // of |last_gram|'s polynomial between the nodes, about
+constexpr int worth_a_tangent = 16;    // steps that its propagators cost
 constexpr double farthest = 4e-3;      // s, between nodes: a drive's own loops follow what takes longer; no law hides there
 constexpr int coarser = 4;             // doublings of the finest step: a stretch of the walk
 constexpr std::size_t chunk = 16;      // stretches that are looked at together
@@ -121,12 +123,13 @@ void Exponential::limit_step(double longest, double turning) {
 
 // ------------------------------------------------------------------------------------------- modes
 
-// The tangent in these modes, where they are met first. Other states may show more rows that the rest acts on.
+// The tangent in these modes, where they are met first; and a new one where sweeps alone have kept steps short, as seldom as
+// what it costs. Other states may show more rows that the rest acts on.
 void Exponential::take_modes() {
     auto& known = known_[setup_.modes];
-    if (!known) {
+    if (!known || known->held >= worth_a_tangent) {
         const exact::Laws<double> laws = reader_.tangent(setup_.modes, t_, z_.data());
-        known.reset(new Frozen{{laws.A, driven_, setup_.grid}, {laws, driven_, setup_.grid}});
+        known.reset(new Frozen{{laws.A, driven_, setup_.grid}, {laws, driven_, setup_.grid}, 0});
         ++counts_.jacobians;
     }
     now_ = known.get();
@@ -200,6 +203,10 @@ Solver::Outcome Exponential::step(double stop) {
         return Outcome::stopped;
     }
     if (taken_ && t_ < end_ && end_ <= stop) return deliver(stop);
+    if (now_ && now_->held >= worth_a_tangent) {
+        now_ = nullptr;
+        past_.clear();
+    }
     origin_ = t_;
     begin_work_ = work_;
     int level = next_level_;
@@ -230,8 +237,12 @@ Solver::Outcome Exponential::step(double stop) {
     ++counts_.steps;
     if (level < wanted)
         next_level_ = level;
-    else if (e <= doubles && 2.0 * contraction_ <= slow && level == next_level_)
-        ++next_level_;
+    else if (e <= doubles && level == next_level_) {
+        if (2.0 * contraction_ <= slow)
+            ++next_level_;
+        else
+            ++now_->held;
+    }
     past_ = rest_;
     past_origin_ = origin_;
     past_delta_ = delta_;
@@ -262,6 +273,7 @@ double Exponential::try_step(int level) {
     for (std::size_t i = 0; i < states_; ++i)
         weight_[i] = 1.0 / (atol_[i] + rtol_ * std::max(std::abs(z_[i]), std::abs(column(intervals)[i])));
     double moved = sweep();
+    contraction_ *= fades;
     for (int k = 0; !(moved * std::max(contraction_, least_contraction) <= enough); ++k) {
         if (k == most_sweeps || !(moved < infinite) || !evaluate_nodes()) return infinite;
         const double next = sweep();

@@ -58,6 +58,7 @@ class Exponential final : public Solver {
     struct Frozen {
         exponential::Propagators propagators;
         exponential::Watch watch;
+        int held;  // steps that were kept short by sweeps
     };
 
     // One step over all nodes, tried.
