@@ -25,7 +25,6 @@ constexpr double fades = 0.7;  // what is known of it, with every step that did 
 constexpr int most_sweeps = 8;
 constexpr double negligible = 1e-4;    // of what a step may err by: a rest that small is none
 constexpr double rounding = 1024.0 * std::numeric_limits<double>::epsilon();  // of the largest term of a rate, and more
-constexpr double inner_share = 0.2;    // of the defect between nodes that counts as error
 constexpr int levels_of_a_bad_number = 2;
 constexpr double shape_area = 40.0;    // of |last_gram|'s polynomial between the nodes, about
 constexpr int worth_a_tangent = 16;    // steps that its propagators cost
@@ -222,7 +221,7 @@ Solver::Outcome Exponential::step(double stop) {
             end_ = end_before(stop);
             walk();
             look_for_suspects();
-            e = std::max(e, inner_share * defect_of_suspects());
+            e = std::max(e, defect_of_suspects());
         }
         if (more_driven_) {
             known_.clear();
@@ -281,7 +280,7 @@ double Exponential::try_step(int level) {
         if (!(contraction_ < slow) && next > enough) return infinite;
         moved = next;
     }
-    return std::max({interpolation_error(), work_error(), inner_share * defect()});
+    return std::max({interpolation_error(), work_error(), defect()});
 }
 
 // An exponential Adams–Bashforth method from node to node (S. Nørsett, 1969; M. Hochbruck, A. Ostermann, BIT 51 (2011)
