@@ -88,6 +88,9 @@ class Solver {
     // Whether the solver saw all guards stay so far off zero in the last step that none needs a look.
     virtual bool keeps_off_guards() const { return false; }
 
+    // Whether it takes steps for stability, or to contract, and not for accuracy: another may be the cheaper.
+    virtual bool stiff() const { return false; }
+
     struct Failure {
         bool step_vanished;
         std::string advice;

@@ -41,6 +41,7 @@ std::vector<int> Simulation::fallen_guards(Solver::Outcome outcome) {
         return fallen;
     }
     const auto looks = static_cast<std::size_t>(solver_->looks());
+    if (guard_inside_.size() < looks) guard_inside_.resize(looks, guard_end_);
     const double apart = (to - from) / static_cast<double>(looks + 1);
     for (std::size_t k = 0; k < looks; ++k) {
         const std::size_t j = (looks / 2 + k) % looks;  // the middle first: the solver may have been there last

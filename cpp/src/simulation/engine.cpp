@@ -24,6 +24,14 @@ constexpr double slowest_ring = 1000.0;  // 1/s: a drive's own loops; below that
 // Something well damped and so much faster than what rings makes a machine stiff: the explicit engine and Adams methods
 // then take steps for stability alone, and BDF is the cheaper from about here on (measured, benchmarks/effects.py).
 constexpr double stiff_beyond = 14.0;
+// A multistep method errs by a multiple of what the others err by at the same tolerance (benchmarks/laws.py); it is given
+// this share of it, lest the accuracy of a run hang on who happened to take it.
+constexpr double share_of_bdf = 0.1;
+// Of a multistep method: its algebra and the looks at guards, and the Jacobian by columns of duals. Of the exponential one:
+// products besides, the walk over a step, and the propagators of a new mode. Measured on the machines of
+// benchmarks/laws.py and benchmarks/turns.py.
+constexpr Handover::Price price_of_explicit{1.0, 0.0, 0.0}, price_of_bdf{0.0, 4.4, 14.0},
+    price_of_exponential{1.7, 4.2, 340.0};
 constexpr double finest_bdf = 1e-13;  // relative tolerance that arithmetic leaves a multistep method
 constexpr double exact_reach = 3.0;   // of |λ| times a step of the exact engine, whose series is that long
 
@@ -97,7 +105,9 @@ bool Simulation::too_stiff_to_be_exact() {
 void Simulation::refuse_what_is_not_exact(const std::string& impossible) const {
     const auto refuse = [](const std::string& what) { throw std::invalid_argument(what); };
     if (!options_.gradient.empty()) {
-        const char* other = options_.engine == Engine::explicit_rk ? "explicit" : "cvode";
+        const char* other = options_.engine == Engine::explicit_rk   ? "explicit"
+                            : options_.engine == Engine::exponential ? "exponential"
+                                                                     : "cvode";
         if (!wants_exact() && !chooses_engine())
             refuse(std::string("gradient: engine = ") + other + " has no way back; ask for sensitivities instead");
         if (!impossible.empty()) refuse("gradient: " + impossible + "; ask for sensitivities instead");
@@ -106,8 +116,16 @@ void Simulation::refuse_what_is_not_exact(const std::string& impossible) const {
     }
     if (options_.long_double && !(options_.sensitivities.empty() && options_.gradient.empty()))
         refuse("long_double = true: a reference run has no derivatives; leave one of them out");
+    if (options_.engine == Engine::exponential && !options_.sensitivities.empty())
+        refuse("engine = exponential: it has no slopes; take engine = auto, exact, explicit or cvode");
     if (wants_exact() && !impossible.empty())
         refuse("engine = exact: " + impossible + "; take engine = auto, explicit or cvode");
+}
+
+// Where steps may be long: nothing ticks, and nothing comes back late. Slopes it has none.
+bool Simulation::suits_exponential() const {
+    return parameters_.empty() && layout_.clocks.empty() && layout_.delays.empty() &&
+           exact::Generator(inputs_).size() + layout_.size() <= most_exact_states;
 }
 
 bool Simulation::wants_exact() const { return options_.engine == Engine::exact || options_.long_double; }
@@ -149,13 +167,17 @@ void Simulation::choose_solver(int guards, std::span<const double> parameter_sca
         const std::vector<int> falling(static_cast<std::size_t>(size.guards), -1);
         return std::make_unique<Cvode>(*this, size, m, rtol, falling, scale);
     };
-    const auto explicit_solver = [&](double limit) {
-        return std::make_unique<RungeKutta>(*this, size, options_.rtol, parameter_scale, limit);
+    const auto explicit_solver = [this, size, scale = std::vector<double>(parameter_scale.begin(),
+                                                                          parameter_scale.end())](double limit) {
+        return std::make_unique<RungeKutta>(*this, size, options_.rtol, scale, limit);
     };
-    if (options_.engine == Engine::exponential) {
-        solver_ = std::make_unique<Exponential>(
+    const auto exponential = [this, size]() -> std::unique_ptr<Solver> {
+        return std::make_unique<Exponential>(
             *this, size, options_.rtol,
             Exponential::Setup{machine_, inputs_, layout_, modes_, cell_, options_.start, exact_grid()});
+    };
+    if (options_.engine == Engine::exponential) {
+        solver_ = exponential();
         return;
     }
     if (options_.engine == Engine::explicit_rk) {
@@ -165,9 +187,16 @@ void Simulation::choose_solver(int guards, std::span<const double> parameter_sca
     const auto [rings, decays] = pace();
     const bool stiff = decays > stiff_beyond * rings;
     if (left_open && !stiff) {
-        const double rtol = std::min(options_.rtol, std::max(finest_bdf, Handover::stiff_share * options_.rtol));
-        solver_ = std::make_unique<Handover>(
-            explicit_solver(stiff_beyond * rings), [cvode, rtol] { return cvode(Method::bdf, rtol); }, options_.end);
+        const double rtol = std::min(options_.rtol, std::max(finest_bdf, share_of_bdf * options_.rtol));
+        std::vector<Handover::Candidate> candidates;
+        if (suits_exponential()) candidates.push_back({exponential, price_of_exponential, 1.0, false});
+        candidates.push_back({[explicit_solver, limit = stiff_beyond * rings]() -> std::unique_ptr<Solver> {
+                                  return explicit_solver(limit);
+                              },
+                              price_of_explicit});
+        candidates.push_back({[cvode, rtol]() -> std::unique_ptr<Solver> { return cvode(Method::bdf, rtol); },
+                              price_of_bdf, share_of_bdf});
+        solver_ = std::make_unique<Handover>(std::move(candidates), size.sensitivities, options_.end);
     } else if (options_.method != Method::automatic)
         solver_ = cvode(options_.method, options_.rtol);
     else

@@ -60,6 +60,7 @@ class Simulation final : public Problem {
     void refuse_what_is_not_exact(const std::string& impossible) const;
     bool wants_exact() const;
     bool chooses_engine() const;
+    bool suits_exponential() const;
     void take_exact_solver(Solver::Size size);
     double exact_grid() const;
     std::size_t grid_steps() const;

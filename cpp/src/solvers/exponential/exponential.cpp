@@ -234,13 +234,14 @@ Solver::Outcome Exponential::step(double stop) {
         level -= e < infinite ? std::max(1, static_cast<int>(std::ceil(std::log2(e) / order))) : levels_of_a_bad_number;
     }
     ++counts_.steps;
+    limited_ = e <= doubles || level < wanted ? limited_ : 0;
     if (level < wanted)
         next_level_ = level;
     else if (e <= doubles && level == next_level_) {
         if (2.0 * contraction_ <= slow)
             ++next_level_;
         else
-            ++now_->held;
+            ++now_->held, ++limited_;
     }
     past_ = rest_;
     past_origin_ = origin_;

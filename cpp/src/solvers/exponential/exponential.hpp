@@ -47,11 +47,13 @@ class Exponential final : public Solver {
     std::span<const int> roots() const override { return {}; }
     int looks() const override { return static_cast<int>(exponential::intervals) - 1; }
     bool keeps_off_guards() const override { return keeps_off_; }
+    bool stiff() const override { return limited_ >= stiff_after; }
     Failure failure() const override;
     Counts counts() const override { return counts_; }
     std::string name() const override { return "exponential"; }
 
   private:
+    static constexpr int stiff_after = 15;  // steps in a row, as the explicit engine has it
     using Vector = std::vector<double>;
     static constexpr std::size_t nodes = exponential::nodes, intervals = exponential::intervals;
     // What belongs to one combination of modes.
@@ -116,6 +118,7 @@ class Exponential final : public Solver {
     double origin_ = 0.0, end_ = 0.0, delta_ = 0.0;  // of the step that is being delivered; distance of its nodes
     double longest_ = std::numeric_limits<double>::infinity();
     int level_ = 0, next_level_;
+    int limited_ = 0;           // steps in a row that sweeps alone kept short
     double contraction_ = 0.0;  // of a sweep at level_, as last seen
     bool taken_ = false;        // a step is being delivered
     bool finite_ = true, keeps_off_ = false, more_driven_ = false;
