@@ -13,7 +13,7 @@ constexpr double worth = 4.0;    // trials that what is left of the run must cos
 
 Handover::Handover(std::vector<Candidate> candidates, int sensitivities, double end)
     : sensitivities_(sensitivities), end_(end) {
-    for (Candidate& c : candidates) members_.push_back({std::move(c)});
+    for (Candidate& c : candidates) members_.push_back({std::move(c), nullptr, c.first});
     members_.front().solver = members_.front().candidate.make();
 }
 
@@ -105,17 +105,17 @@ void Handover::settle_in() {
 // A trial shows in its second half what a solver is worth that has found its step. The slower one waits.
 void Handover::judge() {
     const double done = work() - begin_.work;
-    if (!halfway_ && done >= 0.5 * trial_) {
+    if (!halfway_ && done >= 0.5 * trial) {
         halfway_ = true;
         half_ = here();
     }
-    if (done < trial_) return;
+    if (done < trial) return;
     on_trial_ = false;
     Member &tried = members_[charge_], &before = members_[former_];
     tried.pace = pace_since(half_);
     const bool stays = tried.pace > before.pace, far = clearly * tried.pace < before.pace;
     Member& waits = stays ? before : tried;
-    waits.spacing = far ? std::clamp(2.0 * tried.spacing, least_, most_) : least_;
+    waits.spacing = far ? std::clamp(2.0 * tried.spacing, late, latest) : late;
     if (!stays) hand_over(former_);
     waits.waits_since = all_work();
     settle_in();
@@ -125,15 +125,15 @@ void Handover::judge() {
 // or takes steps for stability alone: then the last one, which is for that.
 void Handover::look_for_a_trial() {
     const double done = work() - begin_.work;
-    if (work() - window_[1].work >= first_) window_ = {window_[1], here()};
+    if (work() - window_[1].work >= soon) window_ = {window_[1], here()};
     const double pace = pace_since(window_[0]);
-    const bool known = done >= first_;
-    if (end_ - time() < worth * trial_ * pace) return;
+    const bool known = done >= soon;
+    if (end_ - time() < worth * trial * pace) return;
     std::size_t next = charge_;
     double most = -1.0;
     for (std::size_t k = 0; k < members_.size(); ++k) {
         const Member& m = members_[k];
-        if (k == charge_ || m.out) continue;
+        if (k == charge_ || m.out || m.candidate.best < pace) continue;
         const bool untried = m.pace == 0.0;
         const bool stiff = k + 1 == members_.size() && now().stiff() && (known || untried);
         const bool due = known && (all_work() - m.waits_since >= m.spacing || pace < m.pace);

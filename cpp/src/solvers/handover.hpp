@@ -20,11 +20,15 @@ class Handover final : public Solver {
     struct Price {  // in evaluations of the rates by an explicit method
         double rate, step, jacobian;
     };
+    // In evaluations of the rates.
+    static constexpr double trial = 800.0, soon = 2.0 * trial, late = 8.0 * trial, latest = 32.0 * trial;
     struct Candidate {
         std::function<std::unique_ptr<Solver>()> make;
         Price price;
         double share = 1.0;  // of the absolute tolerances; of the relative one `make` knows
         bool lone = true;    // whether a run ends that it can't go on with
+        double first = soon;  // its first trial comes after so much work
+        double best = std::numeric_limits<double>::infinity();  // seconds for an evaluation's work, at most
     };
 
     // The first of them begins, the last is for what is stiff. end: of the run, s; close to it a trial would not pay.
@@ -53,15 +57,13 @@ class Handover final : public Solver {
     struct Mark {
         double t, work;
     };
-    // In evaluations of the rates.
-    static constexpr double trial_ = 800.0, first_ = 2.0 * trial_, least_ = 8.0 * trial_, most_ = 32.0 * trial_;
     struct Member {
         Candidate candidate;
-        std::unique_ptr<Solver> solver = nullptr;
-        double pace = 0.0;        // when last seen; 0: never
-        double waits_since = 0.0; // work of all at its last trial's end
-        double spacing = first_;  // to the next
-        bool out = false;         // failed
+        std::unique_ptr<Solver> solver;
+        double spacing;            // of its trials, or work before the first
+        double pace = 0.0;         // when last seen; 0: never
+        double waits_since = 0.0;  // work of all at its last trial's end
+        bool out = false;          // failed
     };
     Solver& now() const { return *members_[charge_].solver; }
     void hand_over(std::size_t to);
