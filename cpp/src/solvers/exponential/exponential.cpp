@@ -73,11 +73,15 @@ void expand(const std::vector<double>& values, int width, std::vector<double>& o
                              through_nodes[0][0].data(), static_cast<int>(terms * terms), out.data());
 }
 
-// c a unit of time later.
-void shift(double* c, std::size_t m) {
-    for (std::size_t k = 0; k < terms; ++k)
-        for (std::size_t j = k + 1; j < terms; ++j)
-            for (std::size_t r = 0; r < m; ++r) c[k * m + r] += inverse_factorial[j - k] * c[j * m + r];
+// c so many units of time later.
+void shift(double* c, std::size_t m, double units = 1.0) {
+    for (std::size_t k = 0; k < terms; ++k) {
+        double power = 1.0;
+        for (std::size_t j = k + 1; j < terms; ++j) {
+            power *= units;
+            for (std::size_t r = 0; r < m; ++r) c[k * m + r] += power * inverse_factorial[j - k] * c[j * m + r];
+        }
+    }
 }
 
 }  // namespace
@@ -100,7 +104,6 @@ Exponential::Exponential(Problem& problem, Size size, double rtol, Setup setup)
       powers_(nodes * paths_, 0.0),
       begin_work_(work_),
       guards_(nodes * guard_count_, 1.0),
-      inputs_(nodes * static_cast<std::size_t>(generator_.size())),
       rate_(states_, 0.0),
       before_(states_, 0.0) {}
 
@@ -136,6 +139,7 @@ void Exponential::take_modes() {
     linear_.assign(rows(), 0.0);
     scratch_.assign(2 * rows(), 0.0);
     probe_.assign(width(), 0.0);
+    kept_.assign(width(), 0.0);
     yc_.assign(nodes * width(), 0.0);
     rest_.assign(nodes * padded_, 0.0);
 }
@@ -175,21 +179,62 @@ bool Exponential::evaluate(std::size_t node) {
     return finite_;
 }
 
-// The inputs at the nodes, each as it begins there; without knots those of the first node go on by themselves.
-void Exponential::find_inputs() {
+// Whether inputs take another form within the step, so that the generator's states are set anew there.
+bool Exponential::knotted(double from, double to) const {
     const auto& knots = generator_.knots();
-    const auto size = static_cast<std::size_t>(generator_.size());
-    for (std::size_t j = 0; j < (knotted() ? nodes : 1); ++j) {
-        const double t = node_time(j);
-        const auto next = std::lower_bound(knots.begin(), knots.end(), t - instant(t));
-        const bool on_knot = next != knots.end() && *next <= t + instant(t);
-        generator_.set(on_knot ? *next : t, setup_.cell, inputs_.data() + j * size);
-    }
+    const auto next = std::upper_bound(knots.begin(), knots.end(), from + instant(from));
+    return next != knots.end() && *next <= to + instant(to);
 }
 
-void Exponential::put_inputs(std::size_t node) {
-    const auto size = static_cast<std::size_t>(generator_.size());
-    std::copy_n(inputs_.data() + node * size, size, column(node) + states_);
+// (y, c) → y over one unit of `level`, from t on, through all knots there.
+void Exponential::pass(const double* yc, int level, double t, double* y) const {
+    const double to = t + std::ldexp(setup_.grid, level);
+    if (!knotted(t, to))
+        return exact::kernels().multiply(propagators().rows(), propagators().width(), propagators().step(level),
+                                         propagators().width(), yc, 1, y);
+    std::copy_n(yc, width(), probe_.begin());
+    advance(level, t, to);
+    std::copy_n(probe_.begin(), rows(), y);
+}
+
+// What stands in `probe_` at `from`, c in units of `level`, to its y at `to`. At a knot the inputs' states are set anew.
+void Exponential::advance(int level, double from, double to) const {
+    const auto& knots = generator_.knots();
+    const double unit = std::ldexp(setup_.grid, level);
+    for (auto knot = std::upper_bound(knots.begin(), knots.end(), from + instant(from));
+         knot != knots.end() && *knot <= to + instant(to); ++knot) {
+        advance_freely(level, *knot - from);
+        shift(probe_.data() + rows(), driven_.size(), (*knot - from) / unit);
+        generator_.set(*knot, setup_.cell, probe_.data() + states_);
+        from = *knot;
+    }
+    advance_freely(level, to - from);
+}
+
+// The same between knots; c stays as it was. Over the halvings of the unit that make up the time, and by a series over the
+// rest.
+void Exponential::advance_freely(int level, double length) const {
+    const std::size_t m = driven_.size();
+    double* const c = probe_.data() + rows();
+    std::copy_n(c, terms * m, kept_.begin());
+    double unit = std::ldexp(setup_.grid, level);
+    const double little = instant(origin_ + length);
+    for (; level >= propagators().finest() && length > little; --level) {
+        const double part = std::ldexp(setup_.grid, level);
+        if (length < part - little) continue;
+        rescale(c, m, part / unit);
+        unit = part;
+        exact::kernels().multiply(propagators().rows(), propagators().width(), propagators().step(level),
+                                  propagators().width(), probe_.data(), 1, scratch_.data());
+        std::copy_n(scratch_.begin(), rows(), probe_.begin());
+        shift(c, m);
+        length -= part;
+    }
+    if (length > little) {
+        rescale(c, m, length / unit);
+        propagators().taylor(length, probe_.data(), scratch_.data());
+    }
+    std::copy_n(kept_.begin(), terms * m, c);
 }
 
 // ------------------------------------------------------------------------------------------- one step
@@ -259,6 +304,13 @@ double Exponential::end_before(double stop) const {
     return on_grid >= node_time(intervals / 2) ? on_grid : end;
 }
 
+// At a knot its own time, lest rounding leaves the inputs on the far side.
+double Exponential::begin_of_inputs() const {
+    const auto& knots = generator_.knots();
+    const auto next = std::lower_bound(knots.begin(), knots.end(), origin_ - instant(origin_));
+    return next != knots.end() && *next <= origin_ + instant(origin_) ? *next : origin_;
+}
+
 double Exponential::try_step(int level) {
     if (level != level_) contraction_ *= std::ldexp(1.0, level - level_);
     level_ = level;
@@ -267,8 +319,7 @@ double Exponential::try_step(int level) {
     if (!now_) take_modes();
     std::copy(z_.begin(), z_.end(), column(0));
     column(0)[one_] = 1.0;
-    find_inputs();
-    put_inputs(0);
+    generator_.set(begin_of_inputs(), setup_.cell, column(0) + states_);
     if (!evaluate(0) || !predict()) return infinite;
     for (std::size_t i = 0; i < states_; ++i)
         weight_[i] = 1.0 / (atol_[i] + rtol_ * std::max(std::abs(z_[i]), std::abs(column(intervals)[i])));
@@ -288,7 +339,6 @@ double Exponential::try_step(int level) {
 // 889–908), by as many values as are known, those of the step before included.
 bool Exponential::predict() {
     const std::size_t m = driven_.size();
-    const double* const M = propagators().step(level_);
     std::vector<double> values(most_back * m);  // of the past, the latest first
     std::size_t known = 0;
     if (!past_.empty())
@@ -307,9 +357,8 @@ bool Exponential::predict() {
                     sum += backward[p - 1][k][i] * (i <= j ? rest_[(j - i) * padded_ + r] : values[(i - j - 1) * m + r]);
                 c[k * m + r] = sum;
             }
-        exact::kernels().multiply(propagators().rows(), static_cast<int>(rows() + p * m), M, propagators().width(), column(j), 1,
-                                  column(j + 1));
-        if (knotted()) put_inputs(j + 1);
+        std::fill_n(c + p * m, (terms - p) * m, 0.0);
+        pass(column(j), level_, node_time(j), column(j + 1));
         if (!evaluate(j + 1)) return false;
     }
     return true;
@@ -331,7 +380,6 @@ double Exponential::past(double places, std::size_t row) const {
 // The states again, by the polynomial through all values of the rest; returns how far they moved.
 double Exponential::sweep() {
     const std::size_t m = driven_.size();
-    const double* const M = propagators().step(level_);
     if (m > 0) expand(rest_, static_cast<int>(padded_), rest_terms_);
     for (std::size_t k = 0; k < nodes * terms; ++k)
         std::copy_n(rest_terms_.data() + k * padded_, m, column(k / terms) + rows() + k % terms * m);
@@ -339,9 +387,7 @@ double Exponential::sweep() {
     for (std::size_t j = 0; j < intervals; ++j) {
         double* const next = column(j + 1);
         std::copy_n(next, states_, before_.begin());
-        exact::kernels().multiply(propagators().rows(), propagators().width(), M, propagators().width(), column(j), 1,
-                                  next);
-        if (knotted()) put_inputs(j + 1);
+        pass(column(j), level_, node_time(j), next);
         for (std::size_t i = 0; i < states_; ++i) before_[i] = next[i] - before_[i];
         most = std::max(most, norm(before_.data()));
     }
@@ -403,8 +449,7 @@ double Exponential::defect(const double* yc, double t, int level) {
     if (m == 0) return 0.0;
     Vector half(yc, yc + width()), y(rows()), rest(m), apart(states_, 0.0);
     rescale(half.data() + rows(), m, 0.5);
-    exact::kernels().multiply(propagators().rows(), propagators().width(), propagators().step(level),
-                              propagators().width(), half.data(), 1, y.data());
+    pass(half.data(), level, t, y.data());
     shift(half.data() + rows(), m);
     if (!rest_at(t + std::ldexp(setup_.grid, level), y.data(), rest.data())) return infinite;
     for (std::size_t r = 0; r < m; ++r)
@@ -455,15 +500,13 @@ void Exponential::walk() {
     position_ = 0;
     counts_.guards += static_cast<long>(points_);
     walked_.resize((points_ + 1) * width());
-    const double* const M = propagators().step(walk_level_);
     for (std::size_t k = 0; k <= points_; ++k) {
         if (k % per_node == 0) {
             std::copy_n(column(k / per_node), width(), point(k));
             rescale(point(k) + rows(), m, 1.0 / static_cast<double>(per_node));
             continue;
         }
-        exact::kernels().multiply(propagators().rows(), propagators().width(), M, propagators().width(), point(k - 1), 1,
-                                  point(k));
+        pass(point(k - 1), walk_level_, origin_ + static_cast<double>(k - 1) * stride(), point(k));
         std::copy_n(point(k - 1) + rows(), terms * m, point(k) + rows());
         shift(point(k) + rows(), m);
     }
@@ -560,29 +603,12 @@ void Exponential::look_for_suspects() {
 
 // y there, in `probe_` unless it is stored.
 const double* Exponential::at(double t) const {
-    const std::size_t m = driven_.size();
     const auto near = static_cast<std::size_t>(
         std::clamp(std::floor((t - origin_) / stride() + 1e-9), 0.0, static_cast<double>(points_)));
-    double rest = t - (origin_ + static_cast<double>(near) * stride());
-    if (rest <= instant(t) || near == points_) return point(near);
+    const double from = origin_ + static_cast<double>(near) * stride();
+    if (t - from <= instant(t) || near == points_) return point(near);
     std::copy_n(point(near), width(), probe_.begin());
-    double* const c = probe_.data() + rows();
-    double unit = stride();
-    for (int level = walk_level_ - 1; level >= propagators().finest() && rest > instant(t); --level) {
-        const double part = std::ldexp(setup_.grid, level);
-        if (rest < part - instant(t)) continue;
-        rescale(c, m, part / unit);
-        unit = part;
-        exact::kernels().multiply(propagators().rows(), propagators().width(), propagators().step(level),
-                                  propagators().width(), probe_.data(), 1, scratch_.data());
-        std::copy_n(scratch_.begin(), rows(), probe_.begin());
-        shift(c, m);
-        rest -= part;
-    }
-    if (rest > instant(t)) {
-        rescale(c, m, rest / unit);
-        propagators().taylor(rest, probe_.data(), scratch_.data());
-    }
+    advance(walk_level_, from, t);
     return probe_.data();
 }
 

@@ -69,8 +69,7 @@ class Exponential final : public Solver {
     bool rest_at(double t, const double* y, double* rest);
     bool evaluate(std::size_t node);
     bool evaluate_nodes();
-    void find_inputs();
-    void put_inputs(std::size_t node);
+    double begin_of_inputs() const;
     bool predict();
     double past(double places, std::size_t row) const;
     double sweep();
@@ -80,7 +79,6 @@ class Exponential final : public Solver {
     double defect(const double* yc, double t, int level);
     double defect_of_suspects();
     double norm(const double* y) const;
-    bool knotted() const { return !generator_.knots().empty(); }
     double end_before(double stop) const;
 
     // The step taken, in pieces: up to the next stretch that needs a close look for crossings, and over that.
@@ -89,6 +87,11 @@ class Exponential final : public Solver {
     void look_for_suspects();
     void find_bends();
     const double* at(double t) const;
+
+    bool knotted(double from, double to) const;
+    void pass(const double* yc, int level, double t, double* y) const;
+    void advance(int level, double from, double to) const;
+    void advance_freely(int level, double length) const;
 
     double* column(std::size_t node) { return yc_.data() + node * width(); }
     const double* column(std::size_t node) const { return yc_.data() + node * width(); }
@@ -138,9 +141,8 @@ class Exponential final : public Solver {
     std::vector<std::size_t> bent_;      // watched quantities whose bend counts
     std::vector<std::size_t> suspects_;  // stretches of the walk, the last one first
 
-    Vector inputs_;  // [node][state of the generator]
     Vector rate_, linear_, before_;
-    mutable Vector probe_, scratch_;
+    mutable Vector probe_, kept_, scratch_;
     Counts counts_{};
 };
 
