@@ -69,12 +69,14 @@ Seen seen(Solver& solver) {
 Seen in_turn() {
     Lag law;
     std::vector<Handover::Candidate> candidates;
-    candidates.push_back({[&]() -> std::unique_ptr<Solver> { return mild(law); }, {1.0, 0.0, 0.0}});
-    candidates.push_back({[&]() -> std::unique_ptr<Solver> {
-                              return std::make_unique<Cvode>(law, size, Method::bdf, 1e-9, std::vector<int>{}, none);
-                          },
-                          {0.0, 4.4, 14.0},
-                          0.1});
+    candidates.push_back({.make = [&] { return std::unique_ptr<Solver>(mild(law)); }, .price = {1.0, 0.0, 0.0}});
+    candidates.push_back({.make =
+                              [&] {
+                                  return std::unique_ptr<Solver>(std::make_unique<Cvode>(
+                                      law, size, Method::bdf, 1e-9, std::vector<int>{}, none));
+                              },
+                          .price = {0.0, 4.4, 14.0},
+                          .share = 0.1});
     Handover solver(std::move(candidates), 0, 100.0);
     return seen(solver);
 }

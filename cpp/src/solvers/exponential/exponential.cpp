@@ -5,84 +5,36 @@
 #include <stdexcept>
 
 #include "../../simulation/instant.hpp"
-#include "../exact/kernels.hpp"
+#include "terms.hpp"
 
 namespace dualdrive {
 
+using exponential::backward, exponential::expand, exponential::gram_derivatives, exponential::last_gram,
+    exponential::most_back, exponential::rescale, exponential::shift, exponential::terms;
+
 namespace {
 
-using exponential::backward, exponential::last_gram, exponential::most_back, exponential::through_nodes;
 
 constexpr double infinite = std::numeric_limits<double>::infinity();
 constexpr double shortest = 16.0 * std::numeric_limits<double>::epsilon();  // distance of nodes, of the time
-constexpr double order = 9.0;  // the error of a step goes with this power of its length
-constexpr int first_halvings = 6;      // of the grid: the first step
-constexpr int after_switch = 2;        // halvings of the step before, as a switch may leave something fast
-constexpr double doubles = 1e-3;       // errors below it allow a step twice as long: 2⁻⁹, and half of that
-constexpr double enough = 0.1;         // of what a step may err by: what sweeps may leave
-constexpr double least_contraction = 0.05, slow = 0.3;  // a sweep's, as reckoned with; and at which a step is too long
-constexpr double fades = 0.7;  // what is known of it, with every step that did not show it
+constexpr double order = 9.0;     // the error of a step goes with this power of its length
+constexpr double doubles = 1e-3;  // an error below which a step may be twice as long: 2⁻⁹, and half of that
+constexpr int first_halvings = 6, after_switch = 2;  // of the grid: the first step; of a step: what a switch may leave
+constexpr int after_a_bad_number = 2;                // halvings of a step that left the domain of the laws
+// What a law makes of a motion in less time than this may hide between nodes: a few times that of a drive's own loops, and
+// as long as BDF's steps are in smooth motion (benchmarks/laws.py).
+constexpr double farthest = 8e-3;  // s
+// Sweeps go on until what they leave, told by how they contract, is a small part of what a step may err by. A contraction
+// that was not seen lately is believed less and less, and none is reckoned with that is better than `least_contraction`.
+constexpr double enough = 0.1, least_contraction = 0.05, fades = 0.7;
+constexpr double slow = 0.3;  // a contraction at which the step is too long
 constexpr int most_sweeps = 8;
-constexpr double negligible = 1e-4;    // of what a step may err by: a rest that small is none
-constexpr double rounding = 1024.0 * std::numeric_limits<double>::epsilon();  // of the largest term of a rate, and more
-constexpr int levels_of_a_bad_number = 2;
-constexpr double shape_area = 40.0;    // of |last_gram|'s polynomial between the nodes, about
-constexpr int worth_a_tangent = 16;    // steps that its propagators cost
-constexpr double farthest = 8e-3;      // s, between nodes: a drive's own loops follow what takes longer; no law hides there
-constexpr int coarser = 4;             // doublings of the finest step: a stretch of the walk
-constexpr std::size_t chunk = 16;      // stretches that are looked at together
-constexpr double straight = 0.01;      // of what a guard keeps off zero: a bend of less is a doubt, no more
-
-constexpr std::size_t terms = exponential::nodes;
-
-constexpr std::array<double, terms + 1> inverse_factorial = [] {
-    std::array<double, terms + 1> f{1.0};
-    for (std::size_t k = 1; k < f.size(); ++k) f[k] = f[k - 1] / static_cast<double>(k);
-    return f;
-}();
-
-// Over the interval from node j on, of the polynomial through the nodes.
-constexpr auto integrals = [] {
-    std::array<std::array<double, terms>, terms> w{};
-    for (std::size_t j = 0; j < terms; ++j)
-        for (std::size_t k = 0; k < terms; ++k)
-            for (std::size_t i = 0; i < terms; ++i) w[j][i] += through_nodes[j][k][i] * inverse_factorial[k + 1];
-    return w;
-}();
-
-// Derivatives at node j of the polynomial `last_gram`.
-constexpr auto gram_derivatives = [] {
-    std::array<std::array<double, terms>, terms> d{};
-    for (std::size_t j = 0; j < terms; ++j)
-        for (std::size_t k = 0; k < terms; ++k)
-            for (std::size_t i = 0; i < terms; ++i) d[j][k] += through_nodes[j][k][i] * last_gram[i];
-    return d;
-}();
-
-// c, derivatives in one unit of time, in another `ratio` times as long.
-void rescale(double* c, std::size_t m, double ratio) {
-    double power = 1.0;
-    for (std::size_t k = 0; k < terms; ++k, power *= ratio)
-        for (std::size_t r = 0; r < m; ++r) c[k * m + r] *= power;
-}
-
-// Derivatives at every node of the polynomials through `values`, [node][width] with a padded width: [node][order][width].
-void expand(const std::vector<double>& values, int width, std::vector<double>& out) {
-    out.resize(terms * terms * static_cast<std::size_t>(width));
-    exact::kernels().product(width, static_cast<int>(terms), values.data(), static_cast<int>(terms),
-                             through_nodes[0][0].data(), static_cast<int>(terms * terms), out.data());
-}
-
-// c so many units of time later.
-void shift(double* c, std::size_t m, double units = 1.0) {
-    for (std::size_t k = 0; k < terms; ++k) {
-        double power = 1.0;
-        for (std::size_t j = k + 1; j < terms; ++j) {
-            power *= units;
-            for (std::size_t r = 0; r < m; ++r) c[k * m + r] += power * inverse_factorial[j - k] * c[j * m + r];
-        }
-    }
-}
+constexpr int worth_a_tangent = 16;  // steps that its propagators cost, measured
+// A rest is none that adds so little to what a step may err by, or is rounding of the rate's largest term and of larger
+// ones within the laws that cancel.
+constexpr double negligible = 1e-4, rounding = 1024.0 * std::numeric_limits<double>::epsilon();
+constexpr std::size_t most_defects = 16;  // suspects whose defect is looked at
+constexpr double gram_area = 40.0;        // between the nodes, under |last_gram|'s polynomial, about
 
 }  // namespace
 
@@ -165,7 +117,6 @@ bool Exponential::rest_at(double t, const double* y, double* rest) {
     std::sort(driven.begin(), driven.end());
     driven_ = std::move(driven);
     more_driven_ = true;
-
     return false;
 }
 
@@ -177,64 +128,6 @@ bool Exponential::evaluate(std::size_t node) {
     finite_ = (work_.empty() || problem_.quadrature(t, y, powers_.data() + node * paths_)) &&
               (guard_count_ == 0 || problem_.guards(t, y, guards_.data() + node * guard_count_));
     return finite_;
-}
-
-// Whether inputs take another form within the step, so that the generator's states are set anew there.
-bool Exponential::knotted(double from, double to) const {
-    const auto& knots = generator_.knots();
-    const auto next = std::upper_bound(knots.begin(), knots.end(), from + instant(from));
-    return next != knots.end() && *next <= to + instant(to);
-}
-
-// (y, c) → y over one unit of `level`, from t on, through all knots there.
-void Exponential::pass(const double* yc, int level, double t, double* y) const {
-    const double to = t + std::ldexp(setup_.grid, level);
-    if (!knotted(t, to))
-        return exact::kernels().multiply(propagators().rows(), propagators().width(), propagators().step(level),
-                                         propagators().width(), yc, 1, y);
-    std::copy_n(yc, width(), probe_.begin());
-    advance(level, t, to);
-    std::copy_n(probe_.begin(), rows(), y);
-}
-
-// What stands in `probe_` at `from`, c in units of `level`, to its y at `to`. At a knot the inputs' states are set anew.
-void Exponential::advance(int level, double from, double to) const {
-    const auto& knots = generator_.knots();
-    const double unit = std::ldexp(setup_.grid, level);
-    for (auto knot = std::upper_bound(knots.begin(), knots.end(), from + instant(from));
-         knot != knots.end() && *knot <= to + instant(to); ++knot) {
-        advance_freely(level, *knot - from);
-        shift(probe_.data() + rows(), driven_.size(), (*knot - from) / unit);
-        generator_.set(*knot, setup_.cell, probe_.data() + states_);
-        from = *knot;
-    }
-    advance_freely(level, to - from);
-}
-
-// The same between knots; c stays as it was. Over the halvings of the unit that make up the time, and by a series over the
-// rest.
-void Exponential::advance_freely(int level, double length) const {
-    const std::size_t m = driven_.size();
-    double* const c = probe_.data() + rows();
-    std::copy_n(c, terms * m, kept_.begin());
-    double unit = std::ldexp(setup_.grid, level);
-    const double little = instant(origin_ + length);
-    for (; level >= propagators().finest() && length > little; --level) {
-        const double part = std::ldexp(setup_.grid, level);
-        if (length < part - little) continue;
-        rescale(c, m, part / unit);
-        unit = part;
-        exact::kernels().multiply(propagators().rows(), propagators().width(), propagators().step(level),
-                                  propagators().width(), probe_.data(), 1, scratch_.data());
-        std::copy_n(scratch_.begin(), rows(), probe_.begin());
-        shift(c, m);
-        length -= part;
-    }
-    if (length > little) {
-        rescale(c, m, length / unit);
-        propagators().taylor(length, probe_.data(), scratch_.data());
-    }
-    std::copy_n(kept_.begin(), terms * m, c);
 }
 
 // ------------------------------------------------------------------------------------------- one step
@@ -276,7 +169,7 @@ Solver::Outcome Exponential::step(double stop) {
         }
         if (e <= 1.0) break;
         ++counts_.error_test_failures;
-        level -= e < infinite ? std::max(1, static_cast<int>(std::ceil(std::log2(e) / order))) : levels_of_a_bad_number;
+        level -= e < infinite ? std::max(1, static_cast<int>(std::ceil(std::log2(e) / order))) : after_a_bad_number;
     }
     ++counts_.steps;
     limited_ = e <= doubles || level < wanted ? limited_ : 0;
@@ -436,7 +329,7 @@ double Exponential::defect() { return defect(column(0), origin_, level_ - 1); }
 // friction is that falls with speed.
 double Exponential::defect_of_suspects() {
     double most = 0.0;
-    for (std::size_t k = 0; k < std::min(suspects_.size(), chunk) && most < infinite; ++k) {
+    for (std::size_t k = 0; k < std::min(suspects_.size(), most_defects) && most < infinite; ++k) {
         const std::size_t from = suspects_[suspects_.size() - 1 - k];
         most = std::max(most, defect(point(from), origin_ + static_cast<double>(from) * stride(), walk_level_ - 1));
     }
@@ -464,187 +357,11 @@ double Exponential::work_error() const {
     for (std::size_t r = 0; r < m; ++r) {
         double share = 0.0;
         for (std::size_t i = 0; i < nodes; ++i) share += last_gram[i] * powers_[i * paths_ + r];
-        const double e = delta_ * shape_area * share / exponential::last_gram_square /
+        const double e = delta_ * gram_area * share / exponential::last_gram_square /
                          (quadrature_atol_ + rtol_ * std::abs(work_[r]));
         sum += e * e;
     }
     return m > 0 ? std::sqrt(sum / static_cast<double>(m)) : 0.0;
-}
-
-// ------------------------------------------------------------------------------------------- the step in pieces
-
-// Up to the next suspect, or over it.
-Solver::Outcome Exponential::deliver(double stop) {
-    const auto last = static_cast<std::size_t>(std::ceil((end_ - origin_) / stride() - 1e-9));
-    keeps_off_ = suspects_.empty() || suspects_.back() != position_;
-    if (!keeps_off_) {
-        suspects_.pop_back();
-        ++position_;
-    } else {
-        position_ = suspects_.empty() ? last : std::min(last, suspects_.back());
-    }
-    const double t = position_ >= last ? end_ : origin_ + static_cast<double>(position_) * stride();
-    const double* y = at(t);
-    quadrature_at(t, work_.data());
-    std::copy_n(y, states_, z_.begin());
-    t_ = t;
-    return t == stop ? Outcome::stopped : Outcome::stepped;
-}
-
-// y and c on points as near to each other as the walk needs them, up to the end of the step at least.
-void Exponential::walk() {
-    walk_level_ = std::min({level_, 0, propagators().finest() + coarser}) - finer_;
-    const std::size_t m = driven_.size(), per_node = std::size_t{1} << (level_ - walk_level_), all = intervals * per_node;
-    const auto needed = static_cast<std::size_t>(std::ceil((end_ - origin_) / stride() - 1e-9));
-    points_ = std::min(all, (needed + 1) / 2 * 2);
-    position_ = 0;
-    counts_.guards += static_cast<long>(points_);
-    walked_.resize((points_ + 1) * width());
-    for (std::size_t k = 0; k <= points_; ++k) {
-        if (k % per_node == 0) {
-            std::copy_n(column(k / per_node), width(), point(k));
-            rescale(point(k) + rows(), m, 1.0 / static_cast<double>(per_node));
-            continue;
-        }
-        pass(point(k - 1), walk_level_, origin_ + static_cast<double>(k - 1) * stride(), point(k));
-        std::copy_n(point(k - 1) + rows(), terms * m, point(k) + rows());
-        shift(point(k) + rows(), m);
-    }
-}
-
-// What laws make of the watched quantities besides their linear part: all of it where that counts, else how much it is.
-void Exponential::find_bends() {
-    exponential::Watch& watch = now_->watch;
-    for (std::size_t j = 0; j < nodes; ++j) watch.set_apart(guards_.data() + j * guard_count_);
-    const auto tall = static_cast<std::size_t>(watch.rows()), count = watch.quantities().size();
-    bends_.assign(nodes * tall, 0.0);
-    doubt_.assign(2 * tall, 0.0);  // of the chunk, of the whole step
-    std::vector<double> linear(nodes * tall), nearest(tall, infinite);
-    exact::kernels().multiply(watch.rows(), static_cast<int>(rows()), watch.values().data(), propagators().width(),
-                              column(0), static_cast<int>(nodes), linear.data());
-    for (std::size_t j = 0; j < nodes; ++j)
-        for (std::size_t i = 0; i < count; ++i) {
-            const auto& q = watch.quantities()[i];
-            const double value = guards_[j * guard_count_ + static_cast<std::size_t>(q.low)], bend = value - linear[j * tall + i];
-            bends_[j * tall + i] = bend;
-            nearest[i] = std::min({nearest[i], value, q.upper - value});
-            doubt_[tall + i] = std::max(doubt_[tall + i], 2.0 * std::abs(bend));
-        }
-    bent_.clear();
-    for (std::size_t i = 0; i < count; ++i)
-        if (!(doubt_[tall + i] <= straight * nearest[i])) {
-            bent_.push_back(i);
-            doubt_[tall + i] = 0.0;
-        }
-    if (!bent_.empty()) expand(bends_, watch.rows(), bend_terms_);
-}
-
-// The stretches of the walk over which the quintic through both ends does not keep off zero by what it is doubted by.
-void Exponential::look_for_suspects() {
-    suspects_.clear();
-    if (guard_count_ == 0) return;
-    find_bends();
-    exponential::Watch& watch = now_->watch;
-    const std::vector<double>& W = watch.matrix(walk_level_);
-    const int tall = watch.rows();
-    const auto m = static_cast<std::size_t>(tall), per_node = std::size_t{1} << (level_ - walk_level_);
-    std::vector<double> margin(m);
-    watched_.resize(3 * m * (chunk + 1));
-    for (std::size_t first = 0; first < points_; first += chunk) {
-        const std::size_t count = std::min(chunk, points_ - first);
-        exact::kernels().multiply(3 * tall, static_cast<int>(rows() + 2 * driven_.size()), W.data(), propagators().width(),
-                                  point(first), static_cast<int>(count) + 1, watched_.data());
-        for (std::size_t k = 0; k <= count && !bent_.empty(); ++k) {
-            const std::size_t node = std::min((first + k) / per_node, intervals);
-            const double x = static_cast<double>(first + k - node * per_node) / static_cast<double>(per_node);
-            for (const std::size_t i : bent_) {
-                const double* const c = bend_terms_.data() + node * nodes * m + i;
-                double value = 0.0, slope = 0.0, curvature = 0.0;
-                for (std::size_t order_of = nodes; order_of-- > 0;) {
-                    value = value * x / static_cast<double>(order_of + 1) + c[order_of * m];
-                    if (order_of >= 1) slope = slope * x / static_cast<double>(order_of) + c[order_of * m];
-                    if (order_of >= 2) curvature = curvature * x / static_cast<double>(order_of - 1) + c[order_of * m];
-                }
-                double* const q = watched_.data() + k * 3 * m + i;
-                const double unit = 1.0 / static_cast<double>(per_node);
-                q[0] += value;
-                q[m] += slope * unit / 5.0;
-                q[2 * m] += curvature * unit * unit / 20.0;
-            }
-        }
-        exponential::largest_doubt(tall, static_cast<int>(count), watched_.data(), doubt_.data());
-        for (std::size_t i = 0; i < m; ++i) margin[i] = doubt_[i] + doubt_[m + i];
-        const auto next = [&](int from) {
-            return exact::kernels().suspect(tall, from, static_cast<int>(count), 1.0, watched_.data(), margin.data(),
-                                            watch.upper().data());
-        };
-        // What comes after a fall is no solution: the modes are others there.
-        const auto fallen = [&](int k) {
-            const double* q = watched_.data() + static_cast<std::size_t>(k + 1) * 3 * m;
-            for (std::size_t i = 0; i < m; ++i)
-                if (q[i] < -margin[i] || q[i] > watch.upper()[i] + margin[i]) return true;
-            return false;
-        };
-        bool over = false;
-        for (int k = next(0); k < static_cast<int>(count) && !over; k = next(k + 1)) {
-            suspects_.push_back(first + static_cast<std::size_t>(k));
-            over = fallen(k);
-        }
-        if (over) break;
-    }
-    if (4 * suspects_.size() > points_ && walk_level_ > propagators().finest())
-        ++finer_;
-    else if (suspects_.empty() && finer_ > 0)
-        --finer_;
-    std::reverse(suspects_.begin(), suspects_.end());
-}
-
-// ------------------------------------------------------------------------------------------- inside a step
-
-// y there, in `probe_` unless it is stored.
-const double* Exponential::at(double t) const {
-    const auto near = static_cast<std::size_t>(
-        std::clamp(std::floor((t - origin_) / stride() + 1e-9), 0.0, static_cast<double>(points_)));
-    const double from = origin_ + static_cast<double>(near) * stride();
-    if (t - from <= instant(t) || near == points_) return point(near);
-    std::copy_n(point(near), width(), probe_.begin());
-    advance(walk_level_, from, t);
-    return probe_.data();
-}
-
-void Exponential::state_at(double t, double* z) const {
-    if (t == t_ || !taken_)
-        std::copy(z_.begin(), z_.end(), z);
-    else
-        std::copy_n(at(t), states_, z);
-}
-
-void Exponential::quadrature_at(double t, double* q) const {
-    const std::size_t m = work_.size();
-    if (m == 0) return;
-    if (!taken_) {
-        std::copy(work_.begin(), work_.end(), q);
-        return;
-    }
-    const double places = std::clamp((t - origin_) / delta_, 0.0, static_cast<double>(intervals));
-    const auto node = std::min(static_cast<std::size_t>(places), intervals - 1);
-    std::copy(begin_work_.begin(), begin_work_.end(), q);
-    for (std::size_t j = 0; j < node; ++j)
-        for (std::size_t i = 0; i < nodes; ++i)
-            for (std::size_t r = 0; r < m; ++r) q[r] += delta_ * integrals[j][i] * powers_[i * paths_ + r];
-    double power = delta_;
-    for (std::size_t k = 0; k < terms; ++k) {
-        power *= places - static_cast<double>(node);
-        for (std::size_t r = 0; r < m; ++r)
-            q[r] += power * inverse_factorial[k + 1] * power_terms_[(node * terms + k) * paths_ + r];
-    }
-}
-
-void Exponential::go_back(double t) {
-    const double* y = at(t);
-    quadrature_at(t, work_.data());
-    std::copy_n(y, states_, z_.begin());
-    t_ = t;
 }
 
 Solver::Failure Exponential::failure() const {
