@@ -1,5 +1,6 @@
 // What a run needs of an integrator. The engines behind it stand in cpp/src/solvers, one folder or file each:
-// CVODE's multistep methods (the only place that knows SUNDIALS), explicit Runge-Kutta, exact propagation.
+// CVODE's multistep methods (the only place that knows SUNDIALS), explicit Runge-Kutta, exponential collocation, exact
+// propagation.
 //
 // One step at a time, up to a stop time, with guards watched on every step, sensitivities and quadratures. The modes are
 // frozen within a step; whoever changes them restarts the solver.

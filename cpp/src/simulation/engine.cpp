@@ -31,7 +31,7 @@ constexpr double share_of_bdf = 0.1;
 // products besides, the walk over a step, and the propagators of a new mode. Measured on the machines of
 // benchmarks/laws.py and benchmarks/turns.py.
 constexpr Handover::Price price_of_explicit{1.0, 0.0, 0.0}, price_of_bdf{0.0, 4.4, 14.0},
-    price_of_exponential{1.7, 4.2, 340.0};
+    price_of_exponential{1.7, 4.2, 100.0, 7.0};
 // Of the fastest pole times the time an explicit method makes of an evaluation: it takes twelve for a step that is stable
 // up to 6.
 constexpr double explicit_reach = 6.0 / 12.0;
@@ -122,13 +122,12 @@ void Simulation::refuse_what_is_not_exact(const std::string& impossible) const {
     if (options_.engine == Engine::exponential && !options_.sensitivities.empty())
         refuse("engine = exponential: it has no slopes; take engine = auto, exact, explicit or cvode");
     if (wants_exact() && !impossible.empty())
-        refuse("engine = exact: " + impossible + "; take engine = auto, explicit or cvode");
+        refuse("engine = exact: " + impossible + "; take engine = auto, exponential, explicit or cvode");
 }
 
-// Where steps may be long: nothing ticks, and nothing comes back late. Slopes it has none.
+// Slopes it has none.
 bool Simulation::suits_exponential() const {
-    return parameters_.empty() && layout_.clocks.empty() && layout_.delays.empty() &&
-           exact::Generator(inputs_).size() + layout_.size() <= most_exact_states;
+    return parameters_.empty() && exact::Generator(inputs_).size() + layout_.size() <= most_exact_states;
 }
 
 bool Simulation::wants_exact() const { return options_.engine == Engine::exact || options_.long_double; }
@@ -191,15 +190,19 @@ void Simulation::choose_solver(int guards, std::span<const double> parameter_sca
     const bool stiff = decays > stiff_beyond * rings;
     if (left_open && !stiff) {
         const double rtol = std::min(options_.rtol, std::max(finest_bdf, share_of_bdf * options_.rtol));
-        // The exponential engine is seldom beaten where it can be had at all, and says where it is.
-        const bool smooth = suits_exponential();
-        const double first = smooth ? Handover::late : Handover::soon;
+        // Where steps may be long the exponential engine is seldom beaten, and says where it is. Where something ticks, or
+        // comes back late, it depends on how often.
+        const bool possible_at_all = suits_exponential();
+        const bool first_choice = possible_at_all && layout_.clocks.empty() && layout_.delays.empty();
+        const double first = first_choice ? Handover::late : Handover::soon;
+        Handover::Candidate smooth{.make = exponential, .price = price_of_exponential, .lone = false};
         std::vector<Handover::Candidate> candidates;
-        if (smooth) candidates.push_back({.make = exponential, .price = price_of_exponential, .lone = false});
+        if (first_choice) candidates.push_back(smooth);
         candidates.push_back({.make = [explicit_solver, limit = stiff_beyond * rings] { return explicit_solver(limit); },
                               .price = price_of_explicit,
                               .first = first,
                               .best = explicit_reach / decays});
+        if (possible_at_all && !first_choice) candidates.push_back(smooth);
         candidates.push_back({.make = [cvode, rtol] { return cvode(Method::bdf, rtol); },
                               .price = price_of_bdf,
                               .share = share_of_bdf,

@@ -80,9 +80,9 @@ void Handover::start(double t) {
 double Handover::work_of(const Member& m) const {
     if (!m.solver) return 0.0;
     const Counts c = m.solver->counts();
-    const auto& [rate, step, jacobian] = m.candidate.price;
+    const auto& [rate, step, jacobian, look] = m.candidate.price;
     return rate * static_cast<double>(c.rhs) + step * static_cast<double>(c.steps) +
-           jacobian * static_cast<double>(c.jacobians);
+           jacobian * static_cast<double>(c.jacobians) + look * static_cast<double>(c.guards);
 }
 
 double Handover::all_work() const {

@@ -18,7 +18,7 @@ namespace dualdrive {
 class Handover final : public Solver {
   public:
     struct Price {  // in evaluations of the rates by an explicit method
-        double rate, step, jacobian;
+        double rate, step, jacobian, look = 0.0;  // look: at the state between two steps of its own
     };
     // In evaluations of the rates.
     static constexpr double trial = 800.0, soon = 2.0 * trial, late = 8.0 * trial, latest = 32.0 * trial;

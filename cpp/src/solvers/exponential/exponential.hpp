@@ -49,7 +49,11 @@ class Exponential final : public Solver {
     bool keeps_off_guards() const override { return keeps_off_; }
     bool stiff() const override { return limited_ >= stiff_after; }
     Failure failure() const override;
-    Counts counts() const override { return counts_; }
+    Counts counts() const override {
+        Counts c = counts_;
+        c.guards = looks_;
+        return c;
+    }
     std::string name() const override { return "exponential"; }
 
   private:
@@ -144,6 +148,7 @@ class Exponential final : public Solver {
     Vector rate_, linear_, before_;
     mutable Vector probe_, kept_, scratch_;
     Counts counts_{};
+    mutable long looks_ = 0;  // between the points of the walk
 };
 
 }  // namespace dualdrive

@@ -46,7 +46,6 @@ void Exponential::walk() {
     const auto needed = static_cast<std::size_t>(std::ceil((end_ - origin_) / stride() - 1e-9));
     points_ = std::min(all, (needed + 1) / 2 * 2);
     position_ = 0;
-    counts_.guards += static_cast<long>(points_);
     walked_.resize((points_ + 1) * width());
     for (std::size_t k = 0; k <= points_; ++k) {
         if (k % per_node == 0) {
@@ -213,6 +212,7 @@ const double* Exponential::at(double t) const {
         std::clamp(std::floor((t - origin_) / stride() + 1e-9), 0.0, static_cast<double>(points_)));
     const double from = origin_ + static_cast<double>(near) * stride();
     if (t - from <= instant(t) || near == points_) return point(near);
+    ++looks_;
     std::copy_n(point(near), width(), probe_.begin());
     advance(walk_level_, from, t);
     return probe_.data();
