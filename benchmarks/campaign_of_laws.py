@@ -5,7 +5,7 @@
 
 The switches of `auto` and of `exponential` at rtol 1e-9, in their order within an element, against
 the explicit engine at 1e-11, wherever that finds the same at 1e-8: elsewhere the machine amplifies
-what rounds differently, and there is no answer. (campaign.py holds the exact engine to long double.)
+what rounds differently, and there is no answer. campaign.py holds the exact engine to long double.
 """
 
 from __future__ import annotations
@@ -61,8 +61,12 @@ def main() -> None:
             if found != truth:
                 others = [name for name in {*truth, *(found or {})}
                           if (found or {}).get(name) != truth.get(name)]  # fmt: skip
-                differ.append([str(seed), engine, ", ".join(sorted(others)), "; ".join(m.notes[1:])])
-    print(f"{machines} machines, {compared} switches that have an answer; runs that differ: ", end="")
+                differ.append(
+                    [str(seed), engine, ", ".join(sorted(others)), "; ".join(m.notes[1:])]
+                )
+    print(
+        f"{machines} machines, {compared} switches that have an answer; runs that differ: ", end=""
+    )
     print(f"{len(differ)}.\n")
     if differ:
         print(report.table(["machine", "engine", "elements", "what it is"], differ))

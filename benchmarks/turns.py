@@ -4,8 +4,9 @@
     python benchmarks/turns.py --last 1000
 
 Each machine with a law that is not affine runs by `auto`, `exponential`, `explicit` and BDF at one
-tolerance, the best of two times each; a ratio is the processor time of `auto` to that of the fastest
-other. BDF is given the same tolerance, at which it errs more than `auto` does (laws.py shows errors).
+tolerance, the best of two times each; a ratio is the processor time of `auto` to that of the
+fastest other. BDF is given the same tolerance, at which it errs more than `auto` does (laws.py
+shows errors).
 """
 
 from __future__ import annotations

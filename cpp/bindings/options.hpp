@@ -21,7 +21,8 @@ inline Engine engine_of(const std::string& name) {
     if (name == "exponential") return Engine::exponential;
     if (name == "explicit") return Engine::explicit_rk;
     if (name == "cvode") return Engine::cvode;
-    throw std::invalid_argument("engine = '" + name + "' is unknown; "
+    throw std::invalid_argument("engine = '" + name +
+                                "' is unknown; "
                                 "choose one of auto, exact, exponential, explicit, cvode");
 }
 

@@ -150,7 +150,8 @@ TEST_CASE("what a walk does not resolve is doubted") {
         const int count = 8, tall = 3 * on.rows();
         std::vector<double> values(static_cast<std::size_t>(tall * (count + 1)), 0.0), doubt(4);
         for (int k = 0; k <= count; ++k) {
-            const double angle = w * std::ldexp(unit, level) * k + phase, y[4] = {std::sin(angle), std::cos(angle), 1, 0};
+            const double angle = w * std::ldexp(unit, level) * k + phase,
+                         y[4] = {std::sin(angle), std::cos(angle), 1, 0};
             for (int j = 0; j < 4; ++j)
                 for (int i = 0; i < tall; ++i)
                     values[static_cast<std::size_t>(k * tall + i)] += M[static_cast<std::size_t>(j * tall + i)] * y[j];

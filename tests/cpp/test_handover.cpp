@@ -72,8 +72,8 @@ Seen in_turn() {
     candidates.push_back({.make = [&] { return std::unique_ptr<Solver>(mild(law)); }, .price = {1.0, 0.0, 0.0}});
     candidates.push_back({.make =
                               [&] {
-                                  return std::unique_ptr<Solver>(std::make_unique<Cvode>(
-                                      law, size, Method::bdf, 1e-9, std::vector<int>{}, none));
+                                  return std::unique_ptr<Solver>(
+                                      std::make_unique<Cvode>(law, size, Method::bdf, 1e-9, std::vector<int>{}, none));
                               },
                           .price = {0.0, 4.4, 14.0},
                           .share = 0.1});

@@ -132,7 +132,9 @@ def test_a_law_that_is_steep_where_a_body_turns_back_is_seen() -> None:
 def test_a_recorded_command_changes_its_form_within_steps() -> None:
     """Knots of a smooth command at 7 ms, of which nothing else is a multiple."""
     knots = np.arange(0.0, 1.6, 7e-3)
-    command = {"theta_ref": _core.sampled(knots, 0.3 * np.sin(np.pi * knots), _core.Interpolation.cubic)}
+    command = {
+        "theta_ref": _core.sampled(knots, 0.3 * np.sin(np.pi * knots), _core.Interpolation.cubic)
+    }
     machine = bench_with("unbalance")
     truth, found = (run(machine, command, 1.5, rtol=rtol, engine=engine, signals=SIGNALS)
                     for engine, rtol in (("explicit", 1e-12), ("exponential", 1e-9)))  # fmt: skip

@@ -170,10 +170,10 @@ void Simulation::choose_solver(int guards, std::span<const double> parameter_sca
         const std::vector<int> falling(static_cast<std::size_t>(size.guards), -1);
         return std::unique_ptr<Solver>(std::make_unique<Cvode>(*this, size, m, rtol, falling, scale));
     };
-    const auto explicit_solver = [this, size, scale = std::vector<double>(parameter_scale.begin(),
-                                                                          parameter_scale.end())](double limit) {
-        return std::unique_ptr<Solver>(std::make_unique<RungeKutta>(*this, size, options_.rtol, scale, limit));
-    };
+    const auto explicit_solver =
+        [this, size, scale = std::vector<double>(parameter_scale.begin(), parameter_scale.end())](double limit) {
+            return std::unique_ptr<Solver>(std::make_unique<RungeKutta>(*this, size, options_.rtol, scale, limit));
+        };
     const auto exponential = [this, size] {
         return std::unique_ptr<Solver>(std::make_unique<Exponential>(
             *this, size, options_.rtol,
@@ -199,10 +199,11 @@ void Simulation::choose_solver(int guards, std::span<const double> parameter_sca
         Handover::Candidate smooth{.make = exponential, .price = price_of_exponential, .lone = false};
         std::vector<Handover::Candidate> candidates;
         if (first_choice) candidates.push_back(smooth);
-        candidates.push_back({.make = [explicit_solver, limit = stiff_beyond * rings] { return explicit_solver(limit); },
-                              .price = price_of_explicit,
-                              .first = first,
-                              .best = explicit_reach / decays});
+        candidates.push_back(
+            {.make = [explicit_solver, limit = stiff_beyond * rings] { return explicit_solver(limit); },
+             .price = price_of_explicit,
+             .first = first,
+             .best = explicit_reach / decays});
         if (possible_at_all && !first_choice) candidates.push_back(smooth);
         candidates.push_back({.make = [cvode, rtol] { return cvode(Method::bdf, rtol); },
                               .price = price_of_bdf,

@@ -169,7 +169,7 @@ class Simulation final : public Problem {
     std::unique_ptr<AffineField> field_;              // of an affine machine, for a solver that steps
     std::map<Modes, std::vector<double>> jacobians_;  // of an affine machine: one per mode
     bool affine_ = false;
-    bool placed_ = true;  // all recorded signals are what Model::place gives
+    bool placed_ = true;                     // all recorded signals are what Model::place gives
     std::vector<std::size_t> all_, curved_;  // numbers within recorded_; those that are not linear in the states
     std::vector<double> guard_begin_, guard_end_, guard_probe_;  // of the last step
     std::vector<double> slope_begin_, slope_end_;                // of the guards, with a field

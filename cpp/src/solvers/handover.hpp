@@ -17,7 +17,7 @@ namespace dualdrive {
 
 class Handover final : public Solver {
   public:
-    struct Price {  // in evaluations of the rates by an explicit method
+    struct Price {                                // in evaluations of the rates by an explicit method
         double rate, step, jacobian, look = 0.0;  // look: at the state between two steps of its own
     };
     // In evaluations of the rates.
@@ -25,8 +25,8 @@ class Handover final : public Solver {
     struct Candidate {
         std::function<std::unique_ptr<Solver>()> make;
         Price price;
-        double share = 1.0;  // of the absolute tolerances; of the relative one `make` knows
-        bool lone = true;    // whether a run ends that it can't go on with
+        double share = 1.0;   // of the absolute tolerances; of the relative one `make` knows
+        bool lone = true;     // whether a run ends that it can't go on with
         double first = soon;  // its first trial comes after so much work
         double best = std::numeric_limits<double>::infinity();  // seconds for an evaluation's work, at most
     };
@@ -86,9 +86,9 @@ class Handover final : public Solver {
 
     std::size_t charge_ = 0, former_ = 0;  // in charge; and before the trial
     bool on_trial_ = false, halfway_ = false;
-    Mark begin_{0.0, 0.0};             // of the trial, or of what the solver in charge has done since
-    std::array<Mark, 2> window_{};     // begins of the stretch over which pace is told, older first
-    Mark half_{0.0, 0.0};              // of the trial: what comes before is the solver's start
+    Mark begin_{0.0, 0.0};          // of the trial, or of what the solver in charge has done since
+    std::array<Mark, 2> window_{};  // begins of the stretch over which pace is told, older first
+    Mark half_{0.0, 0.0};           // of the trial: what comes before is the solver's start
 };
 
 }  // namespace dualdrive

@@ -144,7 +144,8 @@ void Propagator<R>::find_watched() {
     const int m = watch_rows();
     watched_rows_.resize(static_cast<Eigen::Index>(watched_.size()), n_);
     Matrix<R> all = Matrix<R>::Zero(3 * m, n_);
-    for (std::size_t k = 0; k < watched_.size(); ++k) watched_rows_.row(static_cast<Eigen::Index>(k)) = G.row(watched_[k].low);
+    for (std::size_t k = 0; k < watched_.size(); ++k)
+        watched_rows_.row(static_cast<Eigen::Index>(k)) = G.row(watched_[k].low);
     const R h(step_);
     const auto count = static_cast<Eigen::Index>(watched_.size());
     const Matrix<R> first = watched_rows_ * laws_.A, second = first * laws_.A;

@@ -14,7 +14,6 @@ using exponential::backward, exponential::expand, exponential::gram_derivatives,
 
 namespace {
 
-
 constexpr double infinite = std::numeric_limits<double>::infinity();
 constexpr double shortest = 16.0 * std::numeric_limits<double>::epsilon();  // distance of nodes, of the time
 constexpr double order = 9.0;     // the error of a step goes with this power of its length
@@ -65,7 +64,8 @@ void Exponential::restart(double t, std::span<const double> atol, double quadrat
     quadrature_atol_ = quadrature_atol;
     now_ = nullptr;
     past_.clear();
-    if (counts_.steps > 0 && setup_.modes != modes_) next_level_ = std::max(next_level_ - after_switch, -first_halvings);
+    if (counts_.steps > 0 && setup_.modes != modes_)
+        next_level_ = std::max(next_level_ - after_switch, -first_halvings);
     modes_ = setup_.modes;
     taken_ = false;
 }
@@ -247,7 +247,8 @@ bool Exponential::predict() {
             for (std::size_t r = 0; r < m; ++r) {
                 double sum = 0.0;
                 for (std::size_t i = 0; i < p; ++i)
-                    sum += backward[p - 1][k][i] * (i <= j ? rest_[(j - i) * padded_ + r] : values[(i - j - 1) * m + r]);
+                    sum +=
+                        backward[p - 1][k][i] * (i <= j ? rest_[(j - i) * padded_ + r] : values[(i - j - 1) * m + r]);
                 c[k * m + r] = sum;
             }
         std::fill_n(c + p * m, (terms - p) * m, 0.0);
@@ -314,7 +315,8 @@ double Exponential::interpolation_error() const {
     for (std::size_t j = 0; j < intervals; ++j) {
         for (std::size_t k = 0; k < terms; ++k)
             for (std::size_t r = 0; r < m; ++r) e[rows() + k * m + r] = gram_derivatives[j][k] * share[r];
-        exact::kernels().multiply(propagators().rows(), propagators().width(), M, propagators().width(), e.data(), 1, next.data());
+        exact::kernels().multiply(propagators().rows(), propagators().width(), M, propagators().width(), e.data(), 1,
+                                  next.data());
         std::copy(next.begin(), next.end(), e.begin());
         most = std::max(most, norm(e.data()));
     }

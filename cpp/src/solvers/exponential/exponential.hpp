@@ -115,7 +115,7 @@ class Exponential final : public Solver {
     const std::vector<int> nothing_;
     exact::Reader<double> reader_;
     const std::size_t states_, one_, guard_count_;
-    std::size_t padded_ = 0;  // how many rows are driven
+    std::size_t padded_ = 0;   // how many rows are driven
     std::vector<int> driven_;  // rows of y that the rest acts on, in any mode met so far
     std::map<Modes, std::unique_ptr<Frozen>> known_;
     Frozen* now_ = nullptr;
@@ -134,7 +134,7 @@ class Exponential final : public Solver {
     Vector yc_;           // per node y and c
     Vector rest_, past_;  // [node][driven]: now, and over the step before if no switch came since
     double past_delta_ = 0.0, past_origin_ = 0.0;
-    Vector rest_terms_;   // [node][order][driven]
+    Vector rest_terms_;                         // [node][order][driven]
     const std::size_t paths_;                   // padded
     Vector powers_, power_terms_, begin_work_;  // [node][path], [node][order][path]
     Vector guards_;                             // [node][guard]

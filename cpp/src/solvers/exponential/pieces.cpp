@@ -42,7 +42,8 @@ Solver::Outcome Exponential::deliver(double stop) {
 // y and c on points as near to each other as the walk needs them, up to the end of the step at least.
 void Exponential::walk() {
     walk_level_ = std::min({level_, 0, propagators().finest() + coarser}) - finer_;
-    const std::size_t m = driven_.size(), per_node = std::size_t{1} << (level_ - walk_level_), all = intervals * per_node;
+    const std::size_t m = driven_.size(), per_node = std::size_t{1} << (level_ - walk_level_),
+                      all = intervals * per_node;
     const auto needed = static_cast<std::size_t>(std::ceil((end_ - origin_) / stride() - 1e-9));
     points_ = std::min(all, (needed + 1) / 2 * 2);
     position_ = 0;
@@ -72,7 +73,8 @@ void Exponential::find_bends() {
     for (std::size_t j = 0; j < nodes; ++j)
         for (std::size_t i = 0; i < count; ++i) {
             const auto& q = watch.quantities()[i];
-            const double value = guards_[j * guard_count_ + static_cast<std::size_t>(q.low)], bend = value - linear[j * tall + i];
+            const double value = guards_[j * guard_count_ + static_cast<std::size_t>(q.low)],
+                         bend = value - linear[j * tall + i];
             bends_[j * tall + i] = bend;
             nearest[i] = std::min({nearest[i], value, q.upper - value});
             doubt_[tall + i] = std::max(doubt_[tall + i], 2.0 * std::abs(bend));
@@ -99,8 +101,8 @@ void Exponential::look_for_suspects() {
     watched_.resize(3 * m * (chunk + 1));
     for (std::size_t first = 0; first < points_; first += chunk) {
         const std::size_t count = std::min(chunk, points_ - first);
-        exact::kernels().multiply(3 * tall, static_cast<int>(rows() + 2 * driven_.size()), W.data(), propagators().width(),
-                                  point(first), static_cast<int>(count) + 1, watched_.data());
+        exact::kernels().multiply(3 * tall, static_cast<int>(rows() + 2 * driven_.size()), W.data(),
+                                  propagators().width(), point(first), static_cast<int>(count) + 1, watched_.data());
         for (std::size_t k = 0; k <= count && !bent_.empty(); ++k) {
             const std::size_t node = std::min((first + k) / per_node, intervals);
             const double x = static_cast<double>(first + k - node * per_node) / static_cast<double>(per_node);

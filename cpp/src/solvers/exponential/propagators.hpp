@@ -18,8 +18,8 @@ class Propagators {
     // B: a column of one for each row of y that n drives.
     Propagators(const exact::Matrix<double>& A, const std::vector<int>& driven, double unit);
 
-    int rows() const { return rows_; }    // of y, padded
-    int width() const { return width_; }  // of (y, c): c_k of all driven rows, one k after the other
+    int rows() const { return rows_; }      // of y, padded
+    int width() const { return width_; }    // of (y, c): c_k of all driven rows, one k after the other
     int finest() const { return finest_; }  // level down from which the Taylor series is short
     // (e^{A δ}, δ φ_1(A δ) B, δ φ_2(A δ) B, …), rows() × width().
     const double* step(int level);

@@ -10,7 +10,8 @@ namespace {
 
 constexpr double infinite = std::numeric_limits<double>::infinity();
 constexpr double rounding = 1e-9;  // of a guard's constant: what is less apart is a pair, or constant
-constexpr double of_slope = 0.125; // a cubic that is wrong by s in its slope at the middle is wrong by about s/8 beside it
+constexpr double of_slope =
+    0.125;  // a cubic that is wrong by s in its slope at the middle is wrong by about s/8 beside it
 
 }  // namespace
 
