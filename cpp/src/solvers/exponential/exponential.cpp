@@ -70,9 +70,12 @@ void Exponential::restart(double t, std::span<const double> atol, double quadrat
     taken_ = false;
 }
 
-// What the machine's inputs do between nodes is known: nothing can be stepped over unseen, but for what laws make of it.
+// What inputs do between nodes is known, and does not pass unseen, but for a formula that reads them.
 void Exponential::limit_step(double longest, double turning) {
-    longest_ = std::min(longest, static_cast<double>(intervals) * std::min(turning, farthest));
+    const auto& effects = setup_.machine.effects();
+    const bool reads = std::any_of(effects.begin(), effects.end(),
+                                   [](const EffectEntry& e) { return !e.formula.empty() || !e.axes.empty(); });
+    longest_ = std::min(longest, static_cast<double>(intervals) * (reads ? std::min(turning, farthest) : farthest));
 }
 
 // ------------------------------------------------------------------------------------------- modes

@@ -148,7 +148,7 @@ class Exponential final : public Solver {
     Vector rate_, linear_, before_;
     mutable Vector probe_, kept_, scratch_;
     Counts counts_{};
-    mutable long looks_ = 0;  // between the points of the walk
+    mutable long looks_ = 0;  // between the points of the walk; and chunks of it, which cost as much
 };
 
 }  // namespace dualdrive

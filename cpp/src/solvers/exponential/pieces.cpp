@@ -13,7 +13,7 @@ using exponential::expand, exponential::inverse_factorial, exponential::rescale,
 namespace {
 
 constexpr double infinite = std::numeric_limits<double>::infinity();
-constexpr int coarser = 4;         // doublings of the finest step: a stretch of the walk
+constexpr int coarser = 6;         // doublings of the finest step: a stretch of the walk, unless it is doubted
 constexpr std::size_t chunk = 16;  // stretches that are looked at together
 constexpr double straight = 0.01;  // of what a guard keeps off zero: a bend of less is a doubt, no more
 
@@ -47,6 +47,7 @@ void Exponential::walk() {
     const auto needed = static_cast<std::size_t>(std::ceil((end_ - origin_) / stride() - 1e-9));
     points_ = std::min(all, (needed + 1) / 2 * 2);
     position_ = 0;
+    looks_ += static_cast<long>((points_ + chunk - 1) / chunk);
     walked_.resize((points_ + 1) * width());
     for (std::size_t k = 0; k <= points_; ++k) {
         if (k % per_node == 0) {
