@@ -95,6 +95,7 @@ void Exponential::take_modes() {
     scratch_.assign(2 * rows(), 0.0);
     probe_.assign(width(), 0.0);
     kept_.assign(width(), 0.0);
+    between_.assign(rows(), 0.0);
     yc_.assign(nodes * width(), 0.0);
     rest_.assign(nodes * padded_, 0.0);
 }
@@ -345,11 +346,11 @@ double Exponential::defect_of_suspects() {
 double Exponential::defect(const double* yc, double t, int level) {
     const std::size_t m = driven_.size();
     if (m == 0) return 0.0;
-    Vector half(yc, yc + width()), y(rows()), rest(m), apart(states_, 0.0);
+    Vector half(yc, yc + width()), rest(m), apart(states_, 0.0);
     rescale(half.data() + rows(), m, 0.5);
-    pass(half.data(), level, t, y.data());
+    pass(half.data(), level, t, between_.data());
     shift(half.data() + rows(), m);
-    if (!rest_at(t + std::ldexp(setup_.grid, level), y.data(), rest.data())) return infinite;
+    if (!rest_at(t + std::ldexp(setup_.grid, level), between_.data(), rest.data())) return infinite;
     for (std::size_t r = 0; r < m; ++r)
         apart[static_cast<std::size_t>(driven_[r])] = delta_ * (rest[r] - half[rows() + r]);
     return norm(apart.data());

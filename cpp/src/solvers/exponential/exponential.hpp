@@ -145,7 +145,7 @@ class Exponential final : public Solver {
     std::vector<std::size_t> bent_;      // watched quantities whose bend counts
     std::vector<std::size_t> suspects_;  // stretches of the walk, the last one first
 
-    Vector rate_, linear_, before_;
+    Vector rate_, linear_, before_, between_;
     mutable Vector probe_, kept_, scratch_;
     Counts counts_{};
     mutable long looks_ = 0;  // between the points of the walk; and chunks of it, which cost as much
