@@ -61,6 +61,7 @@ class Simulation final : public Problem {
     bool wants_exact() const;
     bool chooses_engine() const;
     bool suits_exponential() const;
+    bool steps_may_be_long() const;
     void take_exact_solver(Solver::Size size);
     double exact_grid() const;
     std::size_t grid_steps() const;

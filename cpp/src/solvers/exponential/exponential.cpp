@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "../../simulation/instant.hpp"
+#include "dualdrive/machine.hpp"
 #include "terms.hpp"
 
 namespace dualdrive {
@@ -72,10 +73,18 @@ void Exponential::restart(double t, std::span<const double> atol, double quadrat
 
 // What inputs do between nodes is known, and does not pass unseen, but for a formula that reads them.
 void Exponential::limit_step(double longest, double turning) {
+    const auto reads = [this](const EffectEntry& e) {
+        const auto names = names_read(e);
+        return std::any_of(setup_.inputs.begin(), setup_.inputs.end(), [&](const auto& input) {
+            const auto is_it = [&](const std::string& name) {
+                return name == input.first || name == "in." + input.first;
+            };
+            return std::any_of(names.begin(), names.end(), is_it);
+        });
+    };
     const auto& effects = setup_.machine.effects();
-    const bool reads = std::any_of(effects.begin(), effects.end(),
-                                   [](const EffectEntry& e) { return !e.formula.empty() || !e.axes.empty(); });
-    longest_ = std::min(longest, static_cast<double>(intervals) * (reads ? std::min(turning, farthest) : farthest));
+    const bool read = std::any_of(effects.begin(), effects.end(), reads);
+    longest_ = std::min(longest, static_cast<double>(intervals) * (read ? std::min(turning, farthest) : farthest));
 }
 
 // ------------------------------------------------------------------------------------------- modes
