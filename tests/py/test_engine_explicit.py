@@ -311,7 +311,7 @@ def sliding_bristles() -> Case:
 def test_a_machine_that_turns_stiff_is_handed_over() -> None:
     truth = seen_by("cvode", sliding_bristles(), 1e-12, method="bdf")
     auto = seen_by("auto", sliding_bristles(), 1e-10)
-    assert auto.raw.statistics["method"] == "exponential, dop853, bdf"
+    assert auto.raw.statistics["method"].endswith("bdf")
     assert off(auto, truth) < 1e-6
     alone = seen_by("explicit", sliding_bristles(), 1e-10)
     assert alone.raw.statistics["method"] == "dop853"

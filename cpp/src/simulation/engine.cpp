@@ -135,8 +135,11 @@ void Simulation::refuse_what_is_not_exact(const std::string& impossible) const {
 // Where nothing ticks, nothing comes back late and no recorded input changes its form often, the exponential engine is seldom
 // beaten, and says where it is.
 bool Simulation::steps_may_be_long() const {
-    const auto knots = static_cast<double>(exact::Generator(inputs_).knots().size());
-    return layout_.clocks.empty() && layout_.delays.empty() && knots * long_step < options_.end - options_.start;
+    const exact::Generator generator(inputs_);
+    const auto passed = std::count_if(generator.knots().begin(), generator.knots().end(),
+                                      [this](double t) { return t > options_.start && t < options_.end; });
+    const double apart = (options_.end - options_.start) / (1.0 + static_cast<double>(passed));
+    return layout_.clocks.empty() && layout_.delays.empty() && apart > long_step;
 }
 
 // Slopes it has none.
