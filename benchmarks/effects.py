@@ -35,6 +35,7 @@ from dualdrive import _core
 STATES = ["omega_c1", "omega_c2", "mesh_1.twist", "mesh_2.twist", "I_1", "I_2", "theta_m",
           "omega_m"]  # fmt: skip
 ENGINES: dict[str, dict[str, Any]] = {
+    "exponential": {"engine": "exponential"},
     "explicit": {"engine": "explicit"},
     "Adams": {"engine": "cvode", "method": "adams"},
     "BDF": {"engine": "cvode", "method": "bdf"},

@@ -1,11 +1,12 @@
-"""How far `auto` is from the better of its two engines, over random machines whose laws differ.
+"""How far `auto` is from the best of its engines, over random machines whose laws differ.
 
     python benchmarks/turns.py                  the random machines of the tests, numbers 0 to 399
     python benchmarks/turns.py --last 1000
 
-Each machine with a law that is not affine runs by `auto`, `explicit` and BDF at one tolerance; a
-ratio is the processor time of `auto` to that of the faster other. BDF is given the same tolerance,
-at which it errs more than `auto` does (laws.py shows errors).
+Each machine with a law that is not affine runs by `auto`, `exponential`, `explicit` and BDF at one
+tolerance, the best of two times each; a ratio is the processor time of `auto` to that of the
+fastest other. BDF is given the same tolerance, at which it errs more than `auto` does (laws.py
+shows errors).
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from core_random import RandomMachine
 from dualdrive import _core
 
 RTOL, END, MOST_STEPS, LOSERS = 1e-7, 1.5, 400_000, 10
-TAKEN = ("auto", "explicit", "BDF")
+TAKEN = ("auto", "exponential", "explicit", "BDF")
+ROUNDS = 2
 AFFINE = {kind.name: kind.affine for kind in _core.effect_types()}
 
 
@@ -42,7 +44,10 @@ def measured(seed: int) -> tuple[float, list[str]] | None:
     laws = [e["effect"] for e in m.machine.effects if not AFFINE.get(e["effect"], False)]
     if not laws:
         return None
-    found: dict[str, tuple[float, Any]] = {e: timed(partial(run, m, e)) for e in TAKEN}
+    found: dict[str, tuple[float, Any]] = {
+        e: min((timed(partial(run, m, e)) for _ in range(ROUNDS)), key=lambda timing: timing[0])
+        for e in TAKEN
+    }
     if found["auto"][1].raw.status != "success":
         return None
     best = min((ms for ms, r in list(found.values())[1:] if r.raw.status == "success"), default=0.0)

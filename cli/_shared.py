@@ -131,7 +131,7 @@ json_option = click.option(
 )
 engine_option = click.option(
     "--engine",
-    type=click.Choice(["auto", "exact", "explicit", "cvode"]),
+    type=click.Choice(["auto", "exact", "exponential", "explicit", "cvode"]),
     default="auto",
     show_default=True,
     help="auto takes exact where every effect is affine between switches.",

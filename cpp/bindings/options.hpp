@@ -18,9 +18,12 @@ inline Method method_of(const std::string& name) {
 inline Engine engine_of(const std::string& name) {
     if (name == "auto") return Engine::automatic;
     if (name == "exact") return Engine::exact;
+    if (name == "exponential") return Engine::exponential;
     if (name == "explicit") return Engine::explicit_rk;
     if (name == "cvode") return Engine::cvode;
-    throw std::invalid_argument("engine = '" + name + "' is unknown; choose one of auto, exact, explicit, cvode");
+    throw std::invalid_argument("engine = '" + name +
+                                "' is unknown; "
+                                "choose one of auto, exact, exponential, explicit, cvode");
 }
 
 }  // namespace dualdrive::python

@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "dualdrive/layout.hpp"
 
 #include "layout/builder.hpp"
@@ -26,6 +28,13 @@ int Layout::state(std::string_view name) const {
     for (std::size_t k = 0; k < state_names.size(); ++k)
         if (state_names[k] == name) return static_cast<int>(k);
     return -1;
+}
+
+bool Layout::is_placed(int signal) const {
+    const auto one_of = [signal](const std::vector<int>& those) {
+        return std::find(those.begin(), those.end(), signal) != those.end();
+    };
+    return one_of(at.angle) || one_of(at.speed) || one_of(at.twist) || one_of(at.I);
 }
 
 }  // namespace dualdrive

@@ -63,9 +63,10 @@ def simulate(
                     the signals for about the price of one more run; exact engine
     times:          output times in s, increasing; else every output_step from start to end
     output_step:    s; unless given `usual_step`
-    engine:         exact (between switches; every effect affine in its modes), explicit, cvode, or
-                    auto, which takes exact wherever it can (docs/theory/engines.md)
-    rtol, method:   of explicit and cvode; a method (adams, bdf) asks for cvode
+    engine:         exact (between switches; every effect affine in its modes), exponential (other
+                    effects that are not stiff), explicit, cvode, or auto, which takes exact
+                    wherever it can, else the cheapest (docs/theory/engines.md)
+    rtol, method:   of all but exact; a method (adams, bdf) asks for cvode
 
     A channel that an effect sits at (``quantisation@theta_m``) comes out as the recorder writes it.
 

@@ -189,6 +189,9 @@ TEST_CASE("a run of every engine") {
     SUBCASE("exact") {
         in_turn([] { return run(Engine::exact); }, 200);
     }
+    SUBCASE("exponential") {
+        in_turn([] { return run(Engine::exponential); }, 200);
+    }
     SUBCASE("explicit") {
         in_turn([] { return run(Engine::explicit_rk); }, 200);
     }

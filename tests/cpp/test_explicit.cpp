@@ -281,7 +281,12 @@ TEST_CASE("what turns out stiff is handed over as it stands") {
     Law mild = swell();  // the law to go on with
     const Solver::Size size{1, 0, 1, 1};
     auto first = started(law, 1e-7, 1.0, size, 5e3);
-    Handover solver(std::move(first), [&] { return started(mild, 1e-9, 0.0, size); }, 2.0);
+    std::vector<Handover::Candidate> candidates;
+    candidates.push_back({.make = [&] { return std::unique_ptr<Solver>(std::move(first)); }, .price = {1.0, 0.0, 0.0}});
+    candidates.push_back({.make = [&] { return std::unique_ptr<Solver>(started(mild, 1e-9, 0.0, size)); },
+                          .price = {0.0, 4.4, 14.0},
+                          .share = 0.1});
+    Handover solver(std::move(candidates), size.sensitivities, 2.0);
     solver.restart(0.0, std::vector<double>{1e-7}, 1e-7);
     double y = 0.0, s = 0.0, q = 0.0;
     while (solver.name() == "dop853") {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "../../cpp/src/solvers/cvode.hpp"
+#include "../../cpp/src/solvers/explicit/runge_kutta.hpp"
 #include "../../cpp/src/solvers/handover.hpp"
 
 using namespace dualdrive;
@@ -67,9 +68,16 @@ Seen seen(Solver& solver) {
 
 Seen in_turn() {
     Lag law;
-    Handover solver(
-        mild(law), [&] { return std::make_unique<Cvode>(law, size, Method::bdf, 1e-9, std::vector<int>{}, none); },
-        100.0);
+    std::vector<Handover::Candidate> candidates;
+    candidates.push_back({.make = [&] { return std::unique_ptr<Solver>(mild(law)); }, .price = {1.0, 0.0, 0.0}});
+    candidates.push_back({.make =
+                              [&] {
+                                  return std::unique_ptr<Solver>(
+                                      std::make_unique<Cvode>(law, size, Method::bdf, 1e-9, std::vector<int>{}, none));
+                              },
+                          .price = {0.0, 4.4, 14.0},
+                          .share = 0.1});
+    Handover solver(std::move(candidates), 0, 100.0);
     return seen(solver);
 }
 

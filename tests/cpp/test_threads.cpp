@@ -46,7 +46,7 @@ void side_by_side(Work work) {
 
 TEST_CASE("runs of one machine side by side have the bits of one alone") {
     const Machine machine = sprung();
-    for (const Engine engine : {Engine::exact, Engine::explicit_rk, Engine::cvode}) {
+    for (const Engine engine : {Engine::exact, Engine::exponential, Engine::explicit_rk, Engine::cvode}) {
         const auto alone = run(machine, engine);
         REQUIRE(alone.status == Status::success);
         std::vector<Trajectory> found(several);

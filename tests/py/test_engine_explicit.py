@@ -199,13 +199,19 @@ def off(seen: Run, truth: Run) -> float:
     return float((worst / np.where(peak > 0, peak, 1)).max())
 
 
+METHODS = {"explicit": "dop853", "exponential": "exponential"}
+
+
+@pytest.mark.parametrize("engine", METHODS)
 @pytest.mark.parametrize("case", CASES)
-def test_machines_with_smooth_effects_move_as_cvode_says(case: Callable[[], Case]) -> None:
+def test_machines_with_smooth_effects_move_as_cvode_says(
+    case: Callable[[], Case], engine: str
+) -> None:
     truth = seen_by("cvode", case(), 1e-13)
     errors = []
     for rtol in (1e-7, 1e-10):
-        seen = seen_by("explicit", case(), rtol)
-        assert seen.raw.statistics["method"] == "dop853"
+        seen = seen_by(engine, case(), rtol)
+        assert seen.raw.statistics["method"] == METHODS[engine]
         errors.append(off(seen, truth))
     assert errors[1] < max(1e-9, errors[0] / 30)
     assert errors[1] < 1e-7
@@ -217,9 +223,10 @@ def test_machines_with_smooth_effects_move_as_cvode_says(case: Callable[[], Case
     np.testing.assert_allclose([e[2] for e in last], [e[2] for e in first], atol=2e-6)
 
 
+@pytest.mark.parametrize("engine", METHODS)
 @pytest.mark.parametrize("case", CASES)
-def test_energy_is_accounted_for(case: Callable[[], Case]) -> None:
-    assert seen_by("explicit", case(), 1e-10).raw.statistics["energy_error"] < 1e-8
+def test_energy_is_accounted_for(case: Callable[[], Case], engine: str) -> None:
+    assert seen_by(engine, case(), 1e-10).raw.statistics["energy_error"] < 1e-8
 
 
 # --------------------------------------------------------------------------------------- slopes
@@ -273,10 +280,14 @@ def test_sensitivities_are_the_slopes_of_the_runs(case: Callable[[], Case]) -> N
 # ----------------------------------------------------------------------- which engine, and its ends
 
 
-def test_auto_takes_it_for_laws_that_are_not_affine() -> None:
+def test_auto_takes_it_where_the_exponential_engine_has_no_slopes_or_no_long_steps() -> None:
     machine, motion, _, initial = cogging_and_ripple()
     auto = run(machine, core_inputs(motion), 0.1, initial=initial)
-    assert auto.raw.statistics["method"] == "dop853"
+    assert auto.raw.statistics["method"] == "exponential"
+    slopes = run(machine, core_inputs(motion), 0.1, initial=initial, sensitivities=["table.J"])
+    assert slopes.raw.statistics["method"] == "dop853"
+    late, motion, _, initial = late_sensor_and_sampled_loops()
+    assert run(late, core_inputs(motion), 0.1, initial=initial).raw.statistics["method"] == "dop853"
     adams = run(machine, core_inputs(motion), 0.1, initial=initial, method="adams")
     assert adams.raw.statistics["method"] == "adams"
 
@@ -300,7 +311,7 @@ def sliding_bristles() -> Case:
 def test_a_machine_that_turns_stiff_is_handed_over() -> None:
     truth = seen_by("cvode", sliding_bristles(), 1e-12, method="bdf")
     auto = seen_by("auto", sliding_bristles(), 1e-10)
-    assert auto.raw.statistics["method"] == "dop853, bdf"
+    assert auto.raw.statistics["method"].endswith("bdf")
     assert off(auto, truth) < 1e-6
     alone = seen_by("explicit", sliding_bristles(), 1e-10)
     assert alone.raw.statistics["method"] == "dop853"

@@ -51,6 +51,7 @@ struct Layout {
     int size() const { return static_cast<int>(state_names.size()); }
     int signal(std::string_view name) const;  // -1 when there is none
     int state(std::string_view name) const;   // -1 when there is none
+    bool is_placed(int signal) const;         // an angle, speed, twist or current
 
     std::vector<std::string> state_names, state_units;
     int groups = 0;

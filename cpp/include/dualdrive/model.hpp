@@ -53,6 +53,9 @@ class Model {
     // Everything at time t and state z; the accessors below refer to the last call.
     void evaluate(const S& t, const S* z, const Now& now);
 
+    // The angles, speeds, twists and currents at state z alone: what neither laws nor inputs have a part in.
+    void place(const S* z);
+
     const std::vector<S>& signals() const { return signal_; }
     const std::vector<S>& rate() const { return rate_; }  // ż
     const std::array<S, powers>& power() const { return power_; }
@@ -93,7 +96,6 @@ class Model {
 
   private:
     void read_inputs(const S& t);
-    void kinematics(const S* z);
     void connection_torques();
     void motors(const S* z);
     void sense(const S& t);

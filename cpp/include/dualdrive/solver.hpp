@@ -1,5 +1,6 @@
 // What a run needs of an integrator. The engines behind it stand in cpp/src/solvers, one folder or file each:
-// CVODE's multistep methods (the only place that knows SUNDIALS), explicit Runge-Kutta, exact propagation.
+// CVODE's multistep methods (the only place that knows SUNDIALS), explicit Runge-Kutta, exponential collocation, exact
+// propagation.
 //
 // One step at a time, up to a stop time, with guards watched on every step, sensitivities and quadratures. The modes are
 // frozen within a step; whoever changes them restarts the solver.
@@ -14,7 +15,7 @@
 namespace dualdrive {
 
 // automatic: exact where every active effect is affine in its modes, else what docs/theory/engines.md says.
-enum class Engine { automatic, exact, explicit_rk, cvode };
+enum class Engine { automatic, exact, exponential, explicit_rk, cvode };
 // Of the cvode engine. automatic: adams for a plant that rings, bdf for a stiff one.
 enum class Method { automatic, adams, bdf };
 
@@ -85,6 +86,11 @@ class Solver {
     // Else: at how many points inside a step guards must be looked at, so that a parabola follows them from each odd one
     // to its neighbours. An odd number.
     virtual int looks() const { return 1; }
+    // Whether the solver saw all guards stay so far off zero in the last step that none needs a look.
+    virtual bool keeps_off_guards() const { return false; }
+
+    // Whether it takes steps for stability, or to contract, and not for accuracy: another may be the cheaper.
+    virtual bool stiff() const { return false; }
 
     struct Failure {
         bool step_vanished;

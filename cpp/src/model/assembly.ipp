@@ -106,7 +106,7 @@ void Model<S>::evaluate(const S& t, const S* z, const Now& now) {
     if (products_) products_->clear();
     std::fill(body_torque_.begin(), body_torque_.end(), S(0.0));
     read_inputs(t);
-    kinematics(z);
+    place(z);
     connection_torques();
     motors(z);
     sense(t);

@@ -16,7 +16,7 @@ void Model<S>::read_inputs(const S& t) {
 }
 
 template <class S>
-void Model<S>::kinematics(const S* z) {
+void Model<S>::place(const S* z) {
     const auto& at = layout_.at;
     const auto angle = [&](int b) -> S& {
         return signal_[static_cast<std::size_t>(at.angle[static_cast<std::size_t>(b)])];
@@ -33,6 +33,10 @@ void Model<S>::kinematics(const S* z) {
             twist = k.frame == TwistFrame::driver ? z[layout_.twist[c]] : z[layout_.twist[c]] * ratio;
         angle(s.body) = s.driver ? ratio * angle(s.from) + twist : (angle(s.from) - twist) / ratio;
     }
+    for (std::size_t c = 0; c < connection_.size(); ++c)
+        if (layout_.twist[c] >= 0) signal_[static_cast<std::size_t>(at.twist[c])] = z[layout_.twist[c]];
+    for (std::size_t k = 0; k < motor_.size(); ++k)
+        signal_[static_cast<std::size_t>(at.I[k])] = layout_.current[k] >= 0 ? z[layout_.current[k]] : S(0.0);
 }
 
 template <class S>
@@ -55,8 +59,7 @@ void Model<S>::connection_torques() {
         const S& speed_b = signal_[static_cast<std::size_t>(at.speed[static_cast<std::size_t>(k.driven)])];
         const S& angle_a = signal_[static_cast<std::size_t>(at.angle[static_cast<std::size_t>(k.driver)])];
         const S& angle_b = signal_[static_cast<std::size_t>(at.angle[static_cast<std::size_t>(k.driven)])];
-        S& twist = signal_[static_cast<std::size_t>(at.twist[c])];
-        twist = state_[layout_.twist[c]];
+        const S& twist = signal_[static_cast<std::size_t>(at.twist[c])];
 
         // The mesh law with its geometry: x and K as functions of both angles, so forces are derivatives of V = ½ K ξ².
         using A = Dual<S, 2>;
@@ -124,8 +127,7 @@ void Model<S>::motors(const S* z) {
     const auto& at = layout_.at;
     for (std::size_t k = 0; k < motor_.size(); ++k) {
         const int state = layout_.current[k];
-        const S I = state >= 0 ? z[state] : S(0.0);
-        signal_[static_cast<std::size_t>(at.I[k])] = I;
+        const S& I = signal_[static_cast<std::size_t>(at.I[k])];
         if (now_.motor_torque)
             motor_torque_[k] = now_.motor_torque[k];
         else if (state >= 0)

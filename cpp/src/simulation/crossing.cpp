@@ -35,12 +35,13 @@ std::vector<int> Simulation::fallen_guards(Solver::Outcome outcome) {
     const double from = solver_->previous_time(), to = solver_->time();
     if (guard_end_.empty() || !(to > from) || solver_->finds_every_root()) return fallen;
     watch(to, solver_->state().data(), guard_end_, slope_end_);
-    if (nothing_can_dip(to - from)) {
+    if (nothing_can_dip(to - from) || solver_->keeps_off_guards()) {
         std::swap(guard_begin_, guard_end_);
         std::swap(slope_begin_, slope_end_);
         return fallen;
     }
     const auto looks = static_cast<std::size_t>(solver_->looks());
+    if (guard_inside_.size() < looks) guard_inside_.resize(looks, guard_end_);
     const double apart = (to - from) / static_cast<double>(looks + 1);
     for (std::size_t k = 0; k < looks; ++k) {
         const std::size_t j = (looks / 2 + k) % looks;  // the middle first: the solver may have been there last

@@ -8,6 +8,7 @@
 #include "../solvers/cvode.hpp"
 #include "../solvers/exact/exact.hpp"
 #include "../solvers/explicit/runge_kutta.hpp"
+#include "../solvers/exponential/exponential.hpp"
 #include "../solvers/handover.hpp"
 #include "affine.hpp"
 #include "instant.hpp"
@@ -23,6 +24,24 @@ constexpr double slowest_ring = 1000.0;  // 1/s: a drive's own loops; below that
 // Something well damped and so much faster than what rings makes a machine stiff: the explicit engine and Adams methods
 // then take steps for stability alone, and BDF is the cheaper from about here on (measured, benchmarks/effects.py).
 constexpr double stiff_beyond = 14.0;
+// A multistep method errs by a multiple of what the others err by at the same tolerance (benchmarks/laws.py); it is given
+// this share of it, lest the accuracy of a run hang on who happened to take it.
+constexpr double share_of_bdf = 0.1;
+// Measured on the machines of benchmarks/laws.py and benchmarks/turns.py. Of a multistep method: its algebra and the looks
+// at guards, and the Jacobian by columns of duals. Of the exponential one: products and walk, the propagators of a new mode
+// as far as it comes back, and looks between the points of its walk.
+constexpr Handover::Price price_of_explicit{1.0, 0.0, 0.0}, price_of_bdf{0.0, 4.4, 14.0},
+    price_of_exponential{1.7, 4.2, 100.0, 3.5};
+// Where it begins two thirds of that: a trial sees the other solver on another stretch of the motion, and this one errs
+// least.
+constexpr Handover::Price favoured(const Handover::Price& p) {
+    constexpr double share = 2.0 / 3.0;
+    return {share * p.rate, share * p.step, share * p.jacobian, share * p.look};
+}
+constexpr double long_step = 0.064;  // s, of the exponential engine
+// Of the fastest pole times the time an explicit method makes of an evaluation: it takes twelve for a step that is stable
+// up to 6.
+constexpr double explicit_reach = 6.0 / 12.0;
 constexpr double finest_bdf = 1e-13;  // relative tolerance that arithmetic leaves a multistep method
 constexpr double exact_reach = 3.0;   // of |λ| times a step of the exact engine, whose series is that long
 
@@ -96,7 +115,9 @@ bool Simulation::too_stiff_to_be_exact() {
 void Simulation::refuse_what_is_not_exact(const std::string& impossible) const {
     const auto refuse = [](const std::string& what) { throw std::invalid_argument(what); };
     if (!options_.gradient.empty()) {
-        const char* other = options_.engine == Engine::explicit_rk ? "explicit" : "cvode";
+        const char* other = options_.engine == Engine::explicit_rk   ? "explicit"
+                            : options_.engine == Engine::exponential ? "exponential"
+                                                                     : "cvode";
         if (!wants_exact() && !chooses_engine())
             refuse(std::string("gradient: engine = ") + other + " has no way back; ask for sensitivities instead");
         if (!impossible.empty()) refuse("gradient: " + impossible + "; ask for sensitivities instead");
@@ -105,8 +126,25 @@ void Simulation::refuse_what_is_not_exact(const std::string& impossible) const {
     }
     if (options_.long_double && !(options_.sensitivities.empty() && options_.gradient.empty()))
         refuse("long_double = true: a reference run has no derivatives; leave one of them out");
+    if (options_.engine == Engine::exponential && !options_.sensitivities.empty())
+        refuse("engine = exponential: it has no slopes; take engine = auto, exact, explicit or cvode");
     if (wants_exact() && !impossible.empty())
-        refuse("engine = exact: " + impossible + "; take engine = auto, explicit or cvode");
+        refuse("engine = exact: " + impossible + "; take engine = auto, exponential, explicit or cvode");
+}
+
+// Where nothing ticks, nothing comes back late and no recorded input changes its form often, the exponential engine is seldom
+// beaten, and says where it is.
+bool Simulation::steps_may_be_long() const {
+    const exact::Generator generator(inputs_);
+    const auto passed = std::count_if(generator.knots().begin(), generator.knots().end(),
+                                      [this](double t) { return t > options_.start && t < options_.end; });
+    const double apart = (options_.end - options_.start) / (1.0 + static_cast<double>(passed));
+    return layout_.clocks.empty() && layout_.delays.empty() && apart > long_step;
+}
+
+// Slopes it has none.
+bool Simulation::suits_exponential() const {
+    return parameters_.empty() && exact::Generator(inputs_).size() + layout_.size() <= most_exact_states;
 }
 
 bool Simulation::wants_exact() const { return options_.engine == Engine::exact || options_.long_double; }
@@ -146,11 +184,21 @@ void Simulation::choose_solver(int guards, std::span<const double> parameter_sca
     const auto cvode = [this, size, scale = std::vector<double>(parameter_scale.begin(), parameter_scale.end())](
                            Method m, double rtol) {
         const std::vector<int> falling(static_cast<std::size_t>(size.guards), -1);
-        return std::make_unique<Cvode>(*this, size, m, rtol, falling, scale);
+        return std::unique_ptr<Solver>(std::make_unique<Cvode>(*this, size, m, rtol, falling, scale));
     };
-    const auto explicit_solver = [&](double limit) {
-        return std::make_unique<RungeKutta>(*this, size, options_.rtol, parameter_scale, limit);
+    const auto explicit_solver =
+        [this, size, scale = std::vector<double>(parameter_scale.begin(), parameter_scale.end())](double limit) {
+            return std::unique_ptr<Solver>(std::make_unique<RungeKutta>(*this, size, options_.rtol, scale, limit));
+        };
+    const auto exponential = [this, size] {
+        return std::unique_ptr<Solver>(std::make_unique<Exponential>(
+            *this, size, options_.rtol,
+            Exponential::Setup{machine_, inputs_, layout_, modes_, cell_, options_.start, exact_grid()}));
     };
+    if (options_.engine == Engine::exponential) {
+        solver_ = exponential();
+        return;
+    }
     if (options_.engine == Engine::explicit_rk) {
         solver_ = explicit_solver(std::numeric_limits<double>::infinity());
         return;
@@ -158,9 +206,24 @@ void Simulation::choose_solver(int guards, std::span<const double> parameter_sca
     const auto [rings, decays] = pace();
     const bool stiff = decays > stiff_beyond * rings;
     if (left_open && !stiff) {
-        const double rtol = std::min(options_.rtol, std::max(finest_bdf, Handover::stiff_share * options_.rtol));
-        solver_ = std::make_unique<Handover>(
-            explicit_solver(stiff_beyond * rings), [cvode, rtol] { return cvode(Method::bdf, rtol); }, options_.end);
+        const double rtol = std::min(options_.rtol, std::max(finest_bdf, share_of_bdf * options_.rtol));
+        const bool possible_at_all = suits_exponential(), first_choice = possible_at_all && steps_may_be_long();
+        const double first = first_choice ? Handover::late : Handover::soon;
+        const Handover::Price price = first_choice ? favoured(price_of_exponential) : price_of_exponential;
+        Handover::Candidate smooth{.make = exponential, .price = price, .lone = false};
+        std::vector<Handover::Candidate> candidates;
+        if (first_choice) candidates.push_back(smooth);
+        candidates.push_back(
+            {.make = [explicit_solver, limit = stiff_beyond * rings] { return explicit_solver(limit); },
+             .price = price_of_explicit,
+             .first = first,
+             .best = explicit_reach / decays});
+        if (possible_at_all && !first_choice) candidates.push_back(smooth);
+        candidates.push_back({.make = [cvode, rtol] { return cvode(Method::bdf, rtol); },
+                              .price = price_of_bdf,
+                              .share = share_of_bdf,
+                              .first = first});
+        solver_ = std::make_unique<Handover>(std::move(candidates), size.sensitivities, options_.end);
     } else if (options_.method != Method::automatic)
         solver_ = cvode(options_.method, options_.rtol);
     else

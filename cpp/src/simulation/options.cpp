@@ -28,8 +28,8 @@ void Simulation::read_options() {
                " s must be a finite time after start = " + text(options_.start) + " s");
     if (!(options_.rtol >= 1e-14 && options_.rtol <= 1e-2))
         refuse("simulate: rtol = " + text(options_.rtol) + " must lie between 1e-14 and 1e-2");
-    if (options_.method != Method::automatic &&
-        (options_.engine == Engine::exact || options_.engine == Engine::explicit_rk))
+    if (options_.method != Method::automatic && options_.engine != Engine::automatic &&
+        options_.engine != Engine::cvode)
         refuse("simulate: method is of the cvode engine alone; leave it out, or ask for engine = cvode");
     if (!(options_.longest_step >= 0))
         refuse("simulate: longest_step = " + text(options_.longest_step) + " s must be at least 0; 0 sets no limit");
@@ -60,6 +60,7 @@ void Simulation::read_options() {
         const auto& effects = layout_.at.effect;
         const int s = recorded_[k];
         all_.push_back(k);
+        placed_ = placed_ && layout_.is_placed(s);
         if (s == layout_.at.stored_energy || std::find(effects.begin(), effects.end(), s) != effects.end())
             curved_.push_back(k);
     }

@@ -1,6 +1,7 @@
 // What a run leaves behind: outputs, sensitivities, the past of delayed signals, statistics.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "instant.hpp"
 #include "simulation.hpp"
@@ -52,7 +53,12 @@ void Simulation::record(std::span<const double> times) {
 // Some of the recorded signals, as the model has them.
 void Simulation::record_by_model(double t, const std::vector<std::size_t>& which, double* row) {
     solver_->state_at(t, z_scratch_.data());
-    evaluate(t, z_scratch_.data());
+    if (placed_) {
+        model_.place(z_scratch_.data());
+        evaluated_.t = std::numeric_limits<double>::quiet_NaN();
+    } else {
+        evaluate(t, z_scratch_.data());
+    }
     for (const std::size_t k : which) row[k] = model_.signals()[static_cast<std::size_t>(recorded_[k])];
 }
 

@@ -60,6 +60,8 @@ class Simulation final : public Problem {
     void refuse_what_is_not_exact(const std::string& impossible) const;
     bool wants_exact() const;
     bool chooses_engine() const;
+    bool suits_exponential() const;
+    bool steps_may_be_long() const;
     void take_exact_solver(Solver::Size size);
     double exact_grid() const;
     std::size_t grid_steps() const;
@@ -168,6 +170,7 @@ class Simulation final : public Problem {
     std::unique_ptr<AffineField> field_;              // of an affine machine, for a solver that steps
     std::map<Modes, std::vector<double>> jacobians_;  // of an affine machine: one per mode
     bool affine_ = false;
+    bool placed_ = true;                     // all recorded signals are what Model::place gives
     std::vector<std::size_t> all_, curved_;  // numbers within recorded_; those that are not linear in the states
     std::vector<double> guard_begin_, guard_end_, guard_probe_;  // of the last step
     std::vector<double> slope_begin_, slope_end_;                // of the guards, with a field

@@ -1,8 +1,7 @@
-// Two solvers in turn, an explicit one and one for what is stiff, and the run goes on with the cheaper of them: friction
-// with memory, say, is mild at rest and stiff while it slides fast, and a machine that hardly moves costs an explicit
-// method its steps for stability all the same.
+// Solvers in turn, and the run goes on with the cheapest of them: friction with memory, say, is mild at rest and stiff while
+// it slides fast, and a machine that hardly moves costs an explicit method its steps for stability all the same.
 //
-// Nothing is computed twice: a trial of the other solver is a stretch of the run. Costs are counted, not timed, so that the
+// Nothing is computed twice: a trial of another solver is a stretch of the run. Costs are counted, not timed, so that the
 // same run takes the same turns and gives the same bits.
 #pragma once
 
@@ -10,22 +9,30 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <vector>
 
-#include "explicit/runge_kutta.hpp"
+#include "dualdrive/solver.hpp"
 
 namespace dualdrive {
 
 class Handover final : public Solver {
   public:
-    using Make = std::function<std::unique_ptr<Solver>()>;
-    // A multistep method errs by a multiple of what the explicit one errs by at the same tolerance (benchmarks/laws.py); it
-    // is given this share of it, lest the accuracy of a run hang on who happened to take it.
-    static constexpr double stiff_share = 0.1;
+    struct Price {                                // in evaluations of the rates by an explicit method
+        double rate, step, jacobian, look = 0.0;  // look: at the state between two steps of its own
+    };
+    // In evaluations of the rates.
+    static constexpr double trial = 800.0, soon = 2.0 * trial, late = 8.0 * trial, latest = 32.0 * trial;
+    struct Candidate {
+        std::function<std::unique_ptr<Solver>()> make;
+        Price price;
+        double share = 1.0;   // of the absolute tolerances; of the relative one `make` knows
+        bool lone = true;     // whether a run ends that it can't go on with
+        double first = soon;  // its first trial comes after so much work
+        double best = std::numeric_limits<double>::infinity();  // seconds for an evaluation's work, at most
+    };
 
-    // stiff: makes the other solver, with its share of the relative tolerance; of absolute ones it is given here.
-    // end: of the run, s; close to it a trial would not pay.
-    Handover(std::unique_ptr<RungeKutta> mild, Make stiff, double end)
-        : mild_(std::move(mild)), make_stiff_(std::move(stiff)), end_(end) {}
+    // The first of them begins, the last is for what is stiff. end: of the run, s; close to it a trial would not pay.
+    Handover(std::vector<Candidate> candidates, int sensitivities, double end);
 
     void restart(double t, std::span<const double> atol, double quadrature_atol) override;
     void limit_step(double longest, double turning) override;
@@ -41,39 +48,47 @@ class Handover final : public Solver {
     void quadrature_at(double t, double* q) const override { now().quadrature_at(t, q); }
     std::span<const int> roots() const override { return now().roots(); }
     int looks() const override { return now().looks(); }
+    bool keeps_off_guards() const override { return now().keeps_off_guards(); }
     Failure failure() const override { return now().failure(); }
     Counts counts() const override;
-    std::string name() const override { return stiff_ ? mild_->name() + ", " + stiff_->name() : mild_->name(); }
+    std::string name() const override;
 
   private:
     struct Mark {
         double t, work;
     };
-    Solver& now() const { return on_stiff_ ? *stiff_ : *mild_; }
-    void hand_over();
+    struct Member {
+        Candidate candidate;
+        std::unique_ptr<Solver> solver;
+        double spacing;            // of its trials, or work before the first
+        double pace = 0.0;         // when last seen; 0: never
+        double waits_since = 0.0;  // work of all at its last trial's end
+        bool out = false;          // failed
+    };
+    Solver& now() const { return *members_[charge_].solver; }
+    void hand_over(std::size_t to);
+    bool give_to_another();
     void start(double t);  // afresh, the one in charge
-    double work() const;
+    double work_of(const Member& m) const;
+    double work() const { return work_of(members_[charge_]); }
+    double all_work() const;
     Mark here() const { return {now().time(), work()}; }
     double pace_since(const Mark& m) const;
     void judge();
     void look_for_a_trial();
     void settle_in();
 
-    std::unique_ptr<RungeKutta> mild_;
-    std::unique_ptr<Solver> stiff_;
-    Make make_stiff_;
+    std::vector<Member> members_;
+    const int sensitivities_;
     const double end_;
     std::vector<double> atol_;
     double quadrature_atol_ = 0.0, longest_ = std::numeric_limits<double>::infinity(), turning_ = longest_;
 
-    bool on_stiff_ = false, on_trial_ = false, halfway_ = false, no_more_ = false;
-    Mark begin_{0.0, 0.0};                        // of the trial, or of what the solver in charge has done since
-    std::array<Mark, 2> window_{};                // begins of the stretch over which pace is told, older first
-    Mark half_{0.0, 0.0};                         // of the trial: what comes before is the solver's start
-    double other_pace_ = 0.0, spacing_ = first_;  // of the solver that is not in charge, when last seen; next trial
-
-    // In evaluations of the rates.
-    static constexpr double trial_ = 800.0, first_ = 2.0 * trial_, least_ = 8.0 * trial_, most_ = 32.0 * trial_;
+    std::size_t charge_ = 0, former_ = 0;  // in charge; and before the trial
+    bool on_trial_ = false, halfway_ = false;
+    Mark begin_{0.0, 0.0};          // of the trial, or of what the solver in charge has done since
+    std::array<Mark, 2> window_{};  // begins of the stretch over which pace is told, older first
+    Mark half_{0.0, 0.0};           // of the trial: what comes before is the solver's start
 };
 
 }  // namespace dualdrive

@@ -18,6 +18,8 @@ constexpr double hermite_error = 1.0 / 46080.0;
 constexpr int bound_nodes = 8;
 constexpr double rounding = 16.0;  // units in the last place of the largest term
 
+}  // namespace
+
 // A bound on the spectral radius of |A|, whatever the units of the states: max √(row sum · column sum) (A. Ostrowski,
 // 1951) after balancing by powers of two. Entries that only drive or are only driven have no part in it.
 template <class R>
@@ -56,8 +58,6 @@ int terms_for(R theta) {
     while (k < 200 && (term > std::numeric_limits<R>::epsilon() / 32 || R(k) < theta)) term *= theta / R(++k);
     return k + 4;
 }
-
-}  // namespace
 
 template <class R>
 std::vector<R> Propagator<R>::pack(const Matrix<R>& m, int rows) const {
@@ -117,31 +117,37 @@ void Propagator<R>::exponentials(R norm) {
     }
 }
 
-// Pairs of guards that differ in sign and a constant become one quantity with two limits.
 template <class R>
-void Propagator<R>::find_watched() {
-    const Matrix<R>& G = laws_.guards;
-    const Eigen::Index one = n_ - 1;
-    std::vector<Eigen::Index> rows;
+std::vector<Watched<R>> watched_quantities(const Matrix<R>& G) {
+    std::vector<Watched<R>> watched;
+    const Eigen::Index one = G.cols() - 1;
     const auto constant = [&](Eigen::Index g) { return G.row(g).head(one).isZero(0); };
     for (Eigen::Index g = 0; g < G.rows(); ++g) {
         if (constant(g) && G(g, one) > R(0)) continue;  // an unused guard never falls
         const bool pair = g % guards_per_switch == 0 && g + 1 < G.rows() &&
                           (G.row(g).head(one) + G.row(g + 1).head(one)).isZero(0) && !constant(g);
-        rows.push_back(g);
         if (pair) {
-            watched_.push_back({static_cast<int>(g), static_cast<int>(g) + 1, G(g, one) + G(g + 1, one)});
+            watched.push_back({static_cast<int>(g), static_cast<int>(g) + 1, G(g, one) + G(g + 1, one)});
             ++g;
         } else {
-            watched_.push_back({static_cast<int>(g), -1, std::numeric_limits<R>::infinity()});
+            watched.push_back({static_cast<int>(g), -1, std::numeric_limits<R>::infinity()});
         }
     }
+    return watched;
+}
+
+template <class R>
+void Propagator<R>::find_watched() {
+    const Matrix<R>& G = laws_.guards;
+    const Eigen::Index one = n_ - 1;
+    watched_ = watched_quantities<R>(G);
     const int m = watch_rows();
-    watched_rows_.resize(static_cast<Eigen::Index>(rows.size()), n_);
+    watched_rows_.resize(static_cast<Eigen::Index>(watched_.size()), n_);
     Matrix<R> all = Matrix<R>::Zero(3 * m, n_);
-    for (std::size_t k = 0; k < rows.size(); ++k) watched_rows_.row(static_cast<Eigen::Index>(k)) = G.row(rows[k]);
+    for (std::size_t k = 0; k < watched_.size(); ++k)
+        watched_rows_.row(static_cast<Eigen::Index>(k)) = G.row(watched_[k].low);
     const R h(step_);
-    const auto count = static_cast<Eigen::Index>(rows.size());
+    const auto count = static_cast<Eigen::Index>(watched_.size());
     const Matrix<R> first = watched_rows_ * laws_.A, second = first * laws_.A;
     all.topRows(count) = watched_rows_;
     all.middleRows(m, count) = first * (h / 5);
@@ -243,6 +249,9 @@ void Propagator<R>::advance(R* y, R length, R* scratch) const {
     if (rest > R(0)) Arithmetic<R>::taylor(rows_, n_, A_.data(), rest, order_, y, scratch);
 }
 
+template double spectral_bound<double>(const Matrix<double>&);
+template int terms_for<double>(double);
+template std::vector<Watched<double>> watched_quantities<double>(const Matrix<double>&);
 template class Propagator<double>;
 template class Propagator<long double>;
 

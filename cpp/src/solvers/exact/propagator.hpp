@@ -13,6 +13,23 @@ namespace dualdrive::exact {
 
 inline constexpr int levels = 5;  // halvings of a step that are kept
 
+// A bound on the spectral radius of |A|, and how many terms of an exponential's series matter where ‖A‖ h = θ.
+template <class R>
+R spectral_bound(const Matrix<R>& A);
+template <class R>
+int terms_for(R theta);
+
+// A watched quantity q is valid within (0, upper): the two guards of an element are often q and upper − q.
+template <class R>
+struct Watched {
+    int low, high;  // guards that fall where q reaches 0 and `upper`; -1: none
+    R upper;
+};
+// Of guards that are G y, the last entry of y being 1: pairs that differ in sign and a constant are one quantity, whose row
+// is that of `low`; those that never fall are none.
+template <class R>
+std::vector<Watched<R>> watched_quantities(const Matrix<R>& G);
+
 template <class R>
 class Propagator {
   public:
@@ -45,12 +62,7 @@ class Propagator {
         return length;
     }
 
-    // A watched quantity q is valid within (0, upper): the two guards of an element are often q and upper − q.
-    struct Watched {
-        int low, high;  // guards that fall where q reaches 0 and `upper`; -1: none
-        R upper;
-    };
-    const std::vector<Watched>& watched() const { return watched_; }
+    const std::vector<Watched<R>>& watched() const { return watched_; }
     const std::vector<R>& upper_limits() const { return upper_; }  // padded
     int watch_rows() const { return padded(static_cast<int>(watched_.size())); }
     // Rows for q, q' h/5 and q'' h²/20 of all watched quantities: what the Bernstein form of a quintic is made of.
@@ -79,7 +91,7 @@ class Propagator {
     double step_;
     std::vector<R> A_;
     std::vector<std::vector<R>> power_;
-    std::vector<Watched> watched_;
+    std::vector<Watched<R>> watched_;
     Matrix<R> watched_rows_;  // unpadded
     std::vector<R> upper_, watch_, bounds_, outputs_;
     mutable std::vector<std::vector<R>> series_;

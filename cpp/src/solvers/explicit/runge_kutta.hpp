@@ -38,7 +38,7 @@ class RungeKutta final : public Solver {
     int looks() const override { return 3; }
 
     // Whether for some steps in a row a pole beyond `stiff_beyond` has limited the step, by stability and not by accuracy.
-    bool stiff() const { return limited_ >= stiff_after; }
+    bool stiff() const override { return limited_ >= stiff_after; }
 
   private:
     static constexpr int stiff_after = 15, mild_after = 6;  // steps
