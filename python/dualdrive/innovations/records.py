@@ -130,7 +130,7 @@ class Predictable:
 
 
 def _before_sensor(core: Any, places: Sequence[str], reading: float) -> float:
-    """The angle that an encoder reads so; it is, where that follows from the forces of the teeth."""
+    """The angle that is read so; the reading itself, where that follows from the teeth's forces."""
     angle, t, none = reading, np.zeros(1), np.zeros((1, 0))
     for _ in range(_PASSES):
         try:
