@@ -5,7 +5,9 @@
 
 The switches of `auto` and of `exponential` at rtol 1e-9, in their order within an element, against
 the explicit engine at 1e-11, wherever that finds the same at 1e-8: elsewhere the machine amplifies
-what rounds differently, and there is no answer. campaign.py holds the exact engine to long double.
+what rounds differently, and there is no answer. Two switches of an element within a nanosecond are
+one: a limit reached as what drives it turns round. campaign.py holds the exact engine to long
+double.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from core_random import RandomMachine
 from dualdrive import _core
 
 END, RTOL, COARSE, FINE, MOST_STEPS = 1.5, 1e-9, 1e-8, 1e-11, 2_000_000
+ONE_INSTANT = 1e-9  # s
 AFFINE = {kind.name: kind.affine for kind in _core.effect_types()}
 Switches = dict[str, list[tuple[str, str]]]
 
@@ -32,9 +35,13 @@ def switches(m: RandomMachine, engine: str, rtol: float) -> Switches | None:
     if raw.status != "success":
         return None
     found: Switches = defaultdict(list)
-    for _, element, before, after in raw.events:
+    last: dict[str, float] = {}
+    for t, element, before, after in raw.events:
+        if t - last.get(element, -1.0) < ONE_INSTANT:
+            before, _ = found[element].pop()
         found[element].append((before, after))
-    return found
+        last[element] = t
+    return {name: [s for s in of_it if s[0] != s[1]] for name, of_it in found.items()}
 
 
 def main() -> None:

@@ -91,10 +91,13 @@ void Exponential::limit_step(double longest, double turning) {
 
 // The tangent in these modes, where they are met first; and a new one where sweeps alone have kept steps short, as seldom as
 // what it costs. Other states may show more rows that the rest acts on.
-void Exponential::take_modes() {
+// False where the laws have none.
+bool Exponential::take_modes() {
     auto& known = known_[setup_.modes];
     if (!known || known->held >= worth_a_tangent) {
         const exact::Laws<double> laws = reader_.tangent(setup_.modes, t_, z_.data());
+        finite_ = laws.A.allFinite() && laws.guards.allFinite();
+        if (!finite_) return false;
         known.reset(new Frozen{{laws.A, driven_, setup_.grid}, {laws, driven_, setup_.grid}, 0});
         ++counts_.jacobians;
     }
@@ -107,6 +110,7 @@ void Exponential::take_modes() {
     between_.assign(rows(), 0.0);
     yc_.assign(nodes * width(), 0.0);
     rest_.assign(nodes * padded_, 0.0);
+    return true;
 }
 
 // False where the laws give no number, or rows are driven that were not.
@@ -165,7 +169,7 @@ Solver::Outcome Exponential::step(double stop) {
     const int wanted = level;
     double e = infinite;
     for (;;) {
-        if (reach() <= least) return Outcome::failed;
+        if (reach() <= least || (!now_ && !take_modes())) return Outcome::failed;
         more_driven_ = false;
         e = try_step(level);
         if (e <= 1.0) {
@@ -222,7 +226,6 @@ double Exponential::try_step(int level) {
     level_ = level;
     delta_ = std::ldexp(setup_.grid, level);
     for (std::size_t i = 0; i < states_; ++i) weight_[i] = 1.0 / (atol_[i] + rtol_ * std::abs(z_[i]));
-    if (!now_) take_modes();
     std::copy(z_.begin(), z_.end(), column(0));
     column(0)[one_] = 1.0;
     generator_.set(begin_of_inputs(), setup_.cell, column(0) + states_);

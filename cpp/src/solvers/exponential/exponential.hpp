@@ -68,7 +68,7 @@ class Exponential final : public Solver {
     };
 
     // One step over all nodes, tried.
-    void take_modes();
+    bool take_modes();
     double try_step(int level);
     bool rest_at(double t, const double* y, double* rest);
     bool evaluate(std::size_t node);
