@@ -1,6 +1,6 @@
 """Four motors at one table: simulated, compared, fitted, and a hidden law sought.
 
-    python benchmarks/four_drives.py
+    python benchmarks/four_drives.py              -v: what the diagnosis tries, as it goes
 
 The machine is built part by part, as no preset has four drives. Its records hide dry friction of
 the table, and inertia 4 % above the data sheet's; noise is that of `landscape`.
@@ -8,6 +8,7 @@ the table, and inertia 4 % above the data sheet's; noise is that of `landscape`.
 
 from __future__ import annotations
 
+import sys
 import time
 from typing import Any
 
@@ -84,6 +85,7 @@ def records(core: Any) -> dict[str, Trace]:
 
 def main() -> None:
     """Print what every verb says."""
+    progress = (lambda what: print(what, file=sys.stderr)) if "-v" in sys.argv else (lambda _: None)
     true = machine()
     true.add_effect("coulomb", "table")
     true.set("coulomb@table.torque", FRICTION)
@@ -95,9 +97,9 @@ def main() -> None:
     told_of_it.add_effect("coulomb", "table")
     told_of_it.set("coulomb@table.torque", 1.0)
     fitted = fit(told_of_it, traces, ["table.J", "coulomb@table.torque"])
-    print(fitted.text)
+    print(fitted.table())
     begin = time.process_time()
-    found = diagnose(sheet, traces, experiment=False)
+    found = diagnose(sheet, traces, experiment=False, progress=progress)
     named, errors = told(found)
     sizes = found.candidates[0].parameters if named else {}
     print(
