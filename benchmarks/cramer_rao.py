@@ -16,14 +16,13 @@ import argparse
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 import dualdrive as dd
 from dualdrive.identify.unknowns import unknowns
 from dualdrive.innovations import GreyBox, Noise, Variant, first_noise, fit, predictable
 from dualdrive.replay import core_of, records
 from dualdrive.traces import Trace
-from landscape import KINDS, SENSORS
+from landscape import KINDS, SENSORS, coloured
 from report import table
 
 Array = NDArray[np.float64]
@@ -49,10 +48,9 @@ def noisy(t: Array, true: dict[str, Array], draw: int) -> Trace:
     """The same as sensors say it."""
     random = np.random.default_rng([17, draw])
     columns = {"theta_ref": true["theta_ref"]}
-    for channel, (drive, memory) in SENSORS.items():
-        w = drive * random.standard_normal(len(t))
-        w[0] = 0.0  # a simulation begins at the first sample's angles, which nothing corrects later
-        columns[channel] = true[channel] + lfilter([1.0], [1.0, -memory], w)
+    for channel, sensor in SENSORS.items():
+        # a simulation begins at the first sample's angles, which nothing corrects later
+        columns[channel] = true[channel] + coloured(random, len(t), *sensor, first=0.0)
     return Trace(t, columns, name="record")
 
 

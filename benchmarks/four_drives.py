@@ -13,14 +13,16 @@ import time
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
 
+import case  # noqa: F401  isort: skip  (finds the tests' folder)
+from core_machines import drive_train, set_all
 from dualdrive import _core
 from dualdrive.compare import compare
 from dualdrive.diagnose import diagnose
 from dualdrive.identify import fit
 from dualdrive.traces import Trace
 from independent_bench import told
+from landscape import coloured
 
 DRIVES = range(1, 5)
 STEP, SPAN = 1e-3, 8.0  # s
@@ -46,20 +48,10 @@ MOTIONS = {
 
 def machine() -> Any:
     """Motors, rigid gearboxes and pinions, slaves beside the first."""
-    core = _core.Machine()
-    for n in DRIVES:
-        core.add_body(f"motor_{n}")
-        core.add_body(f"pinion_{n}")
-    core.add_body("table")
-    for n in DRIVES:
-        core.connect(f"gearbox_{n}", f"motor_{n}", f"pinion_{n}", "rigid", "driven")
-        core.connect(f"mesh_{n}", f"pinion_{n}", "table", "gap", "driver")
-    for n in DRIVES:
-        core.add_motor(f"motor_{n}")
+    core = drive_train(len(DRIVES))
     core.set_controller(equaliser="slave", current="cascade")
     for part, own in NUMBERS.items():
-        for name, value in own.items():
-            core.set(f"{part}.{name}", value)
+        set_all(core, part, own)
     return core
 
 
@@ -76,9 +68,8 @@ def records(core: Any) -> dict[str, Trace]:
         for k, channel in enumerate(run.names):
             if channel not in names:
                 continue
-            drive, memory = SENSORS.get(channel) or SENSORS[channel[0]]
-            w = drive * random.standard_normal(len(t))
-            columns[channel] = run.values[:, k] + lfilter([1.0], [1.0, -memory], w)
+            sensor = SENSORS.get(channel) or SENSORS[channel[0]]
+            columns[channel] = run.values[:, k] + coloured(random, len(t), *sensor)
         found[name] = Trace(t, columns, name=name)
     return found
 

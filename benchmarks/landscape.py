@@ -85,6 +85,19 @@ class Profile:
         return 0.5 * float(low + high - 1) * float(self.factor[1] - self.factor[0])
 
 
+def coloured(
+    random: np.random.Generator, samples: int, drive: float, memory: float, first: float = 1.0
+) -> Array:
+    """A sensor's noise, shape (samples,): an autoregression of order one.
+
+    first: of the standard deviation that it has once it is stationary, that of the first sample
+    """
+    w = drive * random.standard_normal(samples)
+    w[0] *= first / np.sqrt(1.0 - memory**2)
+    noise: Array = lfilter([1.0], [1.0, -memory], w)
+    return noise
+
+
 def hunting() -> dd.Machine:
     """A heavy table without tension."""
     machine = dd.Machine.load("heavy-table-550t")
@@ -98,10 +111,8 @@ def measured(machine: dd.Machine, seed: int = 1) -> Trace:
     motion = dd.motion.move(1e-3, 1e-3, 1e-2, 1.0)
     run = dd.simulate(machine, motion, times=t, signals=["theta_ref", *SENSORS], energy=False)
     columns = {"theta_ref": np.array(run["theta_ref"])}
-    for channel, (drive, memory) in SENSORS.items():
-        w = drive * random.standard_normal(len(t))
-        w[0] /= np.sqrt(1.0 - memory**2)
-        columns[channel] = np.array(run[channel]) + lfilter([1.0], [1.0, -memory], w)
+    for channel, sensor in SENSORS.items():
+        columns[channel] = np.array(run[channel]) + coloured(random, len(t), *sensor)
     return Trace(t, columns, name="hunting")
 
 

@@ -29,6 +29,7 @@ from effects import ENGINES, STATES, timed
 import core_machines  # isort: skip  (case.py finds the tests' folder)
 from case import reference
 from dualdrive import _core
+from usual_laws import LAWS
 
 SPAN = 10.0  # s
 RTOLS = (1e-6, 1e-10)
@@ -36,35 +37,6 @@ FINEST = 1e-12
 MOST_STEPS = 3_000_000
 AMPLITUDE, FREQUENCY = 0.3, 0.5  # rad, Hz; the motors reach 38 rad/s
 OMEGA_CI = 2500.0  # 1/s
-BOTH = ("motor_1", "motor_2")
-PINIONS = ("pinion_1", "pinion_2")
-MESHES = ("mesh_1", "mesh_2")
-
-#: by effect: where it sits, and a size that is usual on the bench
-LAWS: dict[str, tuple[tuple[str, ...], dict[str, float]]] = {
-    "stribeck": (("table",), {"torque": 0.1, "static_ratio": 1.3, "speed": 0.02}),
-    "lugre": (
-        ("table",),
-        {"torque": 0.1, "static_ratio": 1.3, "speed": 0.02, "stiffness": 1e3, "damping": 1.0},
-    ),
-    "angle_dependent_friction": (("table",), {"torque": 0.05, "order": 7.0}),
-    "load_dependent_mesh_loss": (PINIONS, {"fraction": 0.02}),
-    "eccentricity": (("table",), {"amplitude": 4e-4, "spacing": 1.0}),
-    "transmission_error": (MESHES, {"amplitude": 1e-4, "teeth": 20.0}),
-    "pitch_error": (("table",), {"amplitude": 4e-4, "order": 3.0}),
-    "time_varying_mesh_stiffness": (MESHES, {"amplitude": 0.1, "teeth": 20.0}),
-    "hertzian_stiffness": (MESHES, {"growth": 0.3, "overlap": 4e-3}),
-    "wear": (PINIONS, {"depth": 2e-3, "centre": 0.0, "width": 0.05}),
-    "cogging": (BOTH, {"amplitude": 0.01, "order": 6.0}),
-    "torque_ripple": (BOTH, {"amplitude": 0.02, "order": 6.0}),
-    "unbalance": (("table",), {"amplitude": 0.1}),
-    "cutting_torque": (("table",), {"mean": 0.3, "amplitude": 0.1, "frequency": 10.0}),
-    "hydrostatic_drag": (("table",), {"quadratic": 0.02, "viscous": 0.02}),
-    "position_dependent_inertia": (("table",), {"amplitude": 0.1, "order": 1.0}),
-    "encoder_eccentricity": (("table",), {"amplitude": 1e-5}),
-    "torque_constant_saturation": (BOTH, {"loss": 0.1}),
-    "dead_time": (BOTH, {"voltage": 1.0, "current": 0.5}),
-}
 
 
 def bench(law: str = "") -> _core.Machine:

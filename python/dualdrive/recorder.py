@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 
-__all__ = ["AsRecorded", "delays", "own_paths", "reading_times", "sources", "written"]
+__all__ = ["AsRecorded", "delays", "own_paths", "read_at", "reading_times", "sources", "written"]
 
 Array = NDArray[np.float64]
+
+_PASSES = 4  # at what a sensor adds, of whose slope, 1e-3 say, each leaves as much of the error
 
 
 class Source(NamedTuple):
@@ -101,6 +103,27 @@ def written(
         slopes[:, known] += direct
         rate = by_signal * rate
     return signal, slopes
+
+
+def read_at(core: _core.Machine, places: Sequence[str], reading: float) -> float:
+    """The angle at which a channel at rest is written down so: `written`, taken back.
+
+    The reading itself, where what a sensor reads follows from the forces of the teeth.
+
+    Args:
+        core: the core's machine.
+        places: where effects change the channel, in this order.
+        reading: rad.
+
+    """
+    angle, t, none = reading, np.zeros(1), np.zeros((1, 0))
+    for _ in range(_PASSES):
+        try:
+            seen, _ = written(core, places, t, np.array([angle]), none, [])
+        except ValueError:
+            return reading
+        angle -= float(seen[0]) - reading
+    return angle
 
 
 def _rate(t: Array, values: Array) -> Array:

@@ -9,33 +9,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import usual_laws
 from core_machines import Run, core_inputs, core_machine, run, set_all
 from dualdrive import _core
 from reference_model import bench, sine
 
-BOTH = ("motor_1", "motor_2")
-PINIONS = ("pinion_1", "pinion_2")
-MESHES = ("mesh_1", "mesh_2")
-#: by effect: where it sits on the bench, at a size that is usual there
-LAWS: dict[str, tuple[tuple[str, ...], dict[str, float]]] = {
-    "stribeck": (("table",), {"torque": 0.1, "static_ratio": 1.3, "speed": 0.02}),
-    "angle_dependent_friction": (("table",), {"torque": 0.05, "order": 7.0}),
-    "load_dependent_mesh_loss": (PINIONS, {"fraction": 0.02}),
-    "eccentricity": (("table",), {"amplitude": 4e-4, "spacing": 1.0}),
-    "transmission_error": (MESHES, {"amplitude": 1e-4, "teeth": 20.0}),
-    "time_varying_mesh_stiffness": (MESHES, {"amplitude": 0.1, "teeth": 20.0}),
-    "hertzian_stiffness": (MESHES, {"growth": 0.3, "overlap": 4e-3}),
-    "wear": (PINIONS, {"depth": 2e-3, "centre": 0.0, "width": 0.05}),
-    "cogging": (BOTH, {"amplitude": 0.01, "order": 6.0}),
-    "torque_ripple": (BOTH, {"amplitude": 0.02, "order": 6.0}),
-    "unbalance": (("table",), {"amplitude": 0.1}),
-    "cutting_torque": (("table",), {"mean": 0.3, "amplitude": 0.1, "frequency": 10.0}),
-    "hydrostatic_drag": (("table",), {"quadratic": 0.02, "viscous": 0.02}),
-    "position_dependent_inertia": (("table",), {"amplitude": 0.1, "order": 1.0}),
-    "encoder_eccentricity": (("table",), {"amplitude": 1e-5}),
-    "torque_constant_saturation": (BOTH, {"loss": 0.1}),
-    "dead_time": (BOTH, {"voltage": 1.0, "current": 0.5}),
-}
+#: bristles are stiff: not for this engine
+LAWS = {law: own for law, own in usual_laws.LAWS.items() if law != "lugre"}
 SIGNALS = ["omega_c1", "omega_c2", "mesh_1.twist", "mesh_2.twist", "I_1", "I_2", "theta_m",
            "omega_m"]  # fmt: skip
 Switch = tuple[str, str, str]

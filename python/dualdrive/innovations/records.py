@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
-from dualdrive.recorder import written
+from dualdrive.recorder import read_at
 from dualdrive.replay import Record, ReplayError
 from dualdrive.replay.channels import INPUTS
 from dualdrive.replay.record import with_settings
@@ -20,9 +20,6 @@ from dualdrive.replay.record import with_settings
 Array = NDArray[np.float64]
 
 _LOOKS = 8  # at a machine while it settles, at times that double
-_PASSES = (
-    4  # at what a sensor's law adds, which is little of the angle: 1e-3 of it is left to 1e-12
-)
 
 #: kinds of channel by the first letters of the name, and what their noise is tied to
 _KINDS = {"theta": "angle", "omega": "speed", "I": "current", "T": "torque", "U": "voltage"}
@@ -98,7 +95,7 @@ class Predictable:
             for c, y in zip(self.channels, self.measured[sample], strict=True)
         }
         for c, places in laws.items():
-            first[c] = _before_sensor(core, places, first[c])
+            first[c] = read_at(core, places, first[c])
         found = {s: x for s, x in self.record.initial.items() if s in known}
         table = first.get("theta_m", found.get("theta_m", 0.0))
         if "theta_m" in known:
@@ -127,18 +124,6 @@ class Predictable:
             measured=np.ascontiguousarray(self.measured[rows]),
             begins=tuple(begins),
         )
-
-
-def _before_sensor(core: Any, places: Sequence[str], reading: float) -> float:
-    """The angle that is read so; the reading itself, where that follows from the teeth's forces."""
-    angle, t, none = reading, np.zeros(1), np.zeros((1, 0))
-    for _ in range(_PASSES):
-        try:
-            seen, _ = written(core, places, t, np.array([angle]), none, [])
-        except ValueError:
-            return reading
-        angle -= float(seen[0]) - reading
-    return angle
 
 
 def _joined(core: Any, state: dict[str, float], known: set[str]) -> dict[str, float]:
