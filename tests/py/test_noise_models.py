@@ -101,3 +101,15 @@ def test_a_drift_over_seconds_is_recovered() -> None:
     assert there is not None
     assert point.minus_two_log < there[0].minus_two_log + 2.0
     assert drifts_by(noise)["drive angle"] == pytest.approx(far, rel=0.7)
+
+
+def test_no_drive_goes_below_the_floor() -> None:
+    floor = replace(
+        NOISE,
+        drive={kind: 0.1 * s for kind, s in NOISE.drive.items()},
+        drift={kind: 0.2 * s for kind, s in NOISE.drift.items()},
+    )
+    own = Logarithms(NOISE, floor)
+    least = own.at(own.bounds()[0])
+    assert least.drive == pytest.approx(floor.drive)
+    assert least.drift == pytest.approx(floor.drift)

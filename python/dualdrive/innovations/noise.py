@@ -23,8 +23,8 @@ _WANDER = 0.2  # s: over which a sensor's zero drifts
 _DRIFT = 0.3  # of what drives a sensor's noise: its zero's drift at first
 _SHORTEST, _LONGEST = 10.0, 1e6  # samples: over which a zero may drift, where that is sought
 _FARTHEST = 14.0  # of a logarithm, from where the search began
-#: of what drives a sensor's noise at first: less is none, and no slope would lead back from it,
-#: since a likelihood knows a deviation by its square
+#: of what drives a sensor's noise at first: less is none, and the less the fainter the slope that
+#: leads back, since a likelihood knows a deviation by its square
 _FAINT = 1.0 / 30.0
 
 
