@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dualdrive as dd
-from dualdrive.identify.unknowns import unknowns
+from dualdrive.estimation.unknowns import unknowns
 from dualdrive.innovations import GreyBox, Noise, Variant, first_noise, fit, predictable
 from dualdrive.replay import core_of, records
 from dualdrive.traces import Trace

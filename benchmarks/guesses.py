@@ -12,7 +12,7 @@ from pathlib import Path
 
 from dualdrive import Machine
 from dualdrive.diagnose import diagnose
-from dualdrive.diagnose.thresholds import THRESHOLDS
+from dualdrive.estimation.thresholds import THRESHOLDS
 from dualdrive.traces import read
 
 HERE = Path(__file__).resolve().parents[1]

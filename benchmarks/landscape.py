@@ -107,7 +107,7 @@ def hunting() -> dd.Machine:
 
 def measured(machine: dd.Machine, seed: int = 1) -> Trace:
     """A move, and what follows it, as its sensors say."""
-    random, t = np.random.default_rng(seed), STEP * np.arange(round(SPAN / STEP))
+    random, t = np.random.default_rng(seed), STEP * np.arange(round(SPAN / STEP), dtype=np.float64)
     motion = dd.motion.move(1e-3, 1e-3, 1e-2, 1.0)
     run = dd.simulate(machine, motion, times=t, signals=["theta_ref", *SENSORS], energy=False)
     columns = {"theta_ref": np.array(run["theta_ref"])}

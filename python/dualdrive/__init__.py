@@ -22,6 +22,7 @@ if TYPE_CHECKING:  # for editors and type checkers: what _HOMES says; a test com
     from dualdrive import distributed as distributed
     from dualdrive import echo as echo
     from dualdrive import ensembles as ensembles
+    from dualdrive import estimation as estimation
     from dualdrive import figures as figures
     from dualdrive import files as files
     from dualdrive import hdf5 as hdf5
@@ -103,6 +104,7 @@ _PARTS = (
     "distributed",
     "echo",
     "ensembles",
+    "estimation",
     "figures",
     "files",
     "hdf5",

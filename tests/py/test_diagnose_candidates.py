@@ -8,7 +8,7 @@ from dualdrive import Machine
 from dualdrive.diagnose.candidates import candidates, members, possible
 from dualdrive.diagnose.confront import nominal_unknowns
 from dualdrive.diagnose.hypotheses import Hypothesis
-from dualdrive.identify.unknowns import default_free
+from dualdrive.estimation.unknowns import default_free
 
 LATE = "transport_delay@controller"
 

@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from dualdrive import Machine, replay
+from dualdrive.estimation.unknowns import default_free, unknowns
 from dualdrive.identify import BalanceFit, Fit, FitError, Progress, evaluate, fit
 from dualdrive.identify.closed_loop import Problem, channels_to_fit
 from dualdrive.identify.evaluation import state_unknowns
-from dualdrive.identify.unknowns import default_free, unknowns
 from dualdrive.replay import records
 from dualdrive.traces import Trace
 from measured import emps
 from recorded import clean, demo, emps_rig, maker, sheet
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
+import four_drives
 
 # --- an independent model: the answer is known and there is no noise ------------------------------
 
@@ -224,6 +229,24 @@ def test_slopes_that_explode_are_an_error_not_a_crash(
         own.jacobian(own.start)
 
 
+# --- where a fit begins ---------------------------------------------------------------------------
+
+
+def test_four_drives_are_fitted_from_afar() -> None:
+    """A simulated error alone leads to 1.39 kg*m^2 and 3.27 N*m: what predicts leads on."""
+    true, guess = four_drives.machine(), four_drives.machine()
+    inertia = four_drives.HEAVIER * true.get("table.J")
+    true.set("table.J", inertia)
+    for machine, friction in ((true, four_drives.FRICTION), (guess, 1.0)):
+        machine.add_effect("coulomb", "table")
+        machine.set("coulomb@table.torque", friction)
+    record = four_drives.records(true)["reversals"]
+    found = fit(guess, record, ["table.J", "coulomb@table.torque"])
+    assert found.parameters["table.J"].value == pytest.approx(inertia, rel=2e-3)
+    friction = found.parameters["coulomb@table.torque"].value
+    assert friction == pytest.approx(four_drives.FRICTION, rel=2e-3)
+
+
 # --- how a fit ends -------------------------------------------------------------------------------
 
 
@@ -233,7 +256,7 @@ def test_ctrl_c_keeps_the_best_point() -> None:
 
     def stop(now: Progress) -> None:
         seen.append(now)
-        if len(seen) == 6:
+        if len(seen) == 3:
             raise KeyboardInterrupt
 
     found = fit(machine, demo("fit"), progress=stop)

@@ -12,7 +12,7 @@ from bench_record import grey_box
 from dualdrive import Machine
 from dualdrive.diagnose.screening import Library
 from dualdrive.diagnose.selection.parts import is_joint, is_part, part_score
-from dualdrive.diagnose.thresholds import threshold
+from dualdrive.estimation.thresholds import threshold
 from dualdrive.innovations import (
     GreyBox,
     Noise,

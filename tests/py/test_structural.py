@@ -11,8 +11,8 @@ import pytest
 
 from dualdrive import Machine, MachineError, _core
 from dualdrive.diagnose.candidates import candidates
+from dualdrive.estimation.unknowns import unknowns
 from dualdrive.identify import default_free, fit
-from dualdrive.identify.unknowns import unknowns
 from dualdrive.motion import move
 from dualdrive.simulation import simulate
 from dualdrive.traces import Trace

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from dualdrive.compare.held import Held
 from dualdrive.compare.laws import Laws, balance, laws, shifted
+from dualdrive.estimation.unknowns import Unknown, default_free, unknowns
 from dualdrive.identify.coloured import correlation_time
-from dualdrive.identify.unknowns import Unknown, default_free, unknowns
 
 Array = NDArray[np.float64]
 

@@ -29,8 +29,8 @@ from dualdrive.diagnose.sentences import paragraph
 from dualdrive.diagnose.shape import shapes
 from dualdrive.diagnose.simulated_errors import Simulation, noise_floor, of_the_data_sheet
 from dualdrive.diagnose.uncertainty import Uncertainty
+from dualdrive.estimation.unknowns import Unknown, default_free, default_tolerances, unknowns
 from dualdrive.identify import FitError
-from dualdrive.identify.unknowns import Unknown, default_free, default_tolerances, unknowns
 from dualdrive.innovations import Counter, GreyBox, Noise, predictable
 from dualdrive.replay import (
     Record,

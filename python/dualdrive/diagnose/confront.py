@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.identify.unknowns import Unknown, default_free, default_tolerances, unknowns
+from dualdrive.estimation.unknowns import Unknown, default_free, default_tolerances, unknowns
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -11,8 +11,8 @@ import math
 from typing import Any
 
 from dualdrive.diagnose.result import Diagnosis
-from dualdrive.diagnose.thresholds import threshold
-from dualdrive.identify.unknowns import default_tolerances
+from dualdrive.estimation.thresholds import threshold
+from dualdrive.estimation.unknowns import default_tolerances
 from dualdrive.units import human
 
 

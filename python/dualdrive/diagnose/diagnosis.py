@@ -41,10 +41,10 @@ from dualdrive.diagnose.search import search
 from dualdrive.diagnose.selection import EFFORTS
 from dualdrive.diagnose.shape import shapes
 from dualdrive.diagnose.survey import Survey
-from dualdrive.diagnose.thresholds import threshold
 from dualdrive.diagnose.words import paragraph
 from dualdrive.diagnose.work import Clock, Work
 from dualdrive.echo import once
+from dualdrive.estimation.thresholds import threshold
 from dualdrive.identify import Processing, Standstill, refuse_filters, which_mode
 from dualdrive.interrupt import interrupt
 from dualdrive.replay import core_of, named, records

@@ -21,11 +21,11 @@ from dualdrive.compare.held import Held, floor_of_noise, hold
 from dualdrive.compare.laws import shifted
 from dualdrive.diagnose.balance_motion import calm, sizes_of, usual_zero
 from dualdrive.diagnose.confront import Series, Tolerance, believable, nominal_unknowns
+from dualdrive.estimation.unknowns import Unknown, default_free
 from dualdrive.identify import Processing, Standstill, with_torques
 from dualdrive.identify.filtering import ANGLES, for_records
 from dualdrive.identify.model import TORQUES
 from dualdrive.identify.readings import TAKEN_BACK, before_sensors
-from dualdrive.identify.unknowns import Unknown, default_free
 from dualdrive.replay.record import with_settings
 from dualdrive.traces import Trace
 

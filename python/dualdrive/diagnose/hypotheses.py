@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from dualdrive.identify.unknowns import Unknown, unknowns
+from dualdrive.estimation.unknowns import Unknown, unknowns
 from dualdrive.replay import ratio_to_table
 
 _SOFTER = 0.1  # of the stiffness that a compliant shaft is added with: nearly rigid

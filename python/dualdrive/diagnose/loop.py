@@ -18,10 +18,10 @@ from dualdrive import _core
 from dualdrive.compare.noise import noise_floor
 from dualdrive.compare.where import standing
 from dualdrive.diagnose.confront import Series, Tolerance, believable, nominal_unknowns
+from dualdrive.estimation.unknowns import default_free
 from dualdrive.identify.closed_loop import FitError, Problem, channels_to_fit
 from dualdrive.identify.evaluation import state_unknowns
 from dualdrive.identify.parts import sizes_of_part
-from dualdrive.identify.unknowns import default_free
 from dualdrive.mapper import Threads
 from dualdrive.replay import Record, headline, ratio_to_table
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from dualdrive.diagnose.result import Experiment, Shape
-from dualdrive.diagnose.thresholds import threshold
+from dualdrive.estimation.thresholds import threshold
 
 __all__ = [
     "HELPS",

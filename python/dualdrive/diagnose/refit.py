@@ -21,7 +21,7 @@ from dualdrive.diagnose.descent import Point, bounded_step, descend
 from dualdrive.diagnose.evidence import Evidence
 from dualdrive.diagnose.hypotheses import Hypothesis, is_strength
 from dualdrive.diagnose.secants import secants, with_values
-from dualdrive.identify.unknowns import Unknown
+from dualdrive.estimation.unknowns import Unknown
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.confront import Confrontation
-from dualdrive.identify.unknowns import Unknown
+from dualdrive.estimation.unknowns import Unknown
 
 Array = NDArray[np.float64]
 

@@ -1,5 +1,6 @@
 """Fits of a machine to measured traces."""
 
+from dualdrive.estimation.unknowns import default_free
 from dualdrive.identify.balance import torque_balance
 from dualdrive.identify.closed_loop import FitError
 from dualdrive.identify.evaluation import Evaluation, evaluate
@@ -13,7 +14,6 @@ from dualdrive.identify.play_result import PlayEstimate
 from dualdrive.identify.result import BalanceFit, Estimate
 from dualdrive.identify.search import Progress
 from dualdrive.identify.standstill import Standstill
-from dualdrive.identify.unknowns import default_free
 
 __all__ = [
     "Balance",

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.estimation.unknowns import StateUnknown, Unknown, values_at
 from dualdrive.identify.coloured import correlation_time
 from dualdrive.identify.regression import Prior, Rows
-from dualdrive.identify.unknowns import StateUnknown, Unknown, values_at
 from dualdrive.mapper import Mapper, Threads
 from dualdrive.replay import RTOL, Record, Replay, play_all
 from dualdrive.replay.error_measures import may_be_off

@@ -158,10 +158,11 @@ def descend(
     """Descend from one of several starts, beside others that begin from the same problem."""
     own = copy(problem)
     end = Descent(own, number, rules, progress, stop).run(u)
-    return end if end.point is None else replace(end, size=_size(own, end.point))
+    return end if end.point is None else replace(end, size=size(own, end.point))
 
 
-def _size(problem: Problem, u: Array) -> float:
+def size(problem: Problem, u: Array) -> float:
+    """Sum of n log RMS over the channels at a point, infinite where it does not simulate."""
     replays = problem.replays(u)
     if replays is None:
         return math.inf

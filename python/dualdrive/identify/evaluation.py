@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.estimation.unknowns import StateUnknown
 from dualdrive.identify.closed_loop import Problem, channels_to_fit
 from dualdrive.identify.search import Search
-from dualdrive.identify.unknowns import StateUnknown
 from dualdrive.replay import (
     RTOL,
     Record,

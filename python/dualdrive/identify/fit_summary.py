@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from dualdrive.estimation.unknowns import Unknown
 from dualdrive.identify.closed_loop import FitError, Problem
 from dualdrive.identify.evaluation import Evaluation, at_point, evaluate_records
 from dualdrive.identify.fit_result import Direction, Fit, Fitted
 from dualdrive.identify.regression import Prior, Solution, solve
 from dualdrive.identify.search import Search
-from dualdrive.identify.unknowns import Unknown
 
 #: a fitted value nearer to its bound than this share of its scale is at it
 _AT_BOUND = 1e-3

@@ -9,21 +9,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dualdrive.distributed import mapper_for
-from dualdrive.identify.balance import torque_balance
-from dualdrive.identify.closed_loop import Problem, channels_to_fit
-from dualdrive.identify.evaluation import state_unknowns
-from dualdrive.identify.filtering import Processing
-from dualdrive.identify.fit_summary import summary
-from dualdrive.identify.parts import sizes_of_part
-from dualdrive.identify.passivity import torque_notes, torque_warnings
-from dualdrive.identify.search import Progress, Search
-from dualdrive.identify.standstill import Standstill
-from dualdrive.identify.unknowns import (
+from dualdrive.estimation.unknowns import (
     default_free,
     default_tolerances,
     seen_in_balance,
     unknowns,
 )
+from dualdrive.identify.balance import torque_balance
+from dualdrive.identify.closed_loop import Problem, channels_to_fit
+from dualdrive.identify.evaluation import state_unknowns
+from dualdrive.identify.filtering import Processing
+from dualdrive.identify.fit_summary import summary
+from dualdrive.identify.initial_estimate import initial_estimates
+from dualdrive.identify.parts import sizes_of_part
+from dualdrive.identify.passivity import torque_notes, torque_warnings
+from dualdrive.identify.search import Progress, Search
+from dualdrive.identify.standstill import Standstill
 from dualdrive.replay import RTOL, Record, core_of, named, ratio_to_table, records
 from dualdrive.traces import Trace
 
@@ -60,7 +61,9 @@ def fit(
 
     Closed loop (controller and commanded motion known): the loop is simulated along each record,
     and parameters, sensor constants and initial states move until simulated and measured agree
-    (trust-region reflective least squares, SciPy; exact sensitivities from the solver). Torque
+    (trust-region reflective least squares, SciPy; exact sensitivities from the solver). It begins
+    at the data sheet, or at numbers that predict the records a sample ahead where their simulation
+    comes nearer: from afar a simulated error hardly tells which way to go. Torque
     balance (controller unknown): see :func:`dualdrive.identify.torque_balance`.
 
     Args:
@@ -81,7 +84,7 @@ def fit(
         motion: commanded motion where the traces carry none.
         interpolation: see :func:`dualdrive.replay.records`.
         start: see :func:`dualdrive.replay.records`.
-        starts: number of starting points; the first is the nominal machine, others are drawn from
+        starts: number of starting points; the first is the best of the above, others are drawn from
             the priors (effects between a tenth and ten times their usual size).
         seed: of those draws.
         confidence: of the intervals.
@@ -154,6 +157,7 @@ def fit(
             mapper=mapper,
         )
         search = Search(problem, max_simulations, progress)
+        search.begin_near(initial_estimates(core, played, problem.parameters))
         search.run(starts, seed)
         return summary(machine, problem, search, confidence)
 

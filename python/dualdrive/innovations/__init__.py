@@ -8,6 +8,7 @@ Sources: Kristensen, Madsen, Jørgensen, Automatica 40 (2004) 225-237; Ljung, Sy
 from __future__ import annotations
 
 from dualdrive.innovations.greybox import Counter, GreyBox
+from dualdrive.innovations.homotopy import Place, followed, levels
 from dualdrive.innovations.levenberg_marquardt import fit, inflation
 from dualdrive.innovations.likelihood import maximum_likelihood
 from dualdrive.innovations.noise import Noise, drive_torque, first_noise, least_noise
@@ -20,6 +21,7 @@ __all__ = [
     "Counter",
     "GreyBox",
     "Noise",
+    "Place",
     "Point",
     "Predictable",
     "Simulated",
@@ -29,8 +31,10 @@ __all__ = [
     "first_noise",
     "fit",
     "flat",
+    "followed",
     "inflation",
     "least_noise",
+    "levels",
     "maximum_likelihood",
     "predictable",
     "simulated",

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
-from dualdrive.identify.unknowns import Unknown
+from dualdrive.estimation.unknowns import Unknown
 from dualdrive.innovations.noise import Noise, first_noise
 from dualdrive.innovations.prediction import Replayed, predicted, replayed
 from dualdrive.innovations.records import Predictable

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.identify.unknowns import Unknown
+from dualdrive.estimation.unknowns import Unknown
 
 Array = NDArray[np.float64]
 

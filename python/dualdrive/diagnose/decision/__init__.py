@@ -10,7 +10,7 @@ from dualdrive.diagnose.decision.sanity import (
 )
 from dualdrive.diagnose.decision.verdict import Decision, decide
 from dualdrive.diagnose.selection import MissingTorque
-from dualdrive.diagnose.thresholds import THRESHOLDS
+from dualdrive.estimation.thresholds import THRESHOLDS
 
 __all__ = [
     "THRESHOLDS",

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from dualdrive.diagnose.result import Verdict
-from dualdrive.diagnose.thresholds import threshold
+from dualdrive.estimation.thresholds import threshold
 
 
 def objection(verdict: Verdict, error: Mapping[str, float]) -> str:

@@ -17,8 +17,8 @@ from dualdrive.diagnose.selection import (
     little,
     missing_torque,
 )
-from dualdrive.diagnose.thresholds import threshold
 from dualdrive.diagnose.uncertainty import Uncertainty
+from dualdrive.estimation.thresholds import threshold
 from dualdrive.innovations import GreyBox
 
 

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.estimation.unknowns import Unknown, default_free, unknowns
 from dualdrive.identify.closed_loop import FitError, Problem
-from dualdrive.identify.unknowns import Unknown, default_free, unknowns
 from dualdrive.motion import Motion
 from dualdrive.replay import Record, play, records
 from dualdrive.traces import CHANNELS, Trace

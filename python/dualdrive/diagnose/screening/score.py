@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from dualdrive.diagnose.hypotheses import is_strength, probes
 from dualdrive.diagnose.screening.variants import brings_states
-from dualdrive.identify.unknowns import Unknown
+from dualdrive.estimation.unknowns import Unknown
 from dualdrive.innovations import GreyBox, Point, Variant, flat
 
 Array = NDArray[np.float64]

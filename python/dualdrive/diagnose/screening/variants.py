@@ -13,8 +13,8 @@ from dualdrive import _core
 from dualdrive.diagnose.candidates import candidates, parts_of
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.screening.orders import strongest_orders
+from dualdrive.estimation.unknowns import Unknown, unknowns
 from dualdrive.identify.parts import sizes_of_part
-from dualdrive.identify.unknowns import Unknown, unknowns
 from dualdrive.innovations import GreyBox, Point, Variant
 from dualdrive.replay import ratio_to_table
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import Fitted
 from dualdrive.diagnose.selection.residual_analysis import suffices, white
-from dualdrive.diagnose.thresholds import threshold
+from dualdrive.estimation.thresholds import threshold
 from dualdrive.identify import FitError
 from dualdrive.innovations import GreyBox, Point, Variant, fit, some
 

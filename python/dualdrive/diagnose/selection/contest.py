@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.screening import Scored
-from dualdrive.diagnose.selection.estimation import Estimator, Place, on_all_samples
+from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import Effort, Fitted
 from dualdrive.diagnose.selection.parts import is_part
 from dualdrive.diagnose.selection.refits import begin, confused, refitted, with_rivals
 from dualdrive.diagnose.selection.residual_analysis import suffices, white
-from dualdrive.diagnose.thresholds import threshold
 from dualdrive.diagnose.work import Leader
-from dualdrive.innovations import GreyBox, carried, fit, inflation
+from dualdrive.estimation.thresholds import threshold
+from dualdrive.innovations import GreyBox, Place, carried, fit, inflation
 
 Array = NDArray[np.float64]
 

@@ -10,30 +10,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.selection.fitted import Fitted
-from dualdrive.diagnose.thresholds import threshold
+from dualdrive.estimation.thresholds import threshold
 from dualdrive.identify import FitError
 from dualdrive.innovations import (
     GreyBox,
     Noise,
-    Point,
+    Place,
     Variant,
     first_noise,
     fit,
+    followed,
     inflation,
     least_noise,
+    levels,
     maximum_likelihood,
 )
 
 Array = NDArray[np.float64]
 
-#: of the torque with which a variant begins, under which its numbers are fitted one after another
-_LOWERED = (1.0, 0.1, 0.01)
-_PATIENT = 20  # steps at most under each: a valley may be bent
 _SLOWER = 100.0  # times as slow: where times of drifting zeros are sought from once more
-
-
-#: numbers of a variant and what they leave, under a noise
-Place = tuple[Point, Noise]
 
 
 class Estimator:
@@ -102,9 +97,8 @@ class Estimator:
     ) -> Place | None:
         """Where a variant comes near its best; None where it can't be followed.
 
-        Under much unknown torque any machine follows the records, and they tell little of its
-        numbers; under less they tell more (a homotopy). The likeliest of all levels is returned,
-        with the noise there.
+        By a homotopy in the unknown torque (`innovations.homotopy`); the likeliest of all levels
+        is returned, with the noise there.
 
         Args:
             grey: the records.
@@ -114,29 +108,9 @@ class Estimator:
             fitted: whether they are fitted under that noise already.
 
         """
-        found: list[Place] = []
-        levels = [noise.with_torque(k).at_least(self.floor) for k in _LOWERED]
-        # where the least torque is reached, less is no other level
-        apart = [own for k, own in enumerate(levels) if own not in levels[:k]]
-        for own in apart[1:] or apart if fitted else apart:
-            place = self._near(grey, variant, theta, own)
-            if place is None:
-                break
-            found.append(place)
-            theta = place[0].theta
+        apart = levels(noise, self.floor)
+        found = followed(grey, variant, theta, apart[1:] or apart if fitted else apart)
         return min(found, key=lambda f: f[0].minus_two_log, default=None)
-
-    def _near(self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise) -> Place | None:
-        """A variant refitted under a noise, from a point; None where it can't be followed."""
-        try:
-            gains = grey.gains(variant, theta, noise)
-        except ValueError:
-            return None
-        near = fit(grey, variant, theta, gains, steps=_PATIENT)
-        # gains were held: under its own a point far away may be worse than where it came from
-        places = [(near.theta, noise), (theta, noise)]
-        seen = [f[0] for f in grey.likelihoods(variant, places) if f]
-        return (min(seen, key=lambda p: p.minus_two_log), noise) if seen else None
 
     def under(
         self,

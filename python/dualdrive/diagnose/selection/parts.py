@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.diagnose.screening import brings_states, residual_maker
-from dualdrive.diagnose.selection.estimation import Estimator, Place
-from dualdrive.diagnose.thresholds import threshold
-from dualdrive.innovations import GreyBox, Noise, Point, Variant, flat, inflation
+from dualdrive.diagnose.selection.estimation import Estimator
+from dualdrive.estimation.thresholds import threshold
+from dualdrive.innovations import GreyBox, Noise, Place, Point, Variant, flat, inflation
 
 Array = NDArray[np.float64]
 

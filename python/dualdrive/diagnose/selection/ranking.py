@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from dualdrive.diagnose.selection.fitted import Fitted
-from dualdrive.diagnose.thresholds import threshold
+from dualdrive.estimation.thresholds import threshold
 
 _NOTHING = "nothing"  # key of the machine as it is
 

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.diagnose.screening import Scored
-from dualdrive.diagnose.selection.estimation import Estimator, Place
+from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.diagnose.selection.fitted import Fitted
 from dualdrive.diagnose.selection.parts import is_part, part_refitted, part_score
-from dualdrive.diagnose.thresholds import threshold
-from dualdrive.innovations import GreyBox, Point, Variant, fit
+from dualdrive.estimation.thresholds import threshold
+from dualdrive.innovations import GreyBox, Place, Point, Variant, fit
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dualdrive.diagnose.selection.fitted import Fitted
-from dualdrive.diagnose.thresholds import threshold
+from dualdrive.estimation.thresholds import threshold
 from dualdrive.innovations import GreyBox, drive_torque
 
 _LONGEST = 400  # samples that the inflation sums over

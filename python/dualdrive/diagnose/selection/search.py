@@ -28,8 +28,8 @@ from dualdrive.diagnose.selection.ranking import Ranking
 from dualdrive.diagnose.selection.refits import worth_refitting
 from dualdrive.diagnose.selection.residual_analysis import suffices, white
 from dualdrive.diagnose.simulated_errors import Simulation, noise_floor
-from dualdrive.diagnose.thresholds import threshold
 from dualdrive.diagnose.work import Leader
+from dualdrive.estimation.thresholds import threshold
 from dualdrive.innovations import GreyBox, Point, carried, inflation, some
 
 Array = NDArray[np.float64]
