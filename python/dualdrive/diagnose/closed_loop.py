@@ -18,6 +18,7 @@ from dualdrive.diagnose.decision import (
     beside_the_data_sheet,
     decide,
     leaves_too_much,
+    numbers_alone,
     objection,
     takes_too_little,
 )
@@ -161,6 +162,10 @@ def _told(
     decision = replace(decision, verdict=beside_the_data_sheet(decision.verdict, error))
     denials = (objection, takes_too_little, leaves_too_much)
     why = next(filter(None, (deny(decision.verdict, error) for deny in denials)), "")
+    if why and named and found.quiet:
+        decision = numbers_alone(sure, found, decision)
+        error |= {"best": refitted_error, "held_out_best": error["held_out_refitted"]}
+        named, improved, why = False, None, ""
     if why:
         decision = replace(decision, verdict="unknown", group=())
         warnings = [*warnings, f"no verdict but unknown can stand: {why}"]

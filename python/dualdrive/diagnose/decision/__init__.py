@@ -8,7 +8,7 @@ from dualdrive.diagnose.decision.sanity import (
     objection,
     takes_too_little,
 )
-from dualdrive.diagnose.decision.verdict import Decision, decide
+from dualdrive.diagnose.decision.verdict import Decision, decide, numbers_alone
 from dualdrive.diagnose.selection import MissingTorque
 from dualdrive.estimation.thresholds import THRESHOLDS
 
@@ -19,6 +19,7 @@ __all__ = [
     "beside_the_data_sheet",
     "decide",
     "leaves_too_much",
+    "numbers_alone",
     "objection",
     "takes_too_little",
 ]

@@ -13,7 +13,6 @@ from dualdrive.diagnose.selection import (
     Fitted,
     MissingTorque,
     Selection,
-    is_joint,
     little,
     missing_torque,
 )
@@ -52,13 +51,6 @@ def decide(core: Any, grey: GreyBox, found: Selection, sure: Uncertainty) -> Dec
     left = missing_torque(core, grey, best)
     if not found.finished:
         return Decision("unfinished", ranked, (), missing, left)
-    # what is likelier than a machine that leaves noise describes the noise; a joint that gives is
-    # told from numbers and drifting zeros by long records alone
-    if found.silent and not is_joint(best.variant):
-        others = [(f, 0.0) for f, _ in ranked if f is not found.base]
-        return Decision(
-            _of_numbers(sure, found.base), [(found.base, 1.0), *others], (), missing, missing
-        )
     if not little(left) or best.inflation > threshold("inflation"):
         return Decision("unknown", ranked, (), missing, left)
     if not best.variant.effects:
@@ -68,6 +60,13 @@ def decide(core: Any, grey: GreyBox, found: Selection, sure: Uncertainty) -> Dec
     certain = ranked[0][1] >= threshold("certain")
     verdict: Verdict = "effect" if certain or len(group) < 2 else "ambiguous"
     return Decision(verdict, ranked, group if verdict == "ambiguous" else (), missing, left)
+
+
+def numbers_alone(sure: Uncertainty, found: Selection, decision: Decision) -> Decision:
+    """Where these leave noise, too, and what is likelier does not bear its name."""
+    others = [(f, 0.0) for f, _ in decision.ranked if f is not found.base]
+    verdict = _of_numbers(sure, found.base)
+    return Decision(verdict, [(found.base, 1.0), *others], (), decision.missing, decision.missing)
 
 
 def _probabilities(found: Selection) -> list[tuple[Fitted, float]]:

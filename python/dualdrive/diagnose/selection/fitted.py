@@ -60,7 +60,7 @@ class Selection:
     screened: every score test that was done, best gain first: (beside what, score)
     tried:    label -> gain of laws refitted under a base's noise, over the inflation
     finished: False: it was stopped
-    silent:   whether numbers alone leave noise, in a simulation, too
+    quiet:    whether numbers alone leave noise, in a simulation, too
     """
 
     grey: GreyBox
@@ -69,7 +69,7 @@ class Selection:
     screened: Sequence[tuple[str, Scored]]
     tried: dict[str, float]
     finished: bool
-    silent: bool
+    quiet: bool
 
     @property
     def best(self) -> Fitted:

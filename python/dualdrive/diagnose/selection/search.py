@@ -58,6 +58,7 @@ class _Search:
         self.tried: dict[str, float] = {}  # see `Contest`
         self.estimator = Estimator(core, grey)
         self.stretches: list[tuple[GreyBox, Fitted, Fitted]] = []  # searched; base and best there
+        self._quiet = self._faint = False  # numbers alone leave noise: on all samples; on stretches
 
     def tell(self, what: str) -> None:
         """Say what is tried, and what is best so far."""
@@ -66,26 +67,25 @@ class _Search:
     def run(self) -> Selection:
         self.tell("refitting the data sheet's numbers")
         base = refitted_base(self.estimator, self.whole)
-        silent = base.everywhere is not None and self._says_all(base.everywhere)
         self._compare_on(base.grey, [base.there])
-        if silent:
-            self.ranking.keep(self._joints(base.there, self._scores(base.there)))
+        if base.everywhere is not None and self.contest.leaves_noise(base.there):
+            self._on_all_samples_at_once(base, base.everywhere)
         else:
             self._forward(base.there)
-        if base.grey is not self.whole:
-            deceptive = not silent and self.contest.leaves_noise(self.ranking.best)
-            self._on_all_samples(base, silent)
-            if deceptive and not self.contest.leaves_noise(self.ranking.best):
-                self._search_where_it_fails(base)
-            self._eliminated(self.ranking.best)  # what all samples need no longer
-        self._forget_faint_joints()
+            if base.grey is not self.whole:
+                deceptive = self.contest.leaves_noise(self.ranking.best)
+                self._on_all_samples(base)
+                if deceptive and not self.contest.leaves_noise(self.ranking.best):
+                    self._search_where_it_fails(base)
+                self._eliminated(self.ranking.best)  # what all samples need no longer
+        self._forget_faint()
         self._weigh_drifting_zeros()
         own = (replace(f, criterion=self.ranking.criterion(f)) for f in self.ranking)
         every = sorted(own, key=lambda f: f.criterion)
         order = sorted(self.screened, key=lambda s: -np.nan_to_num(s[1].gain, nan=-np.inf))
         nothing = next(f for f in every if f.variant.key == base.there.variant.key)
         finished = not self.whole.counter.stop()
-        return Selection(self.whole, nothing, every, order, self.tried, finished, silent)
+        return Selection(self.whole, nothing, every, order, self.tried, finished, self._quiet)
 
     def _says_all(self, f: Fitted) -> bool:
         """Whether a machine leaves noise, and does so where no sample corrects it, too.
@@ -107,17 +107,50 @@ class _Search:
             self.estimator, grey, self.effort, self.leader, self.tell, self.tried
         )
 
+    def _on_all_samples_at_once(self, base: Base, everywhere: Fitted) -> None:
+        """Laws beside numbers that leave noise on stretches: all samples are needed to see them.
+
+        Parts alone are tried on stretches first: each takes many replays.
+        """
+        self._faint, self._quiet = True, self._says_all(everywhere)
+        self.ranking.keep(self._parts(base.there))
+        if base.grey is not self.whole:
+            self._on_all_samples(base)
+        nothing, best = self.ranking.base, self.ranking.best
+        gained = self.ranking.criterion(nothing) - self.ranking.criterion(best)
+        self._forward(best if gained > threshold("gain") else nothing)
+        self._eliminated(self.ranking.best)
+
+    def _parts(self, leader: Fitted) -> list[Fitted]:
+        """Every part beside numbers that leave noise, from the data sheet's.
+
+        What a soft shaft does such numbers do nearly as well: it need not gain on stretches.
+        """
+        variants = self.library.variants(leader.variant, self._everywhere(leader))
+        parts = [Scored(v, float("nan"), {}) for v in variants if is_part(v)]
+        columns = self.grey.columns(leader.point, range(len(leader.point.theta)), leader.gains)
+        joints = [s for s in parts if is_joint(s.variant)]
+        others = [s for s in parts if s not in joints]
+        found = self.contest.refitted(leader, joints, columns, least=0.0)
+        return found + self.contest.refitted(leader, others, columns, threshold("gain"))
+
     def _forward(self, leader: Fitted) -> None:
-        """Law by law, while they bring enough and what is left is no noise."""
+        """Law by law, while they bring enough and what is left is no noise.
+
+        Where hardly anything is missing, scores alone say whether a law is: their test is far
+        sharper than that of the residuals as a whole.
+        """
         for count in range(self.effort.most - len(leader.variant.effects)):
             named = bool(leader.variant.effects)
-            if self.grey.counter.stop() or (named and self.contest.leaves_noise(leader)):
+            done = named and not self._faint and self.contest.leaves_noise(leader)
+            if self.grey.counter.stop() or done:
                 break
             found = list[Fitted]()
             if not named and self._strained(leader):
                 found += self._beside_the_data_sheet()
             if not any(map(self.contest.suffices, found)):
-                found += self._step(leader, self._scores(leader), parts=count == 0)
+                parts = count == 0 and not self._faint
+                found += self._step(leader, self._scores(leader), parts)
             self.ranking.keep(found)
             if not any(map(self.contest.suffices, [*found, *([leader] if named else [])])):
                 self.ranking.keep(self._beside_the_runner_up(leader))
@@ -220,16 +253,14 @@ class _Search:
         behind = self.ranking.criterion(f) - self.ranking.criterion(leader)
         return behind > threshold("beyond")
 
-    def _on_all_samples(self, base: Base, silent: bool) -> None:
-        """What stands on stretches, refitted on everything; joints where numbers leave noise."""
+    def _on_all_samples(self, base: Base) -> None:
+        """What stands on stretches, refitted on everything."""
         near = list[Fitted]()
         if not self.whole.counter.stop():
             ranked = sorted(self.ranking, key=self.ranking.criterion)
             beyond = self.ranking.criterion(ranked[0]) + threshold("beyond")
             laws = [f for f in ranked if f.variant.effects and self.ranking.criterion(f) < beyond]
             near = laws[: int(threshold("contenders"))]
-        if silent:
-            near = [f for f in near if is_joint(f.variant)]
         there = self.ranking.base
         self.stretches = [(self.grey, there, self.ranking.best)]
         self._compare_on(self.whole, [])
@@ -249,7 +280,7 @@ class _Search:
             return
         self._compare_on(grey, [there])
         self._forward(there)
-        self._on_all_samples(Base(grey, there, nothing), silent=False)
+        self._on_all_samples(Base(grey, there, nothing))
         self.ranking.keep(known)
 
     def _everywhere_refitted(self, base: Fitted, beaten: bool) -> Fitted:
@@ -263,21 +294,15 @@ class _Search:
             found = self.estimator.anew(self.whole, base)
         return found or on_all_samples(self.whole, base)
 
-    def _joints(self, leader: Fitted, scored: tuple[list[Scored], list[Array]]) -> list[Fitted]:
-        """Joints that give, beside a machine whose numbers alone leave noise.
+    def _forget_faint(self) -> None:
+        """Laws that gain too little to be told from the numbers, where these alone leave noise.
 
-        What a soft shaft does such numbers do nearly as well, and laws of the drives would: it is
-        tried before them, from the data sheet's numbers, and held against all samples.
+        Joints that give always: such numbers do nearly as well.
         """
-        scores, columns = scored
-        joints = [s for s in scores if is_joint(s.variant)]
-        return self.contest.refitted(leader, joints, columns, least=0.0)
-
-    def _forget_faint_joints(self) -> None:
-        """Those that gain too little to be told from the numbers that do nearly as well."""
         enough = self.ranking.criterion(self.ranking.base) - threshold("gain")
         for f in list(self.ranking):
-            if is_joint(f.variant) and self.ranking.criterion(f) > enough:
+            told = not self._faint and not is_joint(f.variant)
+            if f.variant.effects and not told and self.ranking.criterion(f) > enough:
                 self.ranking.forget(f)
 
     def _without(self, richer: Fitted, simpler: Fitted) -> list[Fitted]:
@@ -340,6 +365,9 @@ class _Search:
         least = max(threshold("gain"), threshold("early") * self.ranking.price())
         known = leader.variant.effects and contest.suffices(leader)
         hopeless = threshold("hopeless beside a law" if known else "hopeless")
+        if self._faint:  # what is small is told by its score, and what it is taken for as well
+            most = max((s.gain for s in scores if np.isfinite(s.gain)), default=0.0)
+            hopeless = max(threshold("gain"), threshold("runner-up") * most)
         best = worth_refitting(scores, self.effort.refitted, hopeless)
         found = contest.refitted(leader, best, columns, least)
         if parts:
