@@ -14,7 +14,7 @@ from dualdrive.diagnose.screening import Library
 from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.diagnose.selection.fitted import Fitted
 from dualdrive.diagnose.uncertainty import Uncertainty
-from dualdrive.innovations import GreyBox, Variant, inflation, maximum_likelihood
+from dualdrive.innovations import GreyBox, Variant, coordinates, inflation, maximum_likelihood
 from test_innovations import bench
 
 SAMPLES, SEED = 3000, 11
@@ -78,7 +78,7 @@ def test_phases_are_told_within_half_a_turn_of_zero() -> None:
         if v.label == "unbalance@table"
     ]
     own = {"amplitude": 0.1, "phase": 0.5 + 2.0 * np.pi}
-    numbers = [p.coordinate(own[p.path.rpartition(".")[2]]) for p in law.extra]
+    numbers = coordinates(law.extra, {p.path: own[p.path.rpartition(".")[2]] for p in law.extra})
     [point] = grey.points([law], [np.r_[found.point.theta, numbers]], found.gains)
     told = Uncertainty(grey).intervals(replace(found, point=point))
     phase = told["unbalance@table.phase"]

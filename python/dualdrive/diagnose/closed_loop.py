@@ -32,7 +32,7 @@ from dualdrive.diagnose.simulated_errors import Simulation, noise_floor, of_the_
 from dualdrive.diagnose.uncertainty import Uncertainty
 from dualdrive.estimation.unknowns import Unknown, default_free, default_tolerances, unknowns
 from dualdrive.identify import FitError
-from dualdrive.innovations import Counter, GreyBox, Noise, predictable
+from dualdrive.innovations import Counter, GreyBox, Noise, predictable, values
 from dualdrive.replay import (
     Record,
     core_of,
@@ -300,14 +300,14 @@ def _candidate(
 
 def _at_bound(f: Fitted) -> str:
     """Numbers of an effect that stand at what they may be at most or at least."""
-    n = len(f.point.theta) - len(f.variant.extra)
-    stuck = []
-    for p, u in zip(f.variant.extra, f.point.theta[n:], strict=True):
-        low, high = p.bounds
-        if np.isfinite(high) and u >= high - 1e-9 * max(1.0, abs(high)):
-            stuck.append(f"{p.path.rpartition('.')[2]} = {p.value(float(u)):.3g}, its upper limit")
-        elif low != 0.0 and np.isfinite(low) and u <= low + 1e-9 * max(1.0, abs(low)):
-            stuck.append(f"{p.path.rpartition('.')[2]} = {p.value(float(u)):.3g}, its lower limit")
+    stuck, own = [], f.variant.extra
+    at = values(own, f.point.theta[len(f.point.theta) - len(own) :])
+    for p in own:
+        name, x = p.path.rpartition(".")[2], at[p.path]
+        if np.isfinite(p.high) and x >= p.high - 1e-9 * max(1.0, abs(p.high)):
+            stuck.append(f"{name} = {x:.3g}, its upper limit")
+        elif p.low != 0.0 and np.isfinite(p.low) and x <= p.low + 1e-9 * max(1.0, abs(p.low)):
+            stuck.append(f"{name} = {x:.3g}, its lower limit")
     return f"needs {' and '.join(stuck)}: implausible" if stuck else ""
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,7 +10,8 @@ from numpy.typing import NDArray
 
 from dualdrive.diagnose.result import Interval
 from dualdrive.diagnose.selection import Fitted
-from dualdrive.innovations import GreyBox, flat
+from dualdrive.estimation.unknowns import Unknown
+from dualdrive.innovations import GreyBox, deviations, flat, values, waves
 
 Array = NDArray[np.float64]
 
@@ -107,16 +107,20 @@ class Uncertainty:
 
         Phases lie within half a turn of zero.
         """
-        grey, theta = self.grey, f.point.theta
-        deviation = np.sqrt(np.maximum(np.diag(self.about(f).covariance), 0.0))
-        known = [(p, k) for k, p in enumerate(grey.nominal)]
-        known += [(p, grey.shared + k) for k, p in enumerate(f.variant.extra)]
+        grey, theta, n = self.grey, f.point.theta, len(self.grey.nominal)
+        covariance = self.about(f).covariance
+        deviation = np.sqrt(np.maximum(np.diag(covariance)[:n], 0.0))
         found = {}
-        for p, k in known:
-            u, d = float(theta[k]), _SURE * float(deviation[k])
-            low, high = sorted((p.value(u - d), p.value(u + d)))
-            turns = round(p.value(u) / math.tau) * math.tau if p.path.endswith(".phase") else 0.0
-            found[p.path] = Interval(p.value(u) - turns, low - turns, high - turns, p.unit)
+        for p, u, d in zip(grey.nominal, theta[:n], deviation, strict=True):
+            found[p.path] = _interval(p, float(u), _SURE * float(d))
+        own, first = f.variant.extra, grey.shared
+        at, phases = values(own, theta[first:]), [turn for _, turn in waves(own)]
+        spread = deviations(own, theta[first:], covariance[first:, first:])
+        for k, (p, d) in enumerate(zip(own, _SURE * spread, strict=True)):
+            if k in phases:
+                found[p.path] = Interval(at[p.path], at[p.path] - d, at[p.path] + d, p.unit)
+            else:
+                found[p.path] = _interval(p, p.coordinate(at[p.path]), float(d))
         for path, value in f.variant.fixed.items():
             unit = f.variant.grown.parameter(f.variant.grown.members(path)[0]).unit
             found[path] = Interval(value, value, value, unit)
@@ -131,6 +135,11 @@ class Uncertainty:
         n = len(self.grey.nominal)
         off = f.point.theta[:n] - self.grey.centre[:n]
         return float(off @ np.linalg.pinv(self.about(f).covariance[:n, :n], hermitian=True) @ off)
+
+
+def _interval(p: Unknown, u: float, d: float) -> Interval:
+    low, high = sorted((p.value(u - d), p.value(u + d)))
+    return Interval(p.value(u), low, high, p.unit)
 
 
 def _blocks(residuals: Sequence[Array]) -> NDArray[np.intp]:

@@ -37,6 +37,7 @@ class Unknown:
 
     sigma: one-sigma width of the prior in u, infinite where there is none
     reciprocal: of a stiffness put in: compliances add, so that a fit can leave the rigid end
+    strength: zero of it switches its effect off, and it is never negative
     """
 
     path: str
@@ -50,6 +51,7 @@ class Unknown:
     start: float
     sigma: float
     reciprocal: bool = False
+    strength: bool = False
 
     def value(self, u: float) -> float:
         """The number in SI at u, inside its bounds whatever rounding does."""
@@ -227,10 +229,11 @@ def _unknown(
     scale = abs(nominal) or usual or 1.0
     if declared.low_excluded:
         low += 1e-6 * scale
-    begin = usual if nominal == 0.0 and _strength(declared, name) else nominal
+    strength = _strength(declared, name)
+    begin = usual if nominal == 0.0 and strength else nominal
     begin = min(max(begin, low), declared.high) / scale
     numbers = (nominal, low, declared.high, scale, False, nominal / scale, begin, width)
-    return Unknown(path, declared.unit, *numbers)
+    return Unknown(path, declared.unit, *numbers, strength=strength)
 
 
 def _width(

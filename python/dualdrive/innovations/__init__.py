@@ -15,6 +15,7 @@ from dualdrive.innovations.noise import Noise, drive_torque, first_noise, least_
 from dualdrive.innovations.records import Predictable, predictable
 from dualdrive.innovations.stretches import some
 from dualdrive.innovations.variant import Point, Variant, carried, flat
+from dualdrive.innovations.waves import coordinates, deviations, values, waves
 from dualdrive.innovations.whole_record import Simulated, simulated
 
 __all__ = [
@@ -27,6 +28,8 @@ __all__ = [
     "Simulated",
     "Variant",
     "carried",
+    "coordinates",
+    "deviations",
     "drive_torque",
     "first_noise",
     "fit",
@@ -39,4 +42,6 @@ __all__ = [
     "predictable",
     "simulated",
     "some",
+    "values",
+    "waves",
 ]

@@ -22,6 +22,7 @@ from dualdrive.innovations.noise import Noise, first_noise
 from dualdrive.innovations.prediction import Replayed, predicted, replayed
 from dualdrive.innovations.records import Predictable
 from dualdrive.innovations.variant import Point, Variant, flat
+from dualdrive.innovations.waves import bounds, coordinates, values
 from dualdrive.replay.record import with_settings
 
 Array = NDArray[np.float64]
@@ -112,12 +113,13 @@ class GreyBox:
     def start(self, variant: Variant) -> Array:
         """Where a fit from the data sheet begins."""
         nominal = [p.start for p in self.nominal] + [0.0] * len(self.offsets)
-        return np.array(nominal + [p.start for p in variant.extra])
+        start: Array = np.r_[nominal, coordinates(variant.extra, {})]
+        return start
 
     def bounds(self, variant: Variant) -> tuple[Array, Array]:
         """Lowest and highest of every unknown."""
         pairs = [p.bounds for p in self.nominal] + [(-np.inf, np.inf)] * len(self.offsets)
-        pairs += [p.bounds for p in variant.extra]
+        pairs += bounds(variant.extra)
         low, high = np.array(pairs).T
         reach = np.r_[_BOX * self.sigma, np.full(len(variant.extra), np.inf)]
         centre = np.r_[self.centre, np.zeros(len(variant.extra))]
@@ -127,10 +129,10 @@ class GreyBox:
         """The core's machine of a variant at a point."""
         core = variant.grown.copy()
         n = len(self.nominal)
-        known = [*zip(self.nominal, theta[:n], strict=True)]
-        known += [*zip(variant.extra, theta[self.shared :], strict=True)]
-        for p, u in known:
+        for p, u in zip(self.nominal, theta[:n], strict=True):
             core.set(p.path, p.value(float(u)))
+        for path, value in values(variant.extra, theta[self.shared :]).items():
+            core.set(path, value)
         return core
 
     def constants(self, theta: Array) -> dict[str, float]:

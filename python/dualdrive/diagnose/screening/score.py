@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from dualdrive.diagnose.hypotheses import is_strength, probes
 from dualdrive.diagnose.screening.variants import brings_states
 from dualdrive.estimation.unknowns import Unknown
-from dualdrive.innovations import GreyBox, Point, Variant, flat
+from dualdrive.innovations import GreyBox, Point, Variant, coordinates, flat
 
 Array = NDArray[np.float64]
 
@@ -99,8 +99,7 @@ def scores(
             held = {
                 p: min(x, within) if p.endswith(".time") else x for p, x in probe.setting.items()
             }
-            at = [p.coordinate(held[p.path]) if p.path in held else p.start for p in own]
-            jobs.append((k, v, np.r_[base.theta, at], probe))
+            jobs.append((k, v, np.r_[base.theta, coordinates(own, held)], probe))
     found: dict[int, list[tuple[_Probe, Array]]] = {}
     for first in range(0, len(jobs), _BATCH):
         if grey.counter.stop():

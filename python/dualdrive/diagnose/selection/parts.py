@@ -17,7 +17,16 @@ from dualdrive import _core
 from dualdrive.diagnose.screening import brings_states, residual_maker
 from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.estimation.thresholds import threshold
-from dualdrive.innovations import GreyBox, Noise, Place, Point, Variant, flat, inflation
+from dualdrive.innovations import (
+    GreyBox,
+    Noise,
+    Place,
+    Point,
+    Variant,
+    coordinates,
+    flat,
+    inflation,
+)
 
 Array = NDArray[np.float64]
 
@@ -68,7 +77,7 @@ def part_score(
     apart = residual_maker(grey, point, columns)
     rest, places = apart(r), []
     for factor in _TRIED:
-        there = np.r_[point.theta, [p.start for p in variant.extra[known - grey.shared :]]]
+        there = np.r_[point.theta, coordinates(variant.extra[known - grey.shared :], {})]
         there[known] *= factor
         places.append((there, noise))
     best = 0.0

@@ -14,7 +14,7 @@ from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.diagnose.selection.fitted import Fitted
 from dualdrive.diagnose.selection.parts import is_part, part_refitted, part_score
 from dualdrive.estimation.thresholds import threshold
-from dualdrive.innovations import GreyBox, Place, Point, Variant, fit
+from dualdrive.innovations import GreyBox, Place, Point, Variant, coordinates, fit
 
 Array = NDArray[np.float64]
 
@@ -47,11 +47,10 @@ def worth_refitting(found: Sequence[Scored], most: int, hopeless: float) -> list
 
 def begin(grey: GreyBox, point: Point, s: Scored) -> Array:
     """Where a law begins: a leader's numbers, and its own as its score has them."""
-    variant = s.variant
-    start: Array = np.r_[point.theta, grey.start(variant)[len(point.theta) :]]
-    for k, p in enumerate(variant.extra, grey.shared):
-        if p.path in s.start:
-            start[k] = p.coordinate(min(max(s.start[p.path], p.low), p.high))
+    variant, known = s.variant, len(point.variant.extra)
+    own = variant.extra[known:]
+    asked = {p.path: min(max(s.start[p.path], p.low), p.high) for p in own if p.path in s.start}
+    start: Array = np.r_[point.theta, coordinates(own, asked)]
     return start
 
 
