@@ -42,9 +42,22 @@ std::vector<int> bodies_of(const Machine& machine, const std::vector<std::string
     return bodies;
 }
 
+// Rows of zeros below, as the kernels want them.
+std::vector<double> packed_rows(const Eigen::MatrixXd& M) {
+    const Eigen::MatrixXd padded = padded_rows(M);
+    return {padded.data(), padded.data() + padded.size()};
+}
+
+bool any_negative(const double* g, std::size_t count) {
+    bool any = false;
+    for (std::size_t k = 0; k < count; ++k) any |= g[k] < 0.0;
+    return any;
+}
+
 }  // namespace
 
-Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, const std::vector<std::string>& bodies)
+Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, const std::vector<std::string>& bodies,
+           const std::vector<double>& late)
     : machine_(machine),
       record_(record),
       layout_(machine, record.inputs()),
@@ -64,8 +77,17 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
     for (const auto& memory : layout_.memories)
         relaxing_.push_back(layout_.group_of[static_cast<std::size_t>(memory.body)]);
     const auto n = static_cast<std::size_t>(exact::padded(n_));
-    for (auto* v : {&y_, &trial_, &n0_, &n1_, &slope_}) v->assign(n, 0.0);
-    for (auto* g : {&g0_, &g1_}) g->assign(guard_count(), 1.0);
+    for (auto* v : {&y_, &trial_, &n0_, &n1_, &slope_, &earlier_}) v->assign(n, 0.0);
+    const auto guards = static_cast<std::size_t>(exact::padded(static_cast<int>(guard_count())));
+    for (auto* g : {&g0_, &g1_}) g->assign(guards, 1.0);
+    shown_.assign(static_cast<std::size_t>(2 * exact::padded(outputs_)), 0.0);
+    for (std::size_t j = 0; j < late.size(); ++j) {
+        if (late[j] == 0.0) continue;
+        const auto same = [&](const Delay& d) { return d.time == late[j]; };
+        auto own = std::find_if(delays_.begin(), delays_.end(), same);
+        if (own == delays_.end()) own = delays_.insert(own, Delay{late[j], {}});
+        own->channels.push_back(static_cast<int>(j));
+    }
     out_.assign(static_cast<std::size_t>(exact::padded(n_ + outputs_ + static_cast<int>(guard_count()))), 0.0);
     y_[static_cast<std::size_t>(reader_.one())] = 1.0;
     modes_.assign(layout_.switches.size(), 0);
@@ -96,41 +118,52 @@ Frozen Flow::prepare(const exact::Laws<double>& laws, const Modes& modes) const 
             f.A(g, first_torque() + static_cast<Eigen::Index>(b)) = model_.ratio(bodies_[b]) / model_.group_inertia(g);
     }
     f.bound = spectral_bound(f.A);
-    f.packed = packed(f.A);
+    f.packed = packed_rows(f.A);
+    f.watched = packed_rows(f.guards);
+    f.shown = packed_rows(f.outputs);
+    if (!delays_.empty()) f.late = Eigen::MatrixXd::Zero(f.outputs.rows(), n_);
+    for (const Delay& d : delays_) {
+        const Eigen::MatrixXd along = d.time * f.A, bent = 0.5 * product(along, along);
+        f.onward.push_back(packed_rows(along + bent));
+        for (const int j : d.channels) f.late.row(j) = f.outputs.row(j) * (bent - along);
+    }
+    f.shifted = packed_rows(f.late);
     return f;
 }
 
-std::vector<double> Flow::packed(const Eigen::MatrixXd& M) const {
-    std::vector<double> columns(static_cast<std::size_t>(exact::padded(n_) * n_), 0.0);
-    Eigen::Map<Eigen::MatrixXd>(columns.data(), exact::padded(n_), n_).topRows(n_) = M;
-    return columns;
+const Step* Flow::step_of(Frozen& frozen, double length) const {
+    if (std::abs(length - h_) <= alike * h_) {
+        if (frozen.whole.flow.empty()) work_out(frozen.whole = Step{h_, 0, {}, {}, {}}, frozen);
+        return &frozen.whole;
+    }
+    const auto same = [&](const Step& s) { return std::abs(s.length - length) <= alike * h_; };
+    auto own = std::find_if(frozen.parts.begin(), frozen.parts.end(), same);
+    if (own == frozen.parts.end()) {
+        if (frozen.parts.size() >= most_lengths) return nullptr;
+        own = frozen.parts.insert(own, Step{length, 0, {}, {}, {}});
+    }
+    if (own->flow.empty()) {
+        if (++own->asked < worth) return nullptr;
+        work_out(*own, frozen);
+    }
+    return &*own;
 }
 
-const Step* Flow::step_of(Frozen& frozen, double length) const {
-    const auto same = [&](const Step& s) { return std::abs(s.length - length) <= alike * h_; };
-    const bool whole = std::abs(length - h_) <= alike * h_;
-    auto own = std::find_if(frozen.steps.begin(), frozen.steps.end(), same);
-    if (own == frozen.steps.end()) {
-        if (frozen.steps.size() >= most_lengths && !whole) return nullptr;
-        own = frozen.steps.insert(own, Step{length, 0, {}, {}, {}});
-    }
-    if (!own->flow.empty()) return &*own;
-    if (++own->asked < worth && !whole) return nullptr;
+void Flow::work_out(Step& step, const Frozen& frozen) const {
     Eigen::MatrixXd flow;
     if (affine_) {
-        flow = exponential(frozen.A, length);
+        flow = exponential(frozen.A, step.length);
     } else {
-        const Exponentials e = exponentials(frozen.A, length);
+        const Exponentials e = exponentials(frozen.A, step.length);
         flow = e.flow;
-        own->phi1 = packed(e.phi1);
-        own->phi2 = packed(e.phi2);
+        step.phi1 = packed_rows(e.phi1);
+        step.phi2 = packed_rows(e.phi2);
     }
     Eigen::MatrixXd all = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(out_.size()), n_);
     all.topRows(n_) = flow;
-    all.middleRows(n_, outputs_) = product(frozen.outputs, flow);
+    all.middleRows(n_, outputs_) = product(delays_.empty() ? frozen.outputs : frozen.outputs + frozen.late, flow);
     all.middleRows(n_ + outputs_, frozen.guards.rows()) = product(frozen.guards, flow);
-    own->flow.assign(all.data(), all.data() + all.size());
-    return &*own;
+    step.flow.assign(all.data(), all.data() + all.size());
 }
 
 std::vector<int> Flow::octaves() const {
@@ -160,10 +193,6 @@ Frozen& Flow::frozen() {
         known->contacts = contacts_of(modes_);
     }
     return *known;
-}
-
-double Flow::signal(std::size_t channel) const {
-    return now_->outputs.row(static_cast<Eigen::Index>(channel)).dot(Eigen::Map<const Eigen::VectorXd>(y_.data(), n_));
 }
 
 void Flow::evaluate(double t, const double* z) {
@@ -277,16 +306,11 @@ bool Flow::advance(double t, double length) {
         model_.guards(g1_.data(), nullptr);
         for (std::size_t k = 0; k < n1_.size(); ++k) slope_[k] = n1_[k] - n0_[k];
         add(step->phi2, slope_);
-        const auto fell = std::any_of(g1_.begin(), g1_.end(), [](double g) { return g < 0.0; });
-        if (fell) return through_switches(t, length);
+        if (any_negative(g1_.data(), guard_count())) return through_switches(t, length);
         std::copy_n(out_.data(), n_, y_.data());
         return std::isfinite(y_[0]);
     }
-    const double* g = out_.data() + n_ + outputs_;
-    const auto count = guard_count();
-    bool fell = false;
-    for (std::size_t k = 0; k < count; ++k) fell = fell || g[k] < 0.0;
-    if (fell) return through_switches(t, length);
+    if (any_negative(out_.data() + n_ + outputs_, guard_count())) return through_switches(t, length);
     std::copy_n(out_.data(), n_, y_.data());
     at_end_ = true;
     return std::isfinite(y_[0]);
@@ -332,44 +356,44 @@ const double* Flow::arriving(std::size_t sample) const {
     return std::abs(ticked_at_ - record_.times()[sample]) <= instant(ticked_at_) ? arriving_.data() : y_.data();
 }
 
-void Flow::outputs(double* out) const {
-    if (at_end_) {
-        std::copy_n(out_.data() + n_, outputs_, out);
-    } else {
-        Eigen::Map<Eigen::VectorXd>(out, outputs_) = now_->outputs * Eigen::Map<const Eigen::VectorXd>(y_.data(), n_);
+const double* Flow::outputs(std::size_t sample) {
+    if (at_end_) return out_.data() + n_;
+    const int rows = exact::padded(outputs_);
+    double* const differ = shown_.data() + rows;
+    exact::kernels().multiply(rows, n_, now_->shown.data(), n_, y_.data(), 1, shown_.data());
+    if (!delays_.empty()) {
+        exact::kernels().multiply(rows, n_, now_->shifted.data(), n_, arriving(sample), 1, differ);
+        for (int j = 0; j < outputs_; ++j) shown_[static_cast<std::size_t>(j)] += differ[j];
+    }
+    return shown_.data();
+}
+
+// A reading of a moment before tells of the state then: what it corrects there has flowed on since. Corrections of the
+// present by what is late by half a sample would swing up under gains that hardly trust the model.
+void Flow::carry_on(const KalmanGains::Set& gain, const double* e, double* moved) {
+    const auto K = gain.K();
+    Eigen::Map<Eigen::VectorXd> there(earlier_.data(), n_);
+    for (std::size_t d = 0; d < delays_.size(); ++d) {
+        there.setZero();
+        for (const int j : delays_[d].channels) {
+            there.head(states()) += e[j] * K.col(j).head(states());
+            there.segment(first_torque(), torque_count()) += e[j] * K.col(j).segment(states(), torque_count());
+        }
+        exact::kernels().multiply(exact::padded(n_), n_, now_->onward[d].data(), n_, earlier_.data(), 1, trial_.data());
+        for (int i = 0; i < states(); ++i) moved[i] += trial_[static_cast<std::size_t>(i)];
     }
 }
 
-void Flow::correct(std::size_t sample, const Eigen::MatrixXd& K, const double* e, const double* moved, bool holds,
-                   bool steady) {
+void Flow::correct(std::size_t sample, const KalmanGains::Set& gain, const double* e, double* moved, bool holds) {
+    if (!delays_.empty()) carry_on(gain, e, moved);
     for (int i = 0; i < states(); ++i) y_[static_cast<std::size_t>(i)] += moved[i];
+    for (int j = 0; j < torque_count(); ++j) torques()[j] += moved[states() + j];
     for (const int element : sticks_)
         if (holds && modes_[static_cast<std::size_t>(element)] == stick::stuck) y_[resting(element)] = 0.0;
-    const auto count = guard_count();
-    if (steady && holds && at_end_ && affine_) {
-        now_->guard_gain.resize(phases_);
-        auto& gain = now_->guard_gain[phase(sample)];
-        if (gain.empty()) {
-            gain.resize(count * static_cast<std::size_t>(outputs_));
-            Eigen::MatrixXd own = K.topRows(states());
-            for (const int element : sticks_)
-                if (modes_[static_cast<std::size_t>(element)] == stick::stuck)
-                    own.row(static_cast<Eigen::Index>(resting(element))).setZero();
-            Eigen::Map<Eigen::MatrixXd>(gain.data(), static_cast<Eigen::Index>(count), outputs_) =
-                now_->guards.leftCols(states()) * own;
-        }
-        double* g = out_.data() + n_ + outputs_;
-        for (int j = 0; j < outputs_; ++j)
-            for (std::size_t k = 0; k < count; ++k) g[k] += gain[static_cast<std::size_t>(j) * count + k] * e[j];
-        bool stand = true;
-        for (std::size_t k = 0; k < count; ++k) stand = stand && !(g[k] < 0.0);
-        if (!stand) settle(sample);
-        return;
-    }
     // a corner of the command may lie at the sample: what holds from now on is what counts
     if (!affine_ && sample + 1 < record_.times().size()) enter(sample);
     all_guards(record_.times()[sample], y_.data(), g0_.data());
-    const bool stand = holds && std::none_of(g0_.begin(), g0_.end(), [](double g) { return g < 0.0; });
+    const bool stand = holds && !any_negative(g0_.data(), guard_count());
     if (!stand) settle(sample);
     corrected_ = stand && !affine_ && !memory_;
 }

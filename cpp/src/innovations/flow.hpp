@@ -26,19 +26,22 @@ struct Step {
 // One set of modes, prepared. y = (states, generator of the inputs, 1, torques of unknown course).
 struct Frozen {
     Eigen::MatrixXd A, outputs, guards;
-    std::vector<double> packed;  // A, column-major, padded rows
-    double bound = 0.0;          // on its spectral radius, 1/s
-    std::vector<Step> steps;     // most_lengths at most
-    unsigned contacts = 0;       // bit c: connection c carries
-    Modes pattern;               // what its tangent depends on: see Flow::pattern_of
-    std::vector<std::vector<double>>
-        guard_gain;  // by phase: G K of the steady gain, column-major; empty until asked for
+    Eigen::MatrixXd late;                                 // what late outputs differ by, along y; empty where none are
+    std::vector<double> packed, watched, shown, shifted;  // A, guards, outputs, late: column-major, padded rows
+    std::vector<std::vector<double>> onward;              // e^{A δ} − 1 of every delay δ, likewise
+    double bound = 0.0;                                   // on the spectral radius of A, 1/s
+    Step whole;                                           // a substep
+    std::vector<Step> parts;                              // most_lengths at most
+    unsigned contacts = 0;                                // bit c: connection c carries
+    Modes pattern;                                        // what its tangent depends on: see Flow::pattern_of
 };
 
 class Flow final {
   public:
-    // Machine and record must outlive the flow. bodies: on which torques of unknown course act.
-    Flow(const Machine& machine, const SampledRecord& record, int substeps, const std::vector<std::string>& bodies);
+    // Machine and record must outlive the flow. bodies: on which torques of unknown course act. late: per channel, how much
+    // earlier than the state its output is, s, less than a sample; empty: none is.
+    Flow(const Machine& machine, const SampledRecord& record, int substeps, const std::vector<std::string>& bodies,
+         const std::vector<double>& late = {});
     ~Flow();
 
     const Layout& layout() const { return layout_; }
@@ -51,10 +54,8 @@ class Flow final {
     double* torques() { return y_.data() + reader_.size(); }
     int torque_count() const { return static_cast<int>(bodies_.size()); }
     int first_torque() const { return reader_.size(); }
-    // y as it was before the loops ticked at a sample, if they did: along it the signals came there.
-    const double* arriving(std::size_t sample) const;
-    // Outputs at the present state, before it is corrected.
-    void outputs(double* out) const;
+    // Outputs at a sample, whose state is not corrected yet.
+    const double* outputs(std::size_t sample);
     std::size_t guard_count() const { return layout_.switches.size() * guards_per_switch; }
     long switches() const { return switches_; }
 
@@ -62,11 +63,11 @@ class Flow final {
     void start(std::size_t sample, const std::map<std::string, double>& initial);
     // From sample k to the next one; false where numbers are lost.
     bool flow(std::size_t sample);
-    // The state moved by K e at a sample. Modes that no longer hold there are found anew.
+    // The state moved by K e at a sample; `moved` has it, and gets what late outputs make of it. Modes that no longer hold
+    // there are found anew.
     // holds: friction holds what rests; else a correction may set it moving, as where a record begins in the midst of a
-    // motion. steady: K is that of the pattern and the phase, whose effect on the guards is kept.
-    void correct(std::size_t sample, const Eigen::MatrixXd& K, const double* e, const double* moved, bool holds,
-                 bool steady);
+    // motion.
+    void correct(std::size_t sample, const KalmanGains::Set& gain, const double* e, double* moved, bool holds);
     std::vector<std::string> elements() const;  // of the patterns
     Modes carrying() const;                     // all meshes carry, all slides, no limit is met
     // The tangent for gains in a pattern: what slides does so at table speed `speed`, and what rests creeps under torques of
@@ -78,14 +79,12 @@ class Flow final {
     std::size_t phase(std::size_t sample) const;
     // e^{A h} from one sample to the next, the ticks of sampled loops in it.
     Eigen::MatrixXd over_a_sample(const Frozen& frozen, std::size_t phase);
-    // The signal of a channel as it is, before its recorder.
-    double signal(std::size_t channel) const;
 
   private:
     Frozen prepare(const exact::Laws<double>& laws, const Modes& modes) const;
-    std::vector<double> packed(const Eigen::MatrixXd& M) const;  // padded rows
     // The propagator over a length of time, null while that length has not come often enough to be worth one.
     const Step* step_of(Frozen& frozen, double length) const;
+    void work_out(Step& step, const Frozen& frozen) const;
     Frozen& frozen();
     // Octaves of the speeds of bodies where a law's memory relaxes as fast as the body turns: LuGre's bristles by σ0 |ω|/g, far
     // stiffer than a sample. Within an octave of where the tangent touches, what it leaves of such a rate is less than the rate
@@ -102,7 +101,10 @@ class Flow final {
     bool through_switches(double t, double length);
     void expand(const double* y, const double* n0, const double* slope, double length);
     void at(double fraction, double* y) const;
-    bool all_guards(double t, const double* y, double* g);
+    void all_guards(double t, const double* y, double* g);
+    // y as it was before the loops ticked at a sample, if they did: along it the signals came there.
+    const double* arriving(std::size_t sample) const;
+    void carry_on(const KalmanGains::Set& gain, const double* e, double* moved);
     void switch_element(double t, int element, int which);
     void wind_clocks(double t);
     std::size_t common_period() const;
@@ -117,6 +119,12 @@ class Flow final {
     // Modes whose tangents are alike as one: a mesh carries or not, a body rests or slides, a limit is met or not, whichever
     // way.
     Modes pattern_of(const Modes& modes) const;
+
+    // A delay of outputs, s, and the channels that have it.
+    struct Delay {
+        double time;
+        std::vector<int> channels;
+    };
 
     const Machine& machine_;
     const SampledRecord& record_;
@@ -135,7 +143,8 @@ class Flow final {
     std::vector<int> relaxing_;  // groups on which a law's memory relaxes
     std::vector<int> octaves_;   // of their speeds, for which now_ was prepared
     Frozen* now_ = nullptr;
-    std::vector<double> y_, out_, terms_, trial_, n0_, n1_, slope_, g0_, g1_;
+    std::vector<Delay> delays_;
+    std::vector<double> y_, out_, terms_, trial_, n0_, n1_, slope_, g0_, g1_, shown_, earlier_;
     std::vector<double> arriving_;
     double ticked_at_ = -1.0;  // s
     Cell cell_;

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "../simulation/mode_rules.hpp"
+#include "../solvers/exact/kernels.hpp"
 #include "flow.hpp"
 
 namespace dualdrive::innovations {
@@ -21,14 +22,13 @@ constexpr double found = 1e-9;           // of the step: a switch is located
 
 }  // namespace
 
-bool Flow::all_guards(double t, const double* y, double* g) {
+void Flow::all_guards(double t, const double* y, double* g) {
     if (affine_) {
-        Eigen::Map<Eigen::VectorXd>(g, now_->guards.rows()) = now_->guards * Eigen::Map<const Eigen::VectorXd>(y, n_);
-        return true;
+        const int rows = exact::padded(static_cast<int>(guard_count()));
+        return exact::kernels().multiply(rows, n_, now_->watched.data(), n_, y, 1, g);
     }
     evaluate(t, y);
     model_.guards(g, nullptr);
-    return true;
 }
 
 void Flow::switch_element(double t, int element, int which) {
@@ -79,7 +79,7 @@ bool Flow::through_switches(double t, double length) {
         if (count < most_switches) {
             all_guards(t, y_.data(), g0_.data());
             all_guards(t + piece, trial_.data(), g1_.data());
-            for (std::size_t k = 0; k < g1_.size(); ++k) {
+            for (std::size_t k = 0; k < guard_count(); ++k) {
                 if (!(g1_[k] < 0.0)) continue;
                 const double at = g0_[k] > 0.0 ? g0_[k] / (g0_[k] - g1_[k]) : 0.0;
                 if (fallen < 0 || at < fraction) {
