@@ -35,6 +35,8 @@ from survey_of_laws import LAWS, MEMORY, NOISE, NOTHING, hidden, records
 RECORDS = ("reversals", "slack")  # under tension; without it, so that flanks open and close
 SHARE = 1e-3  # of the drives' torque, what of unknown course the filter allows for
 FINE = 16  # times as many steps
+#: what these make of the table's angle follows from forces, which no replay of it knows
+BY_FORCE = ("radial_shift", "tilt")
 ROUNDS = 7
 HEAD = ["law", "record", "steps", "µs a sample", "switches", "chi-squared", "its change"]
 
@@ -93,12 +95,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("law", nargs="*", choices=[[], NOTHING, *LAWS], help="all unless given")
+    parser.add_argument(
+        "law", nargs="*", choices=[[], NOTHING, *LAWS], help="all that are replayed unless given"
+    )
     asked = parser.parse_args()
     if not DATA.exists():
         parser.exit(1, f"no records in {DATA}; DUALDRIVE_DATA names the folder of measured data\n")
     found = []
-    for name in asked.law or [NOTHING, *LAWS]:
+    for name in asked.law or [n for n in (NOTHING, *LAWS) if n not in BY_FORCE]:
         for row in rows(name):
             found.append(row)
             print("; ".join(row), flush=True)

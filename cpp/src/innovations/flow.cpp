@@ -42,16 +42,17 @@ std::vector<int> bodies_of(const Machine& machine, const std::vector<std::string
     return bodies;
 }
 
-// Rows of zeros below, as the kernels want them.
-std::vector<double> packed_rows(const Eigen::MatrixXd& M) {
-    const Eigen::MatrixXd padded = padded_rows(M);
-    return {padded.data(), padded.data() + padded.size()};
-}
-
-bool any_negative(const double* g, std::size_t count) {
-    bool any = false;
-    for (std::size_t k = 0; k < count; ++k) any |= g[k] < 0.0;
-    return any;
+// Whether laws that are not affine feel neither inputs nor control, nor these them but through the states.
+bool feels_no_control(const Machine& machine, const Layout& layout) {
+    const auto none = [](const auto& lists) {
+        return std::all_of(lists.begin(), lists.end(), [](const auto& list) { return list.empty(); });
+    };
+    const auto of_user = [](const EffectEntry& e) { return e.of_user(); };
+    const auto driven_directly = [](int current) { return current < 0; };
+    return layout.delays.empty() && none(layout.sensor_effects) && none(layout.encoder_effects) &&
+           none(layout.torque_estimates) && layout.effects_on_inertia.empty() &&
+           std::none_of(machine.effects().begin(), machine.effects().end(), of_user) &&
+           std::none_of(layout.current.begin(), layout.current.end(), driven_directly);
 }
 
 }  // namespace
@@ -65,6 +66,9 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
       recorded_(signals_of(layout_, record)),
       reader_(machine, record.inputs(), layout_, record.generator(), recorded_),
       affine_(!effect_that_is_not_affine(machine) && layout_.delays.empty()),
+      scope_(feels_no_control(machine, layout_) ? Scope::plant : Scope::whole),
+      driven_(driven_rows()),
+      watching_(watching_guards()),
       bodies_(bodies_of(machine, bodies)),
       n_(reader_.size() + static_cast<int>(bodies_.size())),
       outputs_(static_cast<int>(recorded_.size())),
@@ -77,7 +81,10 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
     for (const auto& memory : layout_.memories)
         relaxing_.push_back(layout_.group_of[static_cast<std::size_t>(memory.body)]);
     const auto n = static_cast<std::size_t>(exact::padded(n_));
-    for (auto* v : {&y_, &trial_, &n0_, &n1_, &slope_, &earlier_}) v->assign(n, 0.0);
+    for (auto* v : {&n0_, &n1_, &slope_, &earlier_}) v->assign(n, 0.0);
+    y_.assign(n + 2 * driven_.size(), 0.0);
+    bend_.assign(driven_.size(), 0.0);
+    felt_.assign(static_cast<std::size_t>(exact::padded(static_cast<int>(driven_.size() + watching_.size()))), 0.0);
     const auto guards = static_cast<std::size_t>(exact::padded(static_cast<int>(guard_count())));
     for (auto* g : {&g0_, &g1_}) g->assign(guards, 1.0);
     shown_.assign(static_cast<std::size_t>(2 * exact::padded(outputs_)), 0.0);
@@ -88,7 +95,9 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
         if (own == delays_.end()) own = delays_.insert(own, Delay{late[j], {}});
         own->channels.push_back(static_cast<int>(j));
     }
-    out_.assign(static_cast<std::size_t>(exact::padded(n_ + outputs_ + static_cast<int>(guard_count()))), 0.0);
+    const int looked_at = affine_ ? static_cast<int>(guard_count()) : 0;
+    out_.assign(static_cast<std::size_t>(exact::padded(n_ + outputs_ + looked_at)), 0.0);
+    trial_ = out_;
     y_[static_cast<std::size_t>(reader_.one())] = 1.0;
     modes_.assign(layout_.switches.size(), 0);
     for (std::size_t e = 0; e < modes_.size(); ++e)
@@ -133,14 +142,14 @@ Frozen Flow::prepare(const exact::Laws<double>& laws, const Modes& modes) const 
 
 const Step* Flow::step_of(Frozen& frozen, double length) const {
     if (std::abs(length - h_) <= alike * h_) {
-        if (frozen.whole.flow.empty()) work_out(frozen.whole = Step{h_, 0, {}, {}, {}}, frozen);
+        if (frozen.whole.flow.empty()) work_out(frozen.whole = Step{h_, 0, {}, {}}, frozen);
         return &frozen.whole;
     }
     const auto same = [&](const Step& s) { return std::abs(s.length - length) <= alike * h_; };
     auto own = std::find_if(frozen.parts.begin(), frozen.parts.end(), same);
     if (own == frozen.parts.end()) {
         if (frozen.parts.size() >= most_lengths) return nullptr;
-        own = frozen.parts.insert(own, Step{length, 0, {}, {}, {}});
+        own = frozen.parts.insert(own, Step{length, 0, {}, {}});
     }
     if (own->flow.empty()) {
         if (++own->asked < worth) return nullptr;
@@ -150,20 +159,29 @@ const Step* Flow::step_of(Frozen& frozen, double length) const {
 }
 
 void Flow::work_out(Step& step, const Frozen& frozen) const {
-    Eigen::MatrixXd flow;
+    const auto seen = [&](const Eigen::MatrixXd& flow) {
+        Eigen::MatrixXd all = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(out_.size()), flow.cols());
+        all.topRows(n_) = flow;
+        all.middleRows(n_, outputs_) = product(delays_.empty() ? frozen.outputs : frozen.outputs + frozen.late, flow);
+        if (affine_) all.middleRows(n_ + outputs_, frozen.guards.rows()) = product(frozen.guards, flow);
+        return std::vector<double>(all.data(), all.data() + all.size());
+    };
     if (affine_) {
-        flow = exponential(frozen.A, step.length);
-    } else {
-        const Exponentials e = exponentials(frozen.A, step.length);
-        flow = e.flow;
-        step.phi1 = packed_rows(e.phi1);
-        step.phi2 = packed_rows(e.phi2);
+        step.flow = seen(exponential(frozen.A, step.length));
+        return;
     }
-    Eigen::MatrixXd all = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(out_.size()), n_);
-    all.topRows(n_) = flow;
-    all.middleRows(n_, outputs_) = product(delays_.empty() ? frozen.outputs : frozen.outputs + frozen.late, flow);
-    all.middleRows(n_ + outputs_, frozen.guards.rows()) = product(frozen.guards, flow);
-    step.flow.assign(all.data(), all.data() + all.size());
+    const Exponentials e = exponentials(frozen.A, step.length);
+    const auto d = static_cast<Eigen::Index>(driven_.size());
+    Eigen::MatrixXd flow(n_, n_ + 2 * d), bent(n_, d);
+    flow.leftCols(n_) = e.flow;
+    for (Eigen::Index k = 0; k < d; ++k) {
+        const auto row = static_cast<Eigen::Index>(driven_[static_cast<std::size_t>(k)]);
+        flow.col(n_ + k) = e.phi1.col(row);
+        flow.col(n_ + d + k) = e.phi2.col(row);
+        bent.col(k) = 0.5 * e.phi2.col(row) + e.phi3.col(row);
+    }
+    step.flow = seen(flow);
+    step.bent = seen(bent);
 }
 
 std::vector<int> Flow::octaves() const {
@@ -186,13 +204,19 @@ Eigen::VectorXd Flow::touching() const {
 Frozen& Flow::frozen() {
     octaves_ = octaves();
     auto& known = known_[{modes_, octaves_}];
-    if (!known) {
-        known = std::make_unique<Frozen>(
-            prepare(affine_ ? reader_.read(modes_) : reader_.tangent(modes_, cell_.low, touching().data()), modes_));
-        known->pattern = pattern_of(modes_);
-        known->contacts = contacts_of(modes_);
-    }
+    if (!known) known = std::make_unique<Frozen>(prepared());
     return *known;
+}
+
+Frozen Flow::prepared() {
+    const Eigen::VectorXd z = touching();
+    const auto laws = affine_ ? reader_.read(modes_) : reader_.tangent(modes_, cell_.low, z.data());
+    Frozen own = prepare(laws, modes_);
+    if (!affine_)
+        own.felt = felt(scope_ == Scope::whole ? laws : reader_.tangent(modes_, cell_.low, z.data(), Scope::plant));
+    own.pattern = pattern_of(modes_);
+    own.contacts = contacts_of(modes_);
+    return own;
 }
 
 void Flow::evaluate(double t, const double* z) {
@@ -209,7 +233,8 @@ void Flow::start(std::size_t sample, const std::map<std::string, double>& initia
     }
     const double t = record_.times()[sample];
     cell_ = {t, record_.times()[sample + 1]};
-    at_end_ = corrected_ = false;
+    at_end_ = false;
+    rest_of_ = along_ = nullptr;
     ticked_at_ = -1.0;
     modes_.assign(layout_.switches.size(), 0);
     for (std::size_t e = 0; e < modes_.size(); ++e)
@@ -243,10 +268,6 @@ void Flow::start(std::size_t sample, const std::map<std::string, double>& initia
 // What the laws add to the tangent at (t, y): the rates less A y.
 void Flow::remainder(double t, const double* y, double* n) {
     evaluate(t, y);
-    rest(y, n);
-}
-
-void Flow::rest(const double* y, double* n) const {
     exact::kernels().multiply(exact::padded(n_), first_torque(), now_->packed.data(), n_, y, 1, n);
     for (int k = 0; k < states(); ++k) n[k] = model_.rate()[static_cast<std::size_t>(k)] - n[k];
     for (int k = states(); k < n_; ++k) n[k] = 0.0;
@@ -289,27 +310,11 @@ bool Flow::advance(double t, double length) {
     if (!relaxing_.empty() && octaves() != octaves_) now_ = &frozen();
     const Step* const step = step_of(*now_, length);
     if (!step) {
-        corrected_ = false;
+        rest_of_ = along_ = nullptr;
         return through_switches(t, length);
     }
+    if (!affine_) return integrate(t, *step);
     exact::kernels().multiply(static_cast<int>(out_.size()), n_, step->flow.data(), n_, y_.data(), 1, out_.data());
-    if (!affine_) {
-        if (!corrected_) evaluate(t, y_.data());
-        corrected_ = false;
-        rest(y_.data(), n0_.data());
-        const auto add = [&](const std::vector<double>& phi, const std::vector<double>& x) {
-            exact::kernels().multiply(exact::padded(n_), n_, phi.data(), n_, x.data(), 1, trial_.data());
-            for (int k = 0; k < n_; ++k) out_[static_cast<std::size_t>(k)] += trial_[static_cast<std::size_t>(k)];
-        };
-        add(step->phi1, n0_);
-        remainder(t + length, out_.data(), n1_.data());
-        model_.guards(g1_.data(), nullptr);
-        for (std::size_t k = 0; k < n1_.size(); ++k) slope_[k] = n1_[k] - n0_[k];
-        add(step->phi2, slope_);
-        if (any_negative(g1_.data(), guard_count())) return through_switches(t, length);
-        std::copy_n(out_.data(), n_, y_.data());
-        return std::isfinite(y_[0]);
-    }
     if (any_negative(out_.data() + n_ + outputs_, guard_count())) return through_switches(t, length);
     std::copy_n(out_.data(), n_, y_.data());
     at_end_ = true;
@@ -328,8 +333,10 @@ bool Flow::flow(std::size_t sample) {
     at_end_ = false;
     while (t < end - instant(end)) {
         if (memory_) {
-            evaluate(t, y_.data());
+            feel(t, y_.data());
             memory_->append(t, model_);
+            std::copy_n(felt_.data(), driven_.size(), y_.data() + n_);
+            rest_of_ = now_;
         }
         const double stop = std::min(end, next_tick(t));
         if (stop > t + instant(t)) {
@@ -346,7 +353,8 @@ bool Flow::flow(std::size_t sample) {
                 std::copy_n(record_.generator_states(sample + 1), record_.generator().size(), y_.data() + states());
             }
             tick(t);
-            at_end_ = corrected_ = false;
+            at_end_ = false;
+            if (scope_ == Scope::whole) rest_of_ = nullptr;
         }
     }
     return true;
@@ -392,10 +400,11 @@ void Flow::correct(std::size_t sample, const KalmanGains::Set& gain, const doubl
         if (holds && modes_[static_cast<std::size_t>(element)] == stick::stuck) y_[resting(element)] = 0.0;
     // a corner of the command may lie at the sample: what holds from now on is what counts
     if (!affine_ && sample + 1 < record_.times().size()) enter(sample);
-    all_guards(record_.times()[sample], y_.data(), g0_.data());
-    const bool stand = holds && !any_negative(g0_.data(), guard_count());
-    if (!stand) settle(sample);
-    corrected_ = stand && !affine_ && !memory_;
+    if (affine_ || rest_of_ == now_)
+        guards_near(y_.data(), g0_.data());
+    else
+        all_guards(record_.times()[sample], y_.data(), g0_.data());
+    if (!holds || any_negative(g0_.data(), guard_count())) settle(sample);
 }
 
 }  // namespace dualdrive::innovations

@@ -1,5 +1,5 @@
-// The flow of a machine between samples: exact where it is affine in its modes, exponential Runge–Kutta of order 2 where a
-// law is not, every switch located within the sample.
+// The flow of a machine between samples: exact where it is affine in its modes, an exponential multistep method of order 3
+// where a law is not (multistep.cpp), every switch located within the sample.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,10 +17,12 @@ namespace dualdrive::innovations {
 
 // A length of time for which a set of modes has its propagator: a substep, or what lies between ticks and samples.
 struct Step {
-    double length = 0.0;             // s
-    int asked = 0;                   // how often, until it is worked out
-    std::vector<double> flow;        // [e^{A h}; C e^{A h}; G e^{A h}], column-major, padded rows; empty until then
-    std::vector<double> phi1, phi2;  // packed like A, for what is not affine
+    double length = 0.0;  // s
+    int asked = 0;        // how often, until it is worked out
+    // [e^{A h}; C e^{A h}; G e^{A h}], column-major, padded rows; empty until then. Where a law is not affine
+    // [e^{A h}, h φ₁, h φ₂; C times that], of φ the columns of driven rows
+    std::vector<double> flow;
+    std::vector<double> bent;  // h (φ₂/2 + φ₃) and C times that, likewise
 };
 
 // One set of modes, prepared. y = (states, generator of the inputs, 1, torques of unknown course).
@@ -29,12 +31,20 @@ struct Frozen {
     Eigen::MatrixXd late;                                 // what late outputs differ by, along y; empty where none are
     std::vector<double> packed, watched, shown, shifted;  // A, guards, outputs, late: column-major, padded rows
     std::vector<std::vector<double>> onward;              // e^{A δ} − 1 of every delay δ, likewise
+    std::vector<double> felt;                             // rates and guards that laws act on: of the tangent; likewise
     double bound = 0.0;                                   // on the spectral radius of A, 1/s
     Step whole;                                           // a substep
     std::vector<Step> parts;                              // most_lengths at most
     unsigned contacts = 0;                                // bit c: connection c carries
     Modes pattern;                                        // what its tangent depends on: see Flow::pattern_of
 };
+
+// Whether any guard has fallen.
+inline bool any_negative(const double* g, std::size_t count) {
+    bool any = false;
+    for (std::size_t k = 0; k < count; ++k) any |= g[k] < 0.0;
+    return any;
+}
 
 class Flow final {
   public:
@@ -86,6 +96,7 @@ class Flow final {
     const Step* step_of(Frozen& frozen, double length) const;
     void work_out(Step& step, const Frozen& frozen) const;
     Frozen& frozen();
+    Frozen prepared();  // in the present modes, about the present state
     // Octaves of the speeds of bodies where a law's memory relaxes as fast as the body turns: LuGre's bristles by σ0 |ω|/g, far
     // stiffer than a sample. Within an octave of where the tangent touches, what it leaves of such a rate is less than the rate
     // itself, and exponential integrators bear that (Hochbruck & Ostermann, Acta Numerica 19, 2010, §2.1).
@@ -94,9 +105,14 @@ class Flow final {
     Eigen::VectorXd touching() const;
     void evaluate(double t, const double* z);
     void remainder(double t, const double* y, double* n);
-    void rest(const double* y, double* n) const;  // the same where the laws were evaluated last
-    void enter(std::size_t sample);               // the inputs from a sample on
+    void enter(std::size_t sample);  // the inputs from a sample on
     bool advance(double t, double length);
+    std::vector<int> driven_rows() const;
+    std::vector<int> watching_guards() const;
+    std::vector<double> felt(const exact::Laws<double>& laws) const;
+    void feel(double t, const double* y);
+    void guards_near(const double* y, double* g) const;
+    bool integrate(double t, const Step& step);
     std::size_t resting(int element) const;  // the speed that a friction holds
     bool through_switches(double t, double length);
     void expand(const double* y, const double* n0, const double* slope, double length);
@@ -133,6 +149,9 @@ class Flow final {
     std::vector<int> recorded_;
     exact::Reader<double> reader_;
     const bool affine_;
+    const Scope scope_;                // of what laws that are not affine are felt by
+    const std::vector<int> driven_;    // rates on which they act
+    const std::vector<int> watching_;  // guards that feel them
     const std::vector<int> bodies_;
     const int n_;  // of y
     int outputs_, substeps_, order_ = 0;
@@ -144,7 +163,11 @@ class Flow final {
     std::vector<int> octaves_;   // of their speeds, for which now_ was prepared
     Frozen* now_ = nullptr;
     std::vector<Delay> delays_;
-    std::vector<double> y_, out_, terms_, trial_, n0_, n1_, slope_, g0_, g1_, shown_, earlier_;
+    std::vector<double> y_;     // behind it n, what laws add to the tangent's driven rates, and its change over a step
+    std::vector<double> felt_;  // n and what they add to its guards, where they were felt last
+    const Frozen* rest_of_ = nullptr;  // whose tangent n belongs to; null: it is not known at the present state
+    const Frozen* along_ = nullptr;    // likewise its change, over a whole step
+    std::vector<double> out_, terms_, trial_, n0_, n1_, slope_, bend_, g0_, g1_, shown_, earlier_;
     std::vector<double> arriving_;
     double ticked_at_ = -1.0;  // s
     Cell cell_;
@@ -155,8 +178,7 @@ class Flow final {
     bool spread_ = false;  // ticks do not repeat soon: their gains are those of ticks spread over time
     std::unique_ptr<DelayMemory> memory_;
     long switches_ = 0;
-    bool corrected_ = false;  // the laws were evaluated last at the present state, as corrected
-    bool at_end_ = false;     // out_ holds outputs and guards of the present state: the last sample took one whole step
+    bool at_end_ = false;  // out_ holds outputs of the present state: no tick came after the last step
 };
 
 }  // namespace dualdrive::innovations

@@ -185,6 +185,7 @@ void Flow::settle(std::size_t sample) {
         ++switches_;
     }
     now_ = &frozen();
+    rest_of_ = nullptr;
 }
 
 }  // namespace dualdrive::innovations

@@ -105,16 +105,18 @@ void Model<S>::evaluate(const S& t, const S* z, const Now& now) {
     stored_ = S(0.0);
     if (products_) products_->clear();
     std::fill(body_torque_.begin(), body_torque_.end(), S(0.0));
-    read_inputs(t);
+    const bool whole = now.scope == Scope::whole;
+    whole ? read_inputs(t) : drive_nothing();
     place(z);
     connection_torques();
     motors(z);
-    sense(t);
-    control(t, z);
+    if (whole) sense(t);
+    if (whole) control(t, z);
     body_torques(t);
     friction(t);
     rates(z);
-    energy(z);
+    if (whole) control_rates(z);
+    if (whole) energy(z);
 }
 
 }  // namespace dualdrive

@@ -16,6 +16,12 @@ void Model<S>::read_inputs(const S& t) {
 }
 
 template <class S>
+void Model<S>::drive_nothing() {
+    signal_[static_cast<std::size_t>(layout_.at.T_load)] = S(0.0);
+    std::fill(voltage_.begin(), voltage_.end(), S(0.0));
+}
+
+template <class S>
 void Model<S>::place(const S* z) {
     const auto& at = layout_.at;
     const auto angle = [&](int b) -> S& {
@@ -332,6 +338,12 @@ void Model<S>::rates(const S* z) {
             rate_[static_cast<std::size_t>(s)] =
                 (voltage_[k] + added_voltage_[k] - motor_[k].R * z[s] - motor_[k].C_e * speed) / motor_[k].L;
         }
+}
+
+// Of integrators and filters.
+template <class S>
+void Model<S>::control_rates(const S* z) {
+    const auto& at = layout_.at;
     for (std::size_t b = 0; b < block_.size(); ++b) {
         const auto& place = layout_.blocks[b];
         if (place.integrator < 0 || place.held >= 0) continue;

@@ -53,7 +53,7 @@ typename Reader<R>::Stack Reader<R>::empty() const {
 template <class R>
 void Reader<R>::evaluate(const Modes& modes, const D& t, const std::vector<D>& z, const Inputs& inputs) {
     model_.set_inputs(inputs);
-    model_.evaluate(t, z.data(), {modes.data(), Cell{}, nullptr, nullptr});
+    model_.evaluate(t, z.data(), {modes.data(), Cell{}, nullptr, nullptr, nullptr, scope_});
     const std::size_t n = z.size(), g = layout_.switches.size() * guards_per_switch;
     found_.resize(n + g + recorded_.size() + layout_.blocks.size());
     auto to = std::copy(model_.rate().begin(), model_.rate().end(), found_.begin());
@@ -170,12 +170,14 @@ Laws<R> Reader<R>::read(const Modes& modes) {
 }
 
 template <class R>
-Laws<R> Reader<R>::tangent(const Modes& modes, double t, const double* z) {
+Laws<R> Reader<R>::tangent(const Modes& modes, double t, const double* z, Scope scope) {
     about_.assign(z, z + states());
     when_ = R(t);
+    scope_ = scope;
     Laws<R> laws = read(modes);
     about_.assign(about_.size(), R(0));
     when_ = R(0);
+    scope_ = Scope::whole;
     return laws;
 }
 

@@ -41,8 +41,8 @@ class Reader {
     int one() const { return size() - 1; }                         // the entry that is 1
 
     Laws<R> read(const Modes& modes);
-    // The tangent at state z and time t of a machine that is not affine; read() belongs to zero.
-    Laws<R> tangent(const Modes& modes, double t, const double* z);
+    // The tangent at state z and time t of a machine that is not affine, or of its plant alone; read() belongs to zero.
+    Laws<R> tangent(const Modes& modes, double t, const double* z, Scope scope = Scope::whole);
     Energies<R> energies(const Modes& modes);
 
     // ∂(laws)/∂p for each list of parameter slots that move together.
@@ -82,6 +82,7 @@ class Reader {
     std::vector<D> found_, block_rates_;
     std::vector<R> about_;  // the state that tangents touch at
     R when_{0};
+    Scope scope_ = Scope::whole;
 };
 
 extern template class Reader<double>;
