@@ -142,6 +142,7 @@ class Model {
     std::vector<S> ratio_, inertia_, constant_inertia_, i_, i_m_;
     std::vector<Dual<S, 1>> varied_;  // inertia of each body where effects vary it
 
+    bool rubs_ = false;  // dry friction is among the effects
     Now now_{};
     S time_{};
     const S* state_ = nullptr;

@@ -17,6 +17,7 @@ namespace {
 
 constexpr int most_passes = 8;  // over the modes, until they stand
 constexpr int most_terms = 80;
+constexpr int at_once = 16;              // rows that the kernels take together
 constexpr std::size_t most_lengths = 8;  // of time with propagators of their own, per set of modes
 constexpr int worth = 12;                // times that a length is flown by a series before it gets one
 constexpr double at_rest = 1e-5;         // rad/s: slower, nothing relaxes with the speed
@@ -58,7 +59,7 @@ bool feels_no_control(const Machine& machine, const Layout& layout) {
 }  // namespace
 
 Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, const std::vector<std::string>& bodies,
-           const std::vector<double>& late)
+           std::vector<Output> outputs)
     : machine_(machine),
       record_(record),
       layout_(machine, record.inputs()),
@@ -69,6 +70,7 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
       scope_(feels_no_control(machine, layout_) ? Scope::plant : Scope::whole),
       driven_(driven_rows()),
       watching_(watching_guards()),
+      feeling_(felt_states()),
       bodies_(bodies_of(machine, bodies)),
       n_(reader_.size() + static_cast<int>(bodies_.size())),
       outputs_(static_cast<int>(recorded_.size())),
@@ -83,21 +85,25 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
     const auto n = static_cast<std::size_t>(exact::padded(n_));
     for (auto* v : {&n0_, &n1_, &slope_, &earlier_}) v->assign(n, 0.0);
     y_.assign(n + 2 * driven_.size(), 0.0);
-    bend_.assign(driven_.size(), 0.0);
+    bend_.assign(2 * driven_.size(), 0.0);
+    shift_.assign(feeling_.size(), 0.0);
     felt_.assign(static_cast<std::size_t>(exact::padded(static_cast<int>(driven_.size() + watching_.size()))), 0.0);
     const auto guards = static_cast<std::size_t>(exact::padded(static_cast<int>(guard_count())));
     for (auto* g : {&g0_, &g1_}) g->assign(guards, 1.0);
     shown_.assign(static_cast<std::size_t>(2 * exact::padded(outputs_)), 0.0);
-    for (std::size_t j = 0; j < late.size(); ++j) {
-        if (late[j] == 0.0) continue;
-        const auto same = [&](const Delay& d) { return d.time == late[j]; };
+    shows_ = std::move(outputs);
+    shows_.resize(recorded_.size());
+    for (std::size_t j = 0; j < shows_.size(); ++j) {
+        const double late = shows_[j].late;
+        if (late == 0.0) continue;
+        const auto same = [&](const Delay& d) { return d.time == late; };
         auto own = std::find_if(delays_.begin(), delays_.end(), same);
-        if (own == delays_.end()) own = delays_.insert(own, Delay{late[j], {}});
+        if (own == delays_.end()) own = delays_.insert(own, Delay{late, {}});
         own->channels.push_back(static_cast<int>(j));
     }
     const int looked_at = affine_ ? static_cast<int>(guard_count()) : 0;
-    out_.assign(static_cast<std::size_t>(exact::padded(n_ + outputs_ + looked_at)), 0.0);
-    trial_ = out_;
+    out_.assign(static_cast<std::size_t>((n_ + outputs_ + looked_at + at_once - 1) / at_once * at_once), 0.0);
+    trial_.assign(std::max(out_.size(), felt_.size()), 0.0);
     y_[static_cast<std::size_t>(reader_.one())] = 1.0;
     modes_.assign(layout_.switches.size(), 0);
     for (std::size_t e = 0; e < modes_.size(); ++e)
@@ -142,14 +148,14 @@ Frozen Flow::prepare(const exact::Laws<double>& laws, const Modes& modes) const 
 
 const Step* Flow::step_of(Frozen& frozen, double length) const {
     if (std::abs(length - h_) <= alike * h_) {
-        if (frozen.whole.flow.empty()) work_out(frozen.whole = Step{h_, 0, {}, {}}, frozen);
+        if (frozen.whole.flow.empty()) work_out(frozen.whole = Step{h_, 0, {}}, frozen);
         return &frozen.whole;
     }
     const auto same = [&](const Step& s) { return std::abs(s.length - length) <= alike * h_; };
     auto own = std::find_if(frozen.parts.begin(), frozen.parts.end(), same);
     if (own == frozen.parts.end()) {
         if (frozen.parts.size() >= most_lengths) return nullptr;
-        own = frozen.parts.insert(own, Step{length, 0, {}, {}});
+        own = frozen.parts.insert(own, Step{length, 0, {}});
     }
     if (own->flow.empty()) {
         if (++own->asked < worth) return nullptr;
@@ -172,16 +178,15 @@ void Flow::work_out(Step& step, const Frozen& frozen) const {
     }
     const Exponentials e = exponentials(frozen.A, step.length);
     const auto d = static_cast<Eigen::Index>(driven_.size());
-    Eigen::MatrixXd flow(n_, n_ + 2 * d), bent(n_, d);
+    Eigen::MatrixXd flow(n_, n_ + 3 * d);
     flow.leftCols(n_) = e.flow;
     for (Eigen::Index k = 0; k < d; ++k) {
         const auto row = static_cast<Eigen::Index>(driven_[static_cast<std::size_t>(k)]);
         flow.col(n_ + k) = e.phi1.col(row);
         flow.col(n_ + d + k) = e.phi2.col(row);
-        bent.col(k) = 0.5 * e.phi2.col(row) + e.phi3.col(row);
+        flow.col(n_ + 2 * d + k) = e.phi3.col(row);
     }
     step.flow = seen(flow);
-    step.bent = seen(bent);
 }
 
 std::vector<int> Flow::octaves() const {
@@ -234,7 +239,7 @@ void Flow::start(std::size_t sample, const std::map<std::string, double>& initia
     const double t = record_.times()[sample];
     cell_ = {t, record_.times()[sample + 1]};
     at_end_ = false;
-    rest_of_ = along_ = nullptr;
+    rest_of_ = along_ = slopes_of_ = nullptr;
     ticked_at_ = -1.0;
     modes_.assign(layout_.switches.size(), 0);
     for (std::size_t e = 0; e < modes_.size(); ++e)
@@ -394,12 +399,14 @@ void Flow::carry_on(const KalmanGains::Set& gain, const double* e, double* moved
 
 void Flow::correct(std::size_t sample, const KalmanGains::Set& gain, const double* e, double* moved, bool holds) {
     if (!delays_.empty()) carry_on(gain, e, moved);
+    std::copy_n(y_.data(), states(), earlier_.data());
     for (int i = 0; i < states(); ++i) y_[static_cast<std::size_t>(i)] += moved[i];
     for (int j = 0; j < torque_count(); ++j) torques()[j] += moved[states() + j];
     for (const int element : sticks_)
         if (holds && modes_[static_cast<std::size_t>(element)] == stick::stuck) y_[resting(element)] = 0.0;
     // a corner of the command may lie at the sample: what holds from now on is what counts
     if (!affine_ && sample + 1 < record_.times().size()) enter(sample);
+    if (holds && !affine_ && rest_of_ == now_) feel_correction(record_.times()[sample], earlier_.data());
     if (affine_ || rest_of_ == now_)
         guards_near(y_.data(), g0_.data());
     else

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
 #include <map>
 #include <memory>
 #include <vector>
@@ -20,9 +21,8 @@ struct Step {
     double length = 0.0;  // s
     int asked = 0;        // how often, until it is worked out
     // [e^{A h}; C e^{A h}; G e^{A h}], column-major, padded rows; empty until then. Where a law is not affine
-    // [e^{A h}, h φ₁, h φ₂; C times that], of φ the columns of driven rows
+    // [e^{A h}, h φ₁, h φ₂, h φ₃; C times that], of φ the columns of driven rows
     std::vector<double> flow;
-    std::vector<double> bent;  // h (φ₂/2 + φ₃) and C times that, likewise
 };
 
 // One set of modes, prepared. y = (states, generator of the inputs, 1, torques of unknown course).
@@ -48,10 +48,16 @@ inline bool any_negative(const double* g, std::size_t count) {
 
 class Flow final {
   public:
-    // Machine and record must outlive the flow. bodies: on which torques of unknown course act. late: per channel, how much
-    // earlier than the state its output is, s, less than a sample; empty: none is.
+    // How a channel shows.
+    struct Output {
+        double late = 0.0;  // how much earlier than the state it is, s: less than a sample
+        // by how much a step of integration may bend it
+        double tolerance = std::numeric_limits<double>::infinity();
+    };
+    // Machine and record must outlive the flow. bodies: on which torques of unknown course act. outputs: per channel; empty:
+    // they are as above.
     Flow(const Machine& machine, const SampledRecord& record, int substeps, const std::vector<std::string>& bodies,
-         const std::vector<double>& late = {});
+         std::vector<Output> outputs = {});
     ~Flow();
 
     const Layout& layout() const { return layout_; }
@@ -110,9 +116,14 @@ class Flow final {
     std::vector<int> driven_rows() const;
     std::vector<int> watching_guards() const;
     std::vector<double> felt(const exact::Laws<double>& laws) const;
+    std::vector<int> felt_states() const;
     void feel(double t, const double* y);
+    void feel_correction(double t, const double* before);
     void guards_near(const double* y, double* g) const;
     bool integrate(double t, const Step& step);
+    void begin_step(double t, double length);
+    void bend(const Step& step);
+    bool bends_too_much() const;
     std::size_t resting(int element) const;  // the speed that a friction holds
     bool through_switches(double t, double length);
     void expand(const double* y, const double* n0, const double* slope, double length);
@@ -152,6 +163,7 @@ class Flow final {
     const Scope scope_;                // of what laws that are not affine are felt by
     const std::vector<int> driven_;    // rates on which they act
     const std::vector<int> watching_;  // guards that feel them
+    const std::vector<int> feeling_;   // states that they feel
     const std::vector<int> bodies_;
     const int n_;  // of y
     int outputs_, substeps_, order_ = 0;
@@ -166,8 +178,14 @@ class Flow final {
     std::vector<double> y_;     // behind it n, what laws add to the tangent's driven rates, and its change over a step
     std::vector<double> felt_;  // n and what they add to its guards, where they were felt last
     const Frozen* rest_of_ = nullptr;  // whose tangent n belongs to; null: it is not known at the present state
-    const Frozen* along_ = nullptr;    // likewise its change, over a whole step
-    std::vector<double> out_, terms_, trial_, n0_, n1_, slope_, bend_, g0_, g1_, shown_, earlier_;
+    const Frozen* along_ = nullptr;    // likewise its change, over a step of this length, s
+    double along_length_ = 0.0;
+    double before_ = 0.0;         // ρ, the step before over the present one
+    std::vector<double> slopes_;  // by how much the laws' own slopes along these states differ from the tangent's
+    const Frozen* slopes_of_ = nullptr;  // likewise
+    int slopes_serve_ = 0;               // corrections for which they serve
+    std::vector<Output> shows_;
+    std::vector<double> out_, terms_, trial_, n0_, n1_, slope_, bend_, shift_, g0_, g1_, shown_, earlier_;
     std::vector<double> arriving_;
     double ticked_at_ = -1.0;  // s
     Cell cell_;

@@ -49,10 +49,17 @@ std::vector<Reading> readings_of(const Machine& machine, const SampledRecord& re
     return readings;
 }
 
-std::vector<double> rests(const std::vector<Reading>& readings) {
-    std::vector<double> late;
-    for (const Reading& r : readings) late.push_back(r.rest());
-    return late;
+// Of a sensor's noise, by what a step of integration may bend. It stays in the state for many samples.
+constexpr double bent = 1e-2;
+
+std::vector<Flow::Output> outputs_of(const std::vector<Reading>& readings, const NoiseModel& noise) {
+    std::vector<Flow::Output> outputs;
+    for (std::size_t j = 0; j < readings.size(); ++j) {
+        outputs.push_back({.late = readings[j].rest()});
+        const double own = std::hypot(noise.sensors[j].drive, noise.sensors[j].white);
+        if (own > 0.0) outputs.back().tolerance = bent * own;
+    }
+    return outputs;
 }
 
 std::vector<std::string> pushed(const NoiseModel& noise) {
@@ -107,7 +114,7 @@ class Replay {
           readings_(readings_of(machine, record)),
           bodies_(pushed(gains.noise)),
           sensors_(gains.noise),
-          flow_(machine, record, options.substeps, bodies_, rests(readings_)),
+          flow_(machine, record, options.substeps, bodies_, outputs_of(readings_, gains.noise)),
           schedule_(machine, record, gains, options.learn, flow_),
           channels_(record.channels().size()),
           states_(static_cast<std::size_t>(flow_.states())),

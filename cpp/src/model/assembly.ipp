@@ -18,6 +18,7 @@ Model<S>::Model(const Machine& machine, const Inputs& inputs, const Layout& layo
     resize(layout.signals.size(), signal_);
     resize(static_cast<std::size_t>(layout.size()), rate_);
     block_.resize(layout.blocks.size());
+    for (const auto& laws : layout.friction_on_body) rubs_ = rubs_ || !laws.empty();
     if constexpr (!std::is_same_v<S, double>) {
         const std::vector<S> lifted(machine.values().begin(), machine.values().end());
         set_parameters(lifted.data());

@@ -271,10 +271,11 @@ template <class S>
 void Model<S>::friction(const S& t) {
     const auto& at = layout_.at;
     std::fill(torque_.begin(), torque_.end(), S(0.0));
-    std::fill(limit_forward_.begin(), limit_forward_.end(), S(0.0));
-    std::fill(limit_backward_.begin(), limit_backward_.end(), S(0.0));
     for (std::size_t b = 0; b < body_.size(); ++b)
         torque_[static_cast<std::size_t>(layout_.group_of[b])] += ratio_[b] * body_torque_[b];
+    if (!rubs_) return;
+    std::fill(limit_forward_.begin(), limit_forward_.end(), S(0.0));
+    std::fill(limit_backward_.begin(), limit_backward_.end(), S(0.0));
     for (std::size_t b = 0; b < body_.size(); ++b) {
         const auto g = static_cast<std::size_t>(layout_.group_of[b]);
         if (layout_.friction_on_body[b].empty() || layout_.stick_of[g] < 0) continue;
@@ -364,6 +365,7 @@ void Model<S>::control_rates(const S* z) {
 
 template <class S>
 void Model<S>::deliver(Power path, const S& a, const S& b) {
+    if (now_.scope == Scope::plant) return;
     const auto k = static_cast<std::size_t>(path);
     power_[k] += a * b;
     if (products_) products_->push_back({k, a, b});
