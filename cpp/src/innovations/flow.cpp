@@ -17,12 +17,7 @@ namespace {
 
 constexpr int most_passes = 8;  // over the modes, until they stand
 constexpr int most_terms = 80;
-constexpr int at_once = 16;              // rows that the kernels take together
-constexpr std::size_t most_lengths = 8;  // of time with propagators of their own, per set of modes
-constexpr int worth = 12;                // times that a length is flown by a series before it gets one
-constexpr double at_rest = 1e-5;         // rad/s: slower, nothing relaxes with the speed
-constexpr int most_octaves = 40;
-constexpr double alike = 1e-9;  // of a substep: lengths that are the same
+constexpr int at_once = 16;  // rows that the kernels take together
 
 std::vector<int> signals_of(const Layout& layout, const SampledRecord& record) {
     std::vector<int> signals;
@@ -44,14 +39,14 @@ std::vector<int> bodies_of(const Machine& machine, const std::vector<std::string
 }
 
 // Whether laws that are not affine feel neither inputs nor control, nor these them but through the states.
-bool feels_no_control(const Machine& machine, const Layout& layout) {
+bool feels_no_control(const Machine& machine, const Layout& layout, const Inputs& inputs) {
     const auto none = [](const auto& lists) {
         return std::all_of(lists.begin(), lists.end(), [](const auto& list) { return list.empty(); });
     };
     const auto of_user = [](const EffectEntry& e) { return e.of_user(); };
     const auto driven_directly = [](int current) { return current < 0; };
     return layout.delays.empty() && none(layout.sensor_effects) && none(layout.encoder_effects) &&
-           none(layout.torque_estimates) && layout.effects_on_inertia.empty() &&
+           none(layout.torque_estimates) && (layout.effects_on_inertia.empty() || !inputs.contains("T_load")) &&
            std::none_of(machine.effects().begin(), machine.effects().end(), of_user) &&
            std::none_of(layout.current.begin(), layout.current.end(), driven_directly);
 }
@@ -67,7 +62,7 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
       recorded_(signals_of(layout_, record)),
       reader_(machine, record.inputs(), layout_, record.generator(), recorded_),
       affine_(!effect_that_is_not_affine(machine) && layout_.delays.empty()),
-      scope_(feels_no_control(machine, layout_) ? Scope::plant : Scope::whole),
+      scope_(feels_no_control(machine, layout_, record.inputs()) ? Scope::plant : Scope::whole),
       driven_(driven_rows()),
       watching_(watching_guards()),
       feeling_(felt_states()),
@@ -87,6 +82,7 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
     y_.assign(n + 2 * driven_.size(), 0.0);
     bend_.assign(2 * driven_.size(), 0.0);
     shift_.assign(feeling_.size(), 0.0);
+    falling_.assign(most_terms + 1, 0.0);
     felt_.assign(static_cast<std::size_t>(exact::padded(static_cast<int>(driven_.size() + watching_.size()))), 0.0);
     const auto guards = static_cast<std::size_t>(exact::padded(static_cast<int>(guard_count())));
     for (auto* g : {&g0_, &g1_}) g->assign(guards, 1.0);
@@ -114,115 +110,6 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
 }
 
 Flow::~Flow() = default;
-
-Frozen Flow::prepare(const exact::Laws<double>& laws, const Modes& modes) const {
-    const auto widened = [&](const Eigen::MatrixXd& rows, Eigen::Index height) {
-        Eigen::MatrixXd wide = Eigen::MatrixXd::Zero(height, n_);
-        wide.topLeftCorner(rows.rows(), rows.cols()) = rows;
-        return wide;
-    };
-    Frozen f;
-    f.A = widened(laws.A, n_);
-    f.outputs = widened(laws.outputs, laws.outputs.rows());
-    f.guards = widened(laws.guards, laws.guards.rows());
-    for (std::size_t b = 0; b < bodies_.size(); ++b) {
-        const int g = layout_.group_of[static_cast<std::size_t>(bodies_[b])];
-        const int element = layout_.stick_of[static_cast<std::size_t>(g)];
-        const bool rests = element >= 0 && modes[static_cast<std::size_t>(element)] == stick::stuck;
-        if (!layout_.locked[static_cast<std::size_t>(g)] && !rests)
-            f.A(g, first_torque() + static_cast<Eigen::Index>(b)) = model_.ratio(bodies_[b]) / model_.group_inertia(g);
-    }
-    f.bound = spectral_bound(f.A);
-    f.packed = packed_rows(f.A);
-    f.watched = packed_rows(f.guards);
-    f.shown = packed_rows(f.outputs);
-    if (!delays_.empty()) f.late = Eigen::MatrixXd::Zero(f.outputs.rows(), n_);
-    for (const Delay& d : delays_) {
-        const Eigen::MatrixXd along = d.time * f.A, bent = 0.5 * product(along, along);
-        f.onward.push_back(packed_rows(along + bent));
-        for (const int j : d.channels) f.late.row(j) = f.outputs.row(j) * (bent - along);
-    }
-    f.shifted = packed_rows(f.late);
-    return f;
-}
-
-const Step* Flow::step_of(Frozen& frozen, double length) const {
-    if (std::abs(length - h_) <= alike * h_) {
-        if (frozen.whole.flow.empty()) work_out(frozen.whole = Step{h_, 0, {}}, frozen);
-        return &frozen.whole;
-    }
-    const auto same = [&](const Step& s) { return std::abs(s.length - length) <= alike * h_; };
-    auto own = std::find_if(frozen.parts.begin(), frozen.parts.end(), same);
-    if (own == frozen.parts.end()) {
-        if (frozen.parts.size() >= most_lengths) return nullptr;
-        own = frozen.parts.insert(own, Step{length, 0, {}});
-    }
-    if (own->flow.empty()) {
-        if (++own->asked < worth) return nullptr;
-        work_out(*own, frozen);
-    }
-    return &*own;
-}
-
-void Flow::work_out(Step& step, const Frozen& frozen) const {
-    const auto seen = [&](const Eigen::MatrixXd& flow) {
-        Eigen::MatrixXd all = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(out_.size()), flow.cols());
-        all.topRows(n_) = flow;
-        all.middleRows(n_, outputs_) = product(delays_.empty() ? frozen.outputs : frozen.outputs + frozen.late, flow);
-        if (affine_) all.middleRows(n_ + outputs_, frozen.guards.rows()) = product(frozen.guards, flow);
-        return std::vector<double>(all.data(), all.data() + all.size());
-    };
-    if (affine_) {
-        step.flow = seen(exponential(frozen.A, step.length));
-        return;
-    }
-    const Exponentials e = exponentials(frozen.A, step.length);
-    const auto d = static_cast<Eigen::Index>(driven_.size());
-    Eigen::MatrixXd flow(n_, n_ + 3 * d);
-    flow.leftCols(n_) = e.flow;
-    for (Eigen::Index k = 0; k < d; ++k) {
-        const auto row = static_cast<Eigen::Index>(driven_[static_cast<std::size_t>(k)]);
-        flow.col(n_ + k) = e.phi1.col(row);
-        flow.col(n_ + d + k) = e.phi2.col(row);
-        flow.col(n_ + 2 * d + k) = e.phi3.col(row);
-    }
-    step.flow = seen(flow);
-}
-
-std::vector<int> Flow::octaves() const {
-    std::vector<int> found;
-    for (const int g : relaxing_) {
-        const double speed = std::abs(y_[static_cast<std::size_t>(g)]);
-        found.push_back(speed > at_rest ? 1 + std::min(std::ilogb(speed / at_rest), most_octaves) : 0);
-    }
-    return found;
-}
-
-Eigen::VectorXd Flow::touching() const {
-    Eigen::VectorXd y = Eigen::Map<const Eigen::VectorXd>(y_.data(), n_);
-    for (std::size_t k = 0; k < relaxing_.size(); ++k)
-        if (octaves_[k] > 0)
-            y(relaxing_[k]) = std::copysign(std::ldexp(std::sqrt(2.0) * at_rest, octaves_[k] - 1), y(relaxing_[k]));
-    return y;
-}
-
-Frozen& Flow::frozen() {
-    octaves_ = octaves();
-    auto& known = known_[{modes_, octaves_}];
-    if (!known) known = std::make_unique<Frozen>(prepared());
-    return *known;
-}
-
-Frozen Flow::prepared() {
-    const Eigen::VectorXd z = touching();
-    const auto laws = affine_ ? reader_.read(modes_) : reader_.tangent(modes_, cell_.low, z.data());
-    Frozen own = prepare(laws, modes_);
-    if (!affine_)
-        own.felt = felt(scope_ == Scope::whole ? laws : reader_.tangent(modes_, cell_.low, z.data(), Scope::plant));
-    own.pattern = pattern_of(modes_);
-    own.contacts = contacts_of(modes_);
-    return own;
-}
 
 void Flow::evaluate(double t, const double* z) {
     model_.evaluate(t, z, {modes_.data(), cell_, memory_.get(), nullptr});
@@ -339,7 +226,7 @@ bool Flow::flow(std::size_t sample) {
     while (t < end - instant(end)) {
         if (memory_) {
             feel(t, y_.data());
-            memory_->append(t, model_);
+            memory_->go_on(t, model_);
             std::copy_n(felt_.data(), driven_.size(), y_.data() + n_);
             rest_of_ = now_;
         }
@@ -399,14 +286,14 @@ void Flow::carry_on(const KalmanGains::Set& gain, const double* e, double* moved
 
 void Flow::correct(std::size_t sample, const KalmanGains::Set& gain, const double* e, double* moved, bool holds) {
     if (!delays_.empty()) carry_on(gain, e, moved);
-    std::copy_n(y_.data(), states(), earlier_.data());
+    if (!affine_) std::copy_n(y_.data(), states(), earlier_.data());
     for (int i = 0; i < states(); ++i) y_[static_cast<std::size_t>(i)] += moved[i];
     for (int j = 0; j < torque_count(); ++j) torques()[j] += moved[states() + j];
     for (const int element : sticks_)
         if (holds && modes_[static_cast<std::size_t>(element)] == stick::stuck) y_[resting(element)] = 0.0;
     // a corner of the command may lie at the sample: what holds from now on is what counts
     if (!affine_ && sample + 1 < record_.times().size()) enter(sample);
-    if (holds && !affine_ && rest_of_ == now_) feel_correction(record_.times()[sample], earlier_.data());
+    if (holds && !affine_ && !memory_ && rest_of_ == now_) feel_correction(record_.times()[sample], earlier_.data());
     if (affine_ || rest_of_ == now_)
         guards_near(y_.data(), g0_.data());
     else

@@ -126,6 +126,8 @@ class Flow final {
     bool bends_too_much() const;
     std::size_t resting(int element) const;  // the speed that a friction holds
     bool through_switches(double t, double length);
+    double guard_along(double t, double length, int guard, double fraction);
+    double crossing(double t, double length, int guard, double guess);
     void expand(const double* y, const double* n0, const double* slope, double length);
     void at(double fraction, double* y) const;
     void all_guards(double t, const double* y, double* g);
@@ -185,6 +187,7 @@ class Flow final {
     const Frozen* slopes_of_ = nullptr;  // likewise
     int slopes_serve_ = 0;               // corrections for which they serve
     std::vector<Output> shows_;
+    std::vector<double> falling_;  // a guard's share in each term of a series
     std::vector<double> out_, terms_, trial_, n0_, n1_, slope_, bend_, shift_, g0_, g1_, shown_, earlier_;
     std::vector<double> arriving_;
     double ticked_at_ = -1.0;  // s

@@ -20,7 +20,7 @@ namespace dualdrive::innovations {
 namespace {
 
 constexpr double infinite = std::numeric_limits<double>::infinity();
-constexpr int serves = 64;             // corrections, for which the slopes of laws are kept
+constexpr int serves = 64;             // corrections, for which slopes of laws are kept that one evaluation tells
 constexpr double shortest = 1.0 / 16;  // of a substep: steps that bend too much are halved down to it
 
 }  // namespace
@@ -119,7 +119,7 @@ void Flow::feel_correction(double t, const double* before) {
                 column[d + k] = own(states() + watching_[k], of) - tangent[d + k];
         }
         slopes_of_ = now_;
-        slopes_serve_ = serves;
+        slopes_serve_ = serves * (1 + static_cast<int>(feeling_.size()) / directions);
     }
     for (std::size_t c = 0; c < feeling_.size(); ++c) {
         const auto k = static_cast<std::size_t>(feeling_[c]);
@@ -202,6 +202,7 @@ bool Flow::integrate(double t, const Step& step) {
     along_ = now_;
     std::copy_n(out_.data(), n_, y_.data());
     at_end_ = true;
+    if (memory_) memory_->arrive(t + length, model_);
     return std::isfinite(y_[0]);
 }
 
