@@ -257,15 +257,18 @@ const double* Flow::arriving(std::size_t sample) const {
 }
 
 const double* Flow::outputs(std::size_t sample) {
-    if (at_end_) return out_.data() + n_;
+    if (at_end_ && delays_.empty()) return out_.data() + n_;
     const int rows = exact::padded(outputs_);
-    double* const differ = shown_.data() + rows;
-    exact::kernels().multiply(rows, n_, now_->shown.data(), n_, y_.data(), 1, shown_.data());
-    if (!delays_.empty()) {
-        exact::kernels().multiply(rows, n_, now_->shifted.data(), n_, arriving(sample), 1, differ);
-        for (int j = 0; j < outputs_; ++j) shown_[static_cast<std::size_t>(j)] += differ[j];
-    }
-    return shown_.data();
+    double* const shown = shown_.data();
+    double* const differ = shown + rows;
+    if (at_end_)
+        std::copy_n(out_.data() + n_, outputs_, shown);
+    else
+        exact::kernels().multiply(rows, n_, now_->shown.data(), n_, y_.data(), 1, shown);
+    if (delays_.empty()) return shown;
+    exact::kernels().multiply(rows, n_, now_->shifted.data(), n_, arriving(sample), 1, differ);
+    for (int j = 0; j < outputs_; ++j) shown[j] += differ[j];
+    return shown;
 }
 
 // A reading of a moment before tells of the state then: what it corrects there has flowed on since. Corrections of the

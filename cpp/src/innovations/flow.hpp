@@ -28,15 +28,15 @@ struct Step {
 // One set of modes, prepared. y = (states, generator of the inputs, 1, torques of unknown course).
 struct Frozen {
     Eigen::MatrixXd A, outputs, guards;
-    Eigen::MatrixXd late;                                 // what late outputs differ by, along y; empty where none are
-    std::vector<double> packed, watched, shown, shifted;  // A, guards, outputs, late: column-major, padded rows
-    std::vector<std::vector<double>> onward;              // e^{A δ} − 1 of every delay δ, likewise
-    std::vector<double> felt;                             // rates and guards that laws act on: of the tangent; likewise
-    double bound = 0.0;                                   // on the spectral radius of A, 1/s
-    Step whole;                                           // a substep
-    std::vector<Step> parts;                              // most_lengths at most
-    unsigned contacts = 0;                                // bit c: connection c carries
-    Modes pattern;                                        // what its tangent depends on: see Flow::pattern_of
+    std::vector<double> packed, watched, shown,
+        shifted;                              // A, guards, outputs, and what late ones differ by: padded rows
+    std::vector<std::vector<double>> onward;  // e^{A δ} − 1 of every delay δ, likewise
+    std::vector<double> felt;                 // rates and guards that laws act on: of the tangent; likewise
+    double bound = 0.0;                       // on the spectral radius of A, 1/s
+    Step whole;                               // a substep
+    std::vector<Step> parts;                  // most_lengths at most
+    unsigned contacts = 0;                    // bit c: connection c carries
+    Modes pattern;                            // what its tangent depends on: see Flow::pattern_of
 };
 
 // Whether any guard has fallen.

@@ -38,13 +38,13 @@ Frozen Flow::prepare(const exact::Laws<double>& laws, const Modes& modes) const 
     f.packed = packed_rows(f.A);
     f.watched = packed_rows(f.guards);
     f.shown = packed_rows(f.outputs);
-    if (!delays_.empty()) f.late = Eigen::MatrixXd::Zero(f.outputs.rows(), n_);
+    Eigen::MatrixXd differ = Eigen::MatrixXd::Zero(f.outputs.rows(), n_);  // C (e^{−A δ} − 1), to second order
     for (const Delay& d : delays_) {
         const Eigen::MatrixXd along = d.time * f.A, bent = 0.5 * product(along, along);
         f.onward.push_back(packed_rows(along + bent));
-        for (const int j : d.channels) f.late.row(j) = f.outputs.row(j) * (bent - along);
+        for (const int j : d.channels) differ.row(j) = f.outputs.row(j) * (bent - along);
     }
-    f.shifted = packed_rows(f.late);
+    f.shifted = packed_rows(differ);
     return f;
 }
 
@@ -70,7 +70,7 @@ void Flow::work_out(Step& step, const Frozen& frozen) const {
     const auto seen = [&](const Eigen::MatrixXd& flow) {
         Eigen::MatrixXd all = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(out_.size()), flow.cols());
         all.topRows(n_) = flow;
-        all.middleRows(n_, outputs_) = product(delays_.empty() ? frozen.outputs : frozen.outputs + frozen.late, flow);
+        all.middleRows(n_, outputs_) = product(frozen.outputs, flow);
         if (affine_) all.middleRows(n_ + outputs_, frozen.guards.rows()) = product(frozen.guards, flow);
         return std::vector<double>(all.data(), all.data() + all.size());
     };

@@ -20,7 +20,7 @@ namespace dualdrive::innovations {
 namespace {
 
 constexpr double infinite = std::numeric_limits<double>::infinity();
-constexpr int serves = 64;             // corrections, for which slopes of laws are kept that one evaluation tells
+constexpr int serves = 128;            // corrections, for which slopes of laws are kept that one evaluation tells
 constexpr double shortest = 1.0 / 16;  // of a substep: steps that bend too much are halved down to it
 
 }  // namespace
