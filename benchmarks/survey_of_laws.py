@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import math
 import time
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
@@ -129,10 +130,14 @@ def hidden(name: str, draw: int) -> tuple[dd.Machine, dict[str, float], np.rando
     return machine, numbers, rng
 
 
-def records(machine: dd.Machine, rng: np.random.Generator) -> dict[str, Trace]:
-    """What its sensors say on the bench's motions."""
+def records(
+    machine: dd.Machine, rng: np.random.Generator, which: Sequence[str] = ()
+) -> dict[str, Trace]:
+    """What its sensors say on the bench's motions, or on some of them."""
     found = {}
     for path in sorted((DATA / "coulomb_table").glob("*.csv")):
+        if which and path.stem not in which:
+            continue
         measured = read_trace(path)
         own = machine.copy()
         for key, value in SLACK.get(path.stem, {}).items():

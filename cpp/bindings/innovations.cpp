@@ -62,13 +62,18 @@ void bind_innovations(nb::module_& m) {
             "phases", [](const KalmanGains& g) { return g.steady.at(g.carrying).sets.size(); },
             "Samples after which the ticks of sampled loops repeat; each has gains of its own.")
         .def(
-            "K", [](const KalmanGains& g, std::size_t phase) { return g.steady.at(g.carrying)[phase].K; },
+            "K",
+            [](const KalmanGains& g, std::size_t phase) -> Eigen::MatrixXd {
+                return g.steady.at(g.carrying)[phase].K();
+            },
             nb::arg("phase") = 0,
             "The steady gain, shape (states + torques + channels, again where of order two, again where zeros drift; "
             "channels).")
         .def(
             "whitening",
-            [](const KalmanGains& g, std::size_t phase) { return g.steady.at(g.carrying)[phase].whitening; },
+            [](const KalmanGains& g, std::size_t phase) -> Eigen::MatrixXd {
+                return g.steady.at(g.carrying)[phase].whitening();
+            },
             nb::arg("phase") = 0, "Its S^(-1/2), lower triangular, shape (channels, channels).")
         .def(
             "log_det", [](const KalmanGains& g, std::size_t phase) { return g.steady.at(g.carrying)[phase].log_det; },

@@ -101,15 +101,20 @@ class SampledRecord {
 // does not learn: gains are held where a law is scored.
 struct KalmanGains {
     struct Set {
+        // S^(−1/2) above K, and rows of zeros below as the kernels want them: one product with an innovation tells all.
+        Eigen::MatrixXd stacked;
+        Eigen::Index states = 0;  // rows of K
+        double log_det = 0.0;     // log det S
         // (states + torques + channels, again where of order two, again where zeros drift) × channels
-        Eigen::MatrixXd K;
-        Eigen::MatrixXd whitening;  // S^(−1/2), lower triangular
-        double log_det = 0.0;       // log det S
+        auto K() const { return stacked.middleRows(stacked.cols(), states); }
+        auto whitening() const { return stacked.topRows(stacked.cols()); }  // S^(−1/2), lower triangular
     };
     // By the phase of a sample between the ticks of sampled loops; one set where it serves all.
     struct Phased {
         std::vector<Set> sets;
-        const Set& operator[](std::size_t phase) const { return sets[phase % sets.size()]; }
+        const Set& operator[](std::size_t phase) const {
+            return sets.size() == 1 ? sets[0] : sets[phase % sets.size()];
+        }
     };
     struct Piece {
         Phased sets;

@@ -27,6 +27,9 @@ struct Product {
     S a, b;
 };
 
+// What is evaluated: all of it, or the plant alone, as if nothing drove it: neither inputs, nor control, nor energies.
+enum class Scope { whole, plant };
+
 template <class S>
 class Model {
   public:
@@ -48,6 +51,7 @@ class Model {
         const Past<S>* past;              // null: delayed signals equal the present ones (start of a run)
         const S* motor_torque = nullptr;  // recorded motor torques in place of K_d I (torque balance)
         const S* load = nullptr;  // torques of the connections that load-dependent losses go by (torque balance)
+        Scope scope = Scope::whole;
     };
 
     // Everything at time t and state z; the accessors below refer to the last call.
@@ -96,6 +100,7 @@ class Model {
 
   private:
     void read_inputs(const S& t);
+    void drive_nothing();
     void connection_torques();
     void motors(const S* z);
     void sense(const S& t);
@@ -113,6 +118,7 @@ class Model {
     void vary_inertia();
     void friction(const S& t);
     void rates(const S* z);
+    void control_rates(const S* z);
     void energy(const S* z);
     BodyPort<S> port(std::size_t body, const S& t) const;
     S load_through(const Layout::Load& load) const;
@@ -136,6 +142,7 @@ class Model {
     std::vector<S> ratio_, inertia_, constant_inertia_, i_, i_m_;
     std::vector<Dual<S, 1>> varied_;  // inertia of each body where effects vary it
 
+    bool rubs_ = false;  // dry friction is among the effects
     Now now_{};
     S time_{};
     const S* state_ = nullptr;

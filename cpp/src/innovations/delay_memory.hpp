@@ -10,44 +10,53 @@
 
 namespace dualdrive::innovations {
 
-// Past values of the delayed signals, one a substep, with straight lines between them.
+// Past values of the delayed signals, one a substep, with straight lines between them. At a sample they jump, where the state
+// is corrected: a signal came to one value and went on from another.
 class DelayMemory final : public Past<double> {
   public:
     DelayMemory(const Layout& layout, const Machine& machine, double step) : layout_(layout), step_(step) {
-        double longest = 0.0;
-        for (const auto& d : layout.delays) longest = std::max(longest, machine.values()[d.slot]);
-        keep_ = static_cast<std::size_t>(longest / step) + 4;
+        for (const auto& d : layout.delays) longest_ = std::max(longest_, machine.values()[d.slot]);
         lines_.resize(layout.delays.size());
     }
-    void append(double t, const Model<double>& model) {
-        if (!times_.empty() && t <= times_.back()) {  // the present sample, corrected
-            times_.pop_back();
-            for (auto& line : lines_) line.pop_back();
-        }
+    // As the model was evaluated last: what signals came to at t; and from what they go on there.
+    void arrive(double t, const Model<double>& model) {
         times_.push_back(t);
-        for (std::size_t d = 0; d < lines_.size(); ++d)
-            lines_[d].push_back(model.signals()[static_cast<std::size_t>(layout_.delays[d].source)]);
-        for (; times_.size() > keep_; times_.pop_front())
+        for (std::size_t d = 0; d < lines_.size(); ++d) lines_[d].push_back({signal(d, model), signal(d, model)});
+        for (; times_.size() > 2 && times_[1] < t - longest_ - step_; times_.pop_front())
             for (auto& line : lines_) line.pop_front();
     }
-    double at(int line, const double& t, const Cell&) const override {
+    void go_on(double t, const Model<double>& model) {
+        if (times_.empty() || t > times_.back() + alike * step_) return arrive(t, model);
+        for (std::size_t d = 0; d < lines_.size(); ++d) lines_[d].back().left = signal(d, model);
+    }
+    // At the end of the cell what it came to, at its beginning from what it went on.
+    double at(int line, const double& t, const Cell& cell) const override {
         const auto& values = lines_[static_cast<std::size_t>(line)];
         if (times_.empty()) return 0.0;
-        if (t <= times_.front() || times_.size() == 1) return t <= times_.front() ? values.front() : values.back();
-        auto after = std::lower_bound(times_.begin(), times_.end(), t);
+        if (t <= times_.front() || times_.size() == 1)
+            return t <= times_.front() ? values.front().left : values.back().left;
+        auto after = t > 0.5 * (cell.low + cell.high)
+                         ? std::lower_bound(times_.begin(), times_.end(), t - alike * step_)
+                         : std::upper_bound(times_.begin(), times_.end(), t + alike * step_);
         if (after == times_.end()) --after;  // less than a step late: on along the last line
         if (after == times_.begin()) ++after;
         const auto k = static_cast<std::size_t>(after - times_.begin());
         const double x = (t - times_[k - 1]) / (times_[k] - times_[k - 1]);
-        return values[k - 1] + x * (values[k] - values[k - 1]);
+        return values[k - 1].left + x * (values[k].come - values[k - 1].left);
     }
 
   private:
+    static constexpr double alike = 1e-6;  // of a step: the same time
+    struct Value {
+        double come, left;
+    };
+    double signal(std::size_t line, const Model<double>& model) const {
+        return model.signals()[static_cast<std::size_t>(layout_.delays[line].source)];
+    }
     const Layout& layout_;
-    double step_;
-    std::size_t keep_;
+    double step_, longest_ = 0.0;  // s
     std::deque<double> times_;
-    std::vector<std::deque<double>> lines_;
+    std::vector<std::deque<Value>> lines_;
 };
 
 }  // namespace dualdrive::innovations

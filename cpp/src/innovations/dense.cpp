@@ -64,6 +64,11 @@ MatrixXd padded_rows(const MatrixXd& A) {
     return wide;
 }
 
+std::vector<double> packed_rows(const MatrixXd& A) {
+    const MatrixXd wide = padded_rows(A);
+    return {wide.data(), wide.data() + wide.size()};
+}
+
 MatrixXd product(const MatrixXd& A, const MatrixXd& B) {
     const auto rows = static_cast<int>(A.rows()), inner = static_cast<int>(A.cols()), padded = exact::padded(rows),
                columns = static_cast<int>(B.cols());
@@ -132,14 +137,16 @@ Exponentials exponentials(const MatrixXd& A, double h) {
     const MatrixXd one = MatrixXd::Identity(n, n);
     const int halvings = halvings_to(spectral_bound(A) * std::abs(h));
     const MatrixXd X = A * (h / std::exp2(halvings));
-    static const auto coefficients = reciprocal_factorials(2);
-    MatrixXd phi2 = polynomial(X, coefficients), phi1 = one + product(X, phi2), flow = one + product(X, phi1);
+    static const auto coefficients = reciprocal_factorials(3);
+    MatrixXd phi3 = polynomial(X, coefficients), phi2 = 0.5 * one + product(X, phi3), phi1 = one + product(X, phi2),
+             flow = one + product(X, phi1);
     for (int k = 0; k < halvings; ++k) {
+        phi3 = 0.125 * (product(phi1, phi2) + 2.0 * phi3 + phi2);
         phi2 = 0.25 * (product(phi1, phi1) + 2.0 * phi2);
         phi1 = 0.5 * (product(flow, phi1) + phi1);
         flow = product(flow, flow);
     }
-    return {flow, phi1 * h, phi2 * h};
+    return {flow, phi1 * h, phi2 * h, phi3 * h};
 }
 
 }  // namespace dualdrive::innovations

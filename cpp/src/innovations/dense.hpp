@@ -2,11 +2,13 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <vector>
 
 namespace dualdrive::innovations {
 
 // With rows of zeros below, as many as the kernels want.
 Eigen::MatrixXd padded_rows(const Eigen::MatrixXd& A);
+std::vector<double> packed_rows(const Eigen::MatrixXd& A);
 
 Eigen::MatrixXd product(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B);
 
@@ -22,10 +24,11 @@ double spectral_bound(const Eigen::MatrixXd& A);
 // e^X for X = A h: the Taylor series of a halved X, e^2X − 1 = (e^X − 1)(e^X + 1).
 Eigen::MatrixXd exponential(const Eigen::MatrixXd& A, double h);
 
-// e^X and h φ₁(X), h φ₂(X): φ₁ = (e^X − 1)/X, φ₂ = (e^X − 1 − X)/X²; φ₁(2X) = (e^X + 1) φ₁(X)/2, φ₂(2X) = (φ₁(X)² +
-// 2 φ₂(X))/4 (Hochbruck, Ostermann, Acta Numerica 19 (2010) 209–286, §3).
+// e^X and h φ₁(X), h φ₂(X), h φ₃(X): φ₁ = (e^X − 1)/X, φ₂ = (φ₁ − 1)/X, φ₃ = (φ₂ − ½)/X; φ₁(2X) = (e^X + 1) φ₁(X)/2, φ₂(2X)
+// = (φ₁(X)² + 2 φ₂(X))/4, φ₃(2X) = (φ₁(X) φ₂(X) + 2 φ₃(X) + φ₂(X))/8 (Hochbruck, Ostermann, Acta Numerica 19 (2010) 209–286,
+// §3).
 struct Exponentials {
-    Eigen::MatrixXd flow, phi1, phi2;
+    Eigen::MatrixXd flow, phi1, phi2, phi3;
 };
 Exponentials exponentials(const Eigen::MatrixXd& A, double h);
 

@@ -17,11 +17,7 @@ namespace {
 
 constexpr int most_passes = 8;  // over the modes, until they stand
 constexpr int most_terms = 80;
-constexpr std::size_t most_lengths = 8;  // of time with propagators of their own, per set of modes
-constexpr int worth = 12;                // times that a length is flown by a series before it gets one
-constexpr double at_rest = 1e-5;         // rad/s: slower, nothing relaxes with the speed
-constexpr int most_octaves = 40;
-constexpr double alike = 1e-9;  // of a substep: lengths that are the same
+constexpr int at_once = 16;  // rows that the kernels take together
 
 std::vector<int> signals_of(const Layout& layout, const SampledRecord& record) {
     std::vector<int> signals;
@@ -42,9 +38,23 @@ std::vector<int> bodies_of(const Machine& machine, const std::vector<std::string
     return bodies;
 }
 
+// Whether laws that are not affine feel neither inputs nor control, nor these them but through the states.
+bool feels_no_control(const Machine& machine, const Layout& layout, const Inputs& inputs) {
+    const auto none = [](const auto& lists) {
+        return std::all_of(lists.begin(), lists.end(), [](const auto& list) { return list.empty(); });
+    };
+    const auto of_user = [](const EffectEntry& e) { return e.of_user(); };
+    const auto driven_directly = [](int current) { return current < 0; };
+    return layout.delays.empty() && none(layout.sensor_effects) && none(layout.encoder_effects) &&
+           none(layout.torque_estimates) && (layout.effects_on_inertia.empty() || !inputs.contains("T_load")) &&
+           std::none_of(machine.effects().begin(), machine.effects().end(), of_user) &&
+           std::none_of(layout.current.begin(), layout.current.end(), driven_directly);
+}
+
 }  // namespace
 
-Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, const std::vector<std::string>& bodies)
+Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, const std::vector<std::string>& bodies,
+           std::vector<Output> outputs)
     : machine_(machine),
       record_(record),
       layout_(machine, record.inputs()),
@@ -52,6 +62,10 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
       recorded_(signals_of(layout_, record)),
       reader_(machine, record.inputs(), layout_, record.generator(), recorded_),
       affine_(!effect_that_is_not_affine(machine) && layout_.delays.empty()),
+      scope_(feels_no_control(machine, layout_, record.inputs()) ? Scope::plant : Scope::whole),
+      driven_(driven_rows()),
+      watching_(watching_guards()),
+      feeling_(felt_states()),
       bodies_(bodies_of(machine, bodies)),
       n_(reader_.size() + static_cast<int>(bodies_.size())),
       outputs_(static_cast<int>(recorded_.size())),
@@ -64,9 +78,28 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
     for (const auto& memory : layout_.memories)
         relaxing_.push_back(layout_.group_of[static_cast<std::size_t>(memory.body)]);
     const auto n = static_cast<std::size_t>(exact::padded(n_));
-    for (auto* v : {&y_, &trial_, &n0_, &n1_, &slope_}) v->assign(n, 0.0);
-    for (auto* g : {&g0_, &g1_}) g->assign(guard_count(), 1.0);
-    out_.assign(static_cast<std::size_t>(exact::padded(n_ + outputs_ + static_cast<int>(guard_count()))), 0.0);
+    for (auto* v : {&n0_, &n1_, &slope_, &earlier_}) v->assign(n, 0.0);
+    y_.assign(n + 2 * driven_.size(), 0.0);
+    bend_.assign(2 * driven_.size(), 0.0);
+    shift_.assign(feeling_.size(), 0.0);
+    falling_.assign(most_terms + 1, 0.0);
+    felt_.assign(static_cast<std::size_t>(exact::padded(static_cast<int>(driven_.size() + watching_.size()))), 0.0);
+    const auto guards = static_cast<std::size_t>(exact::padded(static_cast<int>(guard_count())));
+    for (auto* g : {&g0_, &g1_}) g->assign(guards, 1.0);
+    shown_.assign(static_cast<std::size_t>(2 * exact::padded(outputs_)), 0.0);
+    shows_ = std::move(outputs);
+    shows_.resize(recorded_.size());
+    for (std::size_t j = 0; j < shows_.size(); ++j) {
+        const double late = shows_[j].late;
+        if (late == 0.0) continue;
+        const auto same = [&](const Delay& d) { return d.time == late; };
+        auto own = std::find_if(delays_.begin(), delays_.end(), same);
+        if (own == delays_.end()) own = delays_.insert(own, Delay{late, {}});
+        own->channels.push_back(static_cast<int>(j));
+    }
+    const int looked_at = affine_ ? static_cast<int>(guard_count()) : 0;
+    out_.assign(static_cast<std::size_t>((n_ + outputs_ + looked_at + at_once - 1) / at_once * at_once), 0.0);
+    trial_.assign(std::max(out_.size(), felt_.size()), 0.0);
     y_[static_cast<std::size_t>(reader_.one())] = 1.0;
     modes_.assign(layout_.switches.size(), 0);
     for (std::size_t e = 0; e < modes_.size(); ++e)
@@ -77,94 +110,6 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
 }
 
 Flow::~Flow() = default;
-
-Frozen Flow::prepare(const exact::Laws<double>& laws, const Modes& modes) const {
-    const auto widened = [&](const Eigen::MatrixXd& rows, Eigen::Index height) {
-        Eigen::MatrixXd wide = Eigen::MatrixXd::Zero(height, n_);
-        wide.topLeftCorner(rows.rows(), rows.cols()) = rows;
-        return wide;
-    };
-    Frozen f;
-    f.A = widened(laws.A, n_);
-    f.outputs = widened(laws.outputs, laws.outputs.rows());
-    f.guards = widened(laws.guards, laws.guards.rows());
-    for (std::size_t b = 0; b < bodies_.size(); ++b) {
-        const int g = layout_.group_of[static_cast<std::size_t>(bodies_[b])];
-        const int element = layout_.stick_of[static_cast<std::size_t>(g)];
-        const bool rests = element >= 0 && modes[static_cast<std::size_t>(element)] == stick::stuck;
-        if (!layout_.locked[static_cast<std::size_t>(g)] && !rests)
-            f.A(g, first_torque() + static_cast<Eigen::Index>(b)) = model_.ratio(bodies_[b]) / model_.group_inertia(g);
-    }
-    f.bound = spectral_bound(f.A);
-    f.packed = packed(f.A);
-    return f;
-}
-
-std::vector<double> Flow::packed(const Eigen::MatrixXd& M) const {
-    std::vector<double> columns(static_cast<std::size_t>(exact::padded(n_) * n_), 0.0);
-    Eigen::Map<Eigen::MatrixXd>(columns.data(), exact::padded(n_), n_).topRows(n_) = M;
-    return columns;
-}
-
-const Step* Flow::step_of(Frozen& frozen, double length) const {
-    const auto same = [&](const Step& s) { return std::abs(s.length - length) <= alike * h_; };
-    const bool whole = std::abs(length - h_) <= alike * h_;
-    auto own = std::find_if(frozen.steps.begin(), frozen.steps.end(), same);
-    if (own == frozen.steps.end()) {
-        if (frozen.steps.size() >= most_lengths && !whole) return nullptr;
-        own = frozen.steps.insert(own, Step{length, 0, {}, {}, {}});
-    }
-    if (!own->flow.empty()) return &*own;
-    if (++own->asked < worth && !whole) return nullptr;
-    Eigen::MatrixXd flow;
-    if (affine_) {
-        flow = exponential(frozen.A, length);
-    } else {
-        const Exponentials e = exponentials(frozen.A, length);
-        flow = e.flow;
-        own->phi1 = packed(e.phi1);
-        own->phi2 = packed(e.phi2);
-    }
-    Eigen::MatrixXd all = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(out_.size()), n_);
-    all.topRows(n_) = flow;
-    all.middleRows(n_, outputs_) = product(frozen.outputs, flow);
-    all.middleRows(n_ + outputs_, frozen.guards.rows()) = product(frozen.guards, flow);
-    own->flow.assign(all.data(), all.data() + all.size());
-    return &*own;
-}
-
-std::vector<int> Flow::octaves() const {
-    std::vector<int> found;
-    for (const int g : relaxing_) {
-        const double speed = std::abs(y_[static_cast<std::size_t>(g)]);
-        found.push_back(speed > at_rest ? 1 + std::min(std::ilogb(speed / at_rest), most_octaves) : 0);
-    }
-    return found;
-}
-
-Eigen::VectorXd Flow::touching() const {
-    Eigen::VectorXd y = Eigen::Map<const Eigen::VectorXd>(y_.data(), n_);
-    for (std::size_t k = 0; k < relaxing_.size(); ++k)
-        if (octaves_[k] > 0)
-            y(relaxing_[k]) = std::copysign(std::ldexp(std::sqrt(2.0) * at_rest, octaves_[k] - 1), y(relaxing_[k]));
-    return y;
-}
-
-Frozen& Flow::frozen() {
-    octaves_ = octaves();
-    auto& known = known_[{modes_, octaves_}];
-    if (!known) {
-        known = std::make_unique<Frozen>(
-            prepare(affine_ ? reader_.read(modes_) : reader_.tangent(modes_, cell_.low, touching().data()), modes_));
-        known->pattern = pattern_of(modes_);
-        known->contacts = contacts_of(modes_);
-    }
-    return *known;
-}
-
-double Flow::signal(std::size_t channel) const {
-    return now_->outputs.row(static_cast<Eigen::Index>(channel)).dot(Eigen::Map<const Eigen::VectorXd>(y_.data(), n_));
-}
 
 void Flow::evaluate(double t, const double* z) {
     model_.evaluate(t, z, {modes_.data(), cell_, memory_.get(), nullptr});
@@ -180,7 +125,8 @@ void Flow::start(std::size_t sample, const std::map<std::string, double>& initia
     }
     const double t = record_.times()[sample];
     cell_ = {t, record_.times()[sample + 1]};
-    at_end_ = corrected_ = false;
+    at_end_ = false;
+    rest_of_ = along_ = slopes_of_ = nullptr;
     ticked_at_ = -1.0;
     modes_.assign(layout_.switches.size(), 0);
     for (std::size_t e = 0; e < modes_.size(); ++e)
@@ -214,10 +160,6 @@ void Flow::start(std::size_t sample, const std::map<std::string, double>& initia
 // What the laws add to the tangent at (t, y): the rates less A y.
 void Flow::remainder(double t, const double* y, double* n) {
     evaluate(t, y);
-    rest(y, n);
-}
-
-void Flow::rest(const double* y, double* n) const {
     exact::kernels().multiply(exact::padded(n_), first_torque(), now_->packed.data(), n_, y, 1, n);
     for (int k = 0; k < states(); ++k) n[k] = model_.rate()[static_cast<std::size_t>(k)] - n[k];
     for (int k = states(); k < n_; ++k) n[k] = 0.0;
@@ -260,33 +202,12 @@ bool Flow::advance(double t, double length) {
     if (!relaxing_.empty() && octaves() != octaves_) now_ = &frozen();
     const Step* const step = step_of(*now_, length);
     if (!step) {
-        corrected_ = false;
+        rest_of_ = along_ = nullptr;
         return through_switches(t, length);
     }
+    if (!affine_) return integrate(t, *step);
     exact::kernels().multiply(static_cast<int>(out_.size()), n_, step->flow.data(), n_, y_.data(), 1, out_.data());
-    if (!affine_) {
-        if (!corrected_) evaluate(t, y_.data());
-        corrected_ = false;
-        rest(y_.data(), n0_.data());
-        const auto add = [&](const std::vector<double>& phi, const std::vector<double>& x) {
-            exact::kernels().multiply(exact::padded(n_), n_, phi.data(), n_, x.data(), 1, trial_.data());
-            for (int k = 0; k < n_; ++k) out_[static_cast<std::size_t>(k)] += trial_[static_cast<std::size_t>(k)];
-        };
-        add(step->phi1, n0_);
-        remainder(t + length, out_.data(), n1_.data());
-        model_.guards(g1_.data(), nullptr);
-        for (std::size_t k = 0; k < n1_.size(); ++k) slope_[k] = n1_[k] - n0_[k];
-        add(step->phi2, slope_);
-        const auto fell = std::any_of(g1_.begin(), g1_.end(), [](double g) { return g < 0.0; });
-        if (fell) return through_switches(t, length);
-        std::copy_n(out_.data(), n_, y_.data());
-        return std::isfinite(y_[0]);
-    }
-    const double* g = out_.data() + n_ + outputs_;
-    const auto count = guard_count();
-    bool fell = false;
-    for (std::size_t k = 0; k < count; ++k) fell = fell || g[k] < 0.0;
-    if (fell) return through_switches(t, length);
+    if (any_negative(out_.data() + n_ + outputs_, guard_count())) return through_switches(t, length);
     std::copy_n(out_.data(), n_, y_.data());
     at_end_ = true;
     return std::isfinite(y_[0]);
@@ -304,8 +225,10 @@ bool Flow::flow(std::size_t sample) {
     at_end_ = false;
     while (t < end - instant(end)) {
         if (memory_) {
-            evaluate(t, y_.data());
-            memory_->append(t, model_);
+            feel(t, y_.data());
+            memory_->go_on(t, model_);
+            std::copy_n(felt_.data(), driven_.size(), y_.data() + n_);
+            rest_of_ = now_;
         }
         const double stop = std::min(end, next_tick(t));
         if (stop > t + instant(t)) {
@@ -322,7 +245,8 @@ bool Flow::flow(std::size_t sample) {
                 std::copy_n(record_.generator_states(sample + 1), record_.generator().size(), y_.data() + states());
             }
             tick(t);
-            at_end_ = corrected_ = false;
+            at_end_ = false;
+            if (scope_ == Scope::whole) rest_of_ = nullptr;
         }
     }
     return true;
@@ -332,46 +256,52 @@ const double* Flow::arriving(std::size_t sample) const {
     return std::abs(ticked_at_ - record_.times()[sample]) <= instant(ticked_at_) ? arriving_.data() : y_.data();
 }
 
-void Flow::outputs(double* out) const {
-    if (at_end_) {
-        std::copy_n(out_.data() + n_, outputs_, out);
-    } else {
-        Eigen::Map<Eigen::VectorXd>(out, outputs_) = now_->outputs * Eigen::Map<const Eigen::VectorXd>(y_.data(), n_);
+const double* Flow::outputs(std::size_t sample) {
+    if (at_end_ && delays_.empty()) return out_.data() + n_;
+    const int rows = exact::padded(outputs_);
+    double* const shown = shown_.data();
+    double* const differ = shown + rows;
+    if (at_end_)
+        std::copy_n(out_.data() + n_, outputs_, shown);
+    else
+        exact::kernels().multiply(rows, n_, now_->shown.data(), n_, y_.data(), 1, shown);
+    if (delays_.empty()) return shown;
+    exact::kernels().multiply(rows, n_, now_->shifted.data(), n_, arriving(sample), 1, differ);
+    for (int j = 0; j < outputs_; ++j) shown[j] += differ[j];
+    return shown;
+}
+
+// A reading of a moment before tells of the state then: what it corrects there has flowed on since. Corrections of the
+// present by what is late by half a sample would swing up under gains that hardly trust the model.
+void Flow::carry_on(const KalmanGains::Set& gain, const double* e, double* moved) {
+    const auto K = gain.K();
+    Eigen::Map<Eigen::VectorXd> there(earlier_.data(), n_);
+    for (std::size_t d = 0; d < delays_.size(); ++d) {
+        there.setZero();
+        for (const int j : delays_[d].channels) {
+            there.head(states()) += e[j] * K.col(j).head(states());
+            there.segment(first_torque(), torque_count()) += e[j] * K.col(j).segment(states(), torque_count());
+        }
+        exact::kernels().multiply(exact::padded(n_), n_, now_->onward[d].data(), n_, earlier_.data(), 1, trial_.data());
+        for (int i = 0; i < states(); ++i) moved[i] += trial_[static_cast<std::size_t>(i)];
     }
 }
 
-void Flow::correct(std::size_t sample, const Eigen::MatrixXd& K, const double* e, const double* moved, bool holds,
-                   bool steady) {
+void Flow::correct(std::size_t sample, const KalmanGains::Set& gain, const double* e, double* moved, bool holds) {
+    if (!delays_.empty()) carry_on(gain, e, moved);
+    if (!affine_) std::copy_n(y_.data(), states(), earlier_.data());
     for (int i = 0; i < states(); ++i) y_[static_cast<std::size_t>(i)] += moved[i];
+    for (int j = 0; j < torque_count(); ++j) torques()[j] += moved[states() + j];
     for (const int element : sticks_)
         if (holds && modes_[static_cast<std::size_t>(element)] == stick::stuck) y_[resting(element)] = 0.0;
-    const auto count = guard_count();
-    if (steady && holds && at_end_ && affine_) {
-        now_->guard_gain.resize(phases_);
-        auto& gain = now_->guard_gain[phase(sample)];
-        if (gain.empty()) {
-            gain.resize(count * static_cast<std::size_t>(outputs_));
-            Eigen::MatrixXd own = K.topRows(states());
-            for (const int element : sticks_)
-                if (modes_[static_cast<std::size_t>(element)] == stick::stuck)
-                    own.row(static_cast<Eigen::Index>(resting(element))).setZero();
-            Eigen::Map<Eigen::MatrixXd>(gain.data(), static_cast<Eigen::Index>(count), outputs_) =
-                now_->guards.leftCols(states()) * own;
-        }
-        double* g = out_.data() + n_ + outputs_;
-        for (int j = 0; j < outputs_; ++j)
-            for (std::size_t k = 0; k < count; ++k) g[k] += gain[static_cast<std::size_t>(j) * count + k] * e[j];
-        bool stand = true;
-        for (std::size_t k = 0; k < count; ++k) stand = stand && !(g[k] < 0.0);
-        if (!stand) settle(sample);
-        return;
-    }
     // a corner of the command may lie at the sample: what holds from now on is what counts
     if (!affine_ && sample + 1 < record_.times().size()) enter(sample);
-    all_guards(record_.times()[sample], y_.data(), g0_.data());
-    const bool stand = holds && std::none_of(g0_.begin(), g0_.end(), [](double g) { return g < 0.0; });
-    if (!stand) settle(sample);
-    corrected_ = stand && !affine_ && !memory_;
+    if (holds && !affine_ && !memory_ && rest_of_ == now_) feel_correction(record_.times()[sample], earlier_.data());
+    if (affine_ || rest_of_ == now_)
+        guards_near(y_.data(), g0_.data());
+    else
+        all_guards(record_.times()[sample], y_.data(), g0_.data());
+    if (!holds || any_negative(g0_.data(), guard_count())) settle(sample);
 }
 
 }  // namespace dualdrive::innovations

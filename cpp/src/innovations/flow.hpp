@@ -1,8 +1,9 @@
-// The flow of a machine between samples: exact where it is affine in its modes, exponential Runge–Kutta of order 2 where a
-// law is not, every switch located within the sample.
+// The flow of a machine between samples: exact where it is affine in its modes, an exponential multistep method of order 3
+// where a law is not (multistep.cpp), every switch located within the sample.
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
 #include <map>
 #include <memory>
 #include <vector>
@@ -17,28 +18,46 @@ namespace dualdrive::innovations {
 
 // A length of time for which a set of modes has its propagator: a substep, or what lies between ticks and samples.
 struct Step {
-    double length = 0.0;             // s
-    int asked = 0;                   // how often, until it is worked out
-    std::vector<double> flow;        // [e^{A h}; C e^{A h}; G e^{A h}], column-major, padded rows; empty until then
-    std::vector<double> phi1, phi2;  // packed like A, for what is not affine
+    double length = 0.0;  // s
+    int asked = 0;        // how often, until it is worked out
+    // [e^{A h}; C e^{A h}; G e^{A h}], column-major, padded rows; empty until then. Where a law is not affine
+    // [e^{A h}, h φ₁, h φ₂, h φ₃; C times that], of φ the columns of driven rows
+    std::vector<double> flow;
 };
 
 // One set of modes, prepared. y = (states, generator of the inputs, 1, torques of unknown course).
 struct Frozen {
     Eigen::MatrixXd A, outputs, guards;
-    std::vector<double> packed;  // A, column-major, padded rows
-    double bound = 0.0;          // on its spectral radius, 1/s
-    std::vector<Step> steps;     // most_lengths at most
-    unsigned contacts = 0;       // bit c: connection c carries
-    Modes pattern;               // what its tangent depends on: see Flow::pattern_of
-    std::vector<std::vector<double>>
-        guard_gain;  // by phase: G K of the steady gain, column-major; empty until asked for
+    std::vector<double> packed, watched, shown,
+        shifted;                              // A, guards, outputs, and what late ones differ by: padded rows
+    std::vector<std::vector<double>> onward;  // e^{A δ} − 1 of every delay δ, likewise
+    std::vector<double> felt;                 // rates and guards that laws act on: of the tangent; likewise
+    double bound = 0.0;                       // on the spectral radius of A, 1/s
+    Step whole;                               // a substep
+    std::vector<Step> parts;                  // most_lengths at most
+    unsigned contacts = 0;                    // bit c: connection c carries
+    Modes pattern;                            // what its tangent depends on: see Flow::pattern_of
 };
+
+// Whether any guard has fallen.
+inline bool any_negative(const double* g, std::size_t count) {
+    bool any = false;
+    for (std::size_t k = 0; k < count; ++k) any |= g[k] < 0.0;
+    return any;
+}
 
 class Flow final {
   public:
-    // Machine and record must outlive the flow. bodies: on which torques of unknown course act.
-    Flow(const Machine& machine, const SampledRecord& record, int substeps, const std::vector<std::string>& bodies);
+    // How a channel shows.
+    struct Output {
+        double late = 0.0;  // how much earlier than the state it is, s: less than a sample
+        // by how much a step of integration may bend it
+        double tolerance = std::numeric_limits<double>::infinity();
+    };
+    // Machine and record must outlive the flow. bodies: on which torques of unknown course act. outputs: per channel; empty:
+    // they are as above.
+    Flow(const Machine& machine, const SampledRecord& record, int substeps, const std::vector<std::string>& bodies,
+         std::vector<Output> outputs = {});
     ~Flow();
 
     const Layout& layout() const { return layout_; }
@@ -51,10 +70,8 @@ class Flow final {
     double* torques() { return y_.data() + reader_.size(); }
     int torque_count() const { return static_cast<int>(bodies_.size()); }
     int first_torque() const { return reader_.size(); }
-    // y as it was before the loops ticked at a sample, if they did: along it the signals came there.
-    const double* arriving(std::size_t sample) const;
-    // Outputs at the present state, before it is corrected.
-    void outputs(double* out) const;
+    // Outputs at a sample, whose state is not corrected yet.
+    const double* outputs(std::size_t sample);
     std::size_t guard_count() const { return layout_.switches.size() * guards_per_switch; }
     long switches() const { return switches_; }
 
@@ -62,11 +79,11 @@ class Flow final {
     void start(std::size_t sample, const std::map<std::string, double>& initial);
     // From sample k to the next one; false where numbers are lost.
     bool flow(std::size_t sample);
-    // The state moved by K e at a sample. Modes that no longer hold there are found anew.
+    // The state moved by K e at a sample; `moved` has it, and gets what late outputs make of it. Modes that no longer hold
+    // there are found anew.
     // holds: friction holds what rests; else a correction may set it moving, as where a record begins in the midst of a
-    // motion. steady: K is that of the pattern and the phase, whose effect on the guards is kept.
-    void correct(std::size_t sample, const Eigen::MatrixXd& K, const double* e, const double* moved, bool holds,
-                 bool steady);
+    // motion.
+    void correct(std::size_t sample, const KalmanGains::Set& gain, const double* e, double* moved, bool holds);
     std::vector<std::string> elements() const;  // of the patterns
     Modes carrying() const;                     // all meshes carry, all slides, no limit is met
     // The tangent for gains in a pattern: what slides does so at table speed `speed`, and what rests creeps under torques of
@@ -78,15 +95,14 @@ class Flow final {
     std::size_t phase(std::size_t sample) const;
     // e^{A h} from one sample to the next, the ticks of sampled loops in it.
     Eigen::MatrixXd over_a_sample(const Frozen& frozen, std::size_t phase);
-    // The signal of a channel as it is, before its recorder.
-    double signal(std::size_t channel) const;
 
   private:
     Frozen prepare(const exact::Laws<double>& laws, const Modes& modes) const;
-    std::vector<double> packed(const Eigen::MatrixXd& M) const;  // padded rows
     // The propagator over a length of time, null while that length has not come often enough to be worth one.
     const Step* step_of(Frozen& frozen, double length) const;
+    void work_out(Step& step, const Frozen& frozen) const;
     Frozen& frozen();
+    Frozen prepared();  // in the present modes, about the present state
     // Octaves of the speeds of bodies where a law's memory relaxes as fast as the body turns: LuGre's bristles by σ0 |ω|/g, far
     // stiffer than a sample. Within an octave of where the tangent touches, what it leaves of such a rate is less than the rate
     // itself, and exponential integrators bear that (Hochbruck & Ostermann, Acta Numerica 19, 2010, §2.1).
@@ -95,14 +111,29 @@ class Flow final {
     Eigen::VectorXd touching() const;
     void evaluate(double t, const double* z);
     void remainder(double t, const double* y, double* n);
-    void rest(const double* y, double* n) const;  // the same where the laws were evaluated last
-    void enter(std::size_t sample);               // the inputs from a sample on
+    void enter(std::size_t sample);  // the inputs from a sample on
     bool advance(double t, double length);
+    std::vector<int> driven_rows() const;
+    std::vector<int> watching_guards() const;
+    std::vector<double> felt(const exact::Laws<double>& laws) const;
+    std::vector<int> felt_states() const;
+    void feel(double t, const double* y);
+    void feel_correction(double t, const double* before);
+    void guards_near(const double* y, double* g) const;
+    bool integrate(double t, const Step& step);
+    void begin_step(double t, double length);
+    void bend(const Step& step);
+    bool bends_too_much() const;
     std::size_t resting(int element) const;  // the speed that a friction holds
     bool through_switches(double t, double length);
+    double guard_along(double t, double length, int guard, double fraction);
+    double crossing(double t, double length, int guard, double guess);
     void expand(const double* y, const double* n0, const double* slope, double length);
     void at(double fraction, double* y) const;
-    bool all_guards(double t, const double* y, double* g);
+    void all_guards(double t, const double* y, double* g);
+    // y as it was before the loops ticked at a sample, if they did: along it the signals came there.
+    const double* arriving(std::size_t sample) const;
+    void carry_on(const KalmanGains::Set& gain, const double* e, double* moved);
     void switch_element(double t, int element, int which);
     void wind_clocks(double t);
     std::size_t common_period() const;
@@ -118,6 +149,12 @@ class Flow final {
     // way.
     Modes pattern_of(const Modes& modes) const;
 
+    // A delay of outputs, s, and the channels that have it.
+    struct Delay {
+        double time;
+        std::vector<int> channels;
+    };
+
     const Machine& machine_;
     const SampledRecord& record_;
     const Layout layout_;
@@ -125,6 +162,10 @@ class Flow final {
     std::vector<int> recorded_;
     exact::Reader<double> reader_;
     const bool affine_;
+    const Scope scope_;                // of what laws that are not affine are felt by
+    const std::vector<int> driven_;    // rates on which they act
+    const std::vector<int> watching_;  // guards that feel them
+    const std::vector<int> feeling_;   // states that they feel
     const std::vector<int> bodies_;
     const int n_;  // of y
     int outputs_, substeps_, order_ = 0;
@@ -135,7 +176,19 @@ class Flow final {
     std::vector<int> relaxing_;  // groups on which a law's memory relaxes
     std::vector<int> octaves_;   // of their speeds, for which now_ was prepared
     Frozen* now_ = nullptr;
-    std::vector<double> y_, out_, terms_, trial_, n0_, n1_, slope_, g0_, g1_;
+    std::vector<Delay> delays_;
+    std::vector<double> y_;     // behind it n, what laws add to the tangent's driven rates, and its change over a step
+    std::vector<double> felt_;  // n and what they add to its guards, where they were felt last
+    const Frozen* rest_of_ = nullptr;  // whose tangent n belongs to; null: it is not known at the present state
+    const Frozen* along_ = nullptr;    // likewise its change, over a step of this length, s
+    double along_length_ = 0.0;
+    double before_ = 0.0;         // ρ, the step before over the present one
+    std::vector<double> slopes_;  // by how much the laws' own slopes along these states differ from the tangent's
+    const Frozen* slopes_of_ = nullptr;  // likewise
+    int slopes_serve_ = 0;               // corrections for which they serve
+    std::vector<Output> shows_;
+    std::vector<double> falling_;  // a guard's share in each term of a series
+    std::vector<double> out_, terms_, trial_, n0_, n1_, slope_, bend_, shift_, g0_, g1_, shown_, earlier_;
     std::vector<double> arriving_;
     double ticked_at_ = -1.0;  // s
     Cell cell_;
@@ -146,8 +199,7 @@ class Flow final {
     bool spread_ = false;  // ticks do not repeat soon: their gains are those of ticks spread over time
     std::unique_ptr<DelayMemory> memory_;
     long switches_ = 0;
-    bool corrected_ = false;  // the laws were evaluated last at the present state, as corrected
-    bool at_end_ = false;     // out_ holds outputs and guards of the present state: the last sample took one whole step
+    bool at_end_ = false;  // out_ holds outputs of the present state: no tick came after the last step
 };
 
 }  // namespace dualdrive::innovations

@@ -39,6 +39,7 @@ const Modes& GainSchedule::known(const Modes& pattern) {
 void GainSchedule::begin(const Modes& modes, std::size_t phase) {
     const Modes& pattern = known(modes);
     age_ = piece_ = 0;
+    settled_ = nullptr;
     const KalmanGains::Begin key{pattern, phase};
     if (const auto known = gains_.first.find(key); known != gains_.first.end()) {
         now_ = {false, known->second};
@@ -65,22 +66,22 @@ void GainSchedule::depart(const Modes& modes, std::size_t phase) {
     }
     now_ = after(pattern, phase);
     age_ = piece_ = 0;
+    settled_ = nullptr;
 }
 
-GainSchedule::Scheduled GainSchedule::at(const Modes& modes, std::size_t phase) {
-    const Modes& pattern = known(modes);
-    for (;;) {
+const KalmanGains::Set& GainSchedule::at(std::size_t phase) {
+    while (!settled_) {
         const Sojourn& own = sojourn(now_);
         while (piece_ < own.pieces.size() && own.pieces[piece_].end <= age_) ++piece_;
-        if (piece_ < own.pieces.size()) return {own.pieces[piece_].sets[phase], false};
+        if (piece_ < own.pieces.size()) return own.pieces[piece_].sets[phase];
         if (!own.settled) {
             work_out();
             continue;
         }
-        const KalmanGains::Phased* last = steady(own.pattern);
-        if (!last) throw std::domain_error("predict: no steady gain; a state grows that no sensor sees");
-        return {(*last)[phase], pattern == own.pattern};
+        settled_ = steady(own.pattern);
+        if (!settled_) throw std::domain_error("predict: no steady gain; a state grows that no sensor sees");
     }
+    return (*settled_)[phase];
 }
 
 const KalmanGains::Sojourn& GainSchedule::sojourn(const Place& place) const {

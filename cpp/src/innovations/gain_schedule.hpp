@@ -19,12 +19,8 @@ class GainSchedule {
     void begin(const Modes& modes, std::size_t phase);
     // On to the next sample, in the pattern in which the present one, of this phase, is left.
     void depart(const Modes& modes, std::size_t phase);
-    struct Scheduled {
-        const KalmanGains::Set& set;
-        bool steady;  // it is the steady one of this pattern
-    };
-    // At the present sample, to which this pattern led. Throws std::domain_error.
-    Scheduled at(const Modes& modes, std::size_t phase);
+    // At the present sample, of this phase. Throws std::domain_error.
+    const KalmanGains::Set& at(std::size_t phase);
 
   private:
     using Sojourn = KalmanGains::Sojourn;
@@ -56,7 +52,8 @@ class GainSchedule {
     Modes all_, known_;  // the machine's own pattern in which all meshes carry; the last one, as known
     bool same_;          // the gains know all elements, and no others
     Place now_ = {true, 0};
-    std::size_t age_ = 0, piece_ = 0;  // of the present sample in its sojourn
+    std::size_t age_ = 0, piece_ = 0;               // of the present sample in its sojourn
+    const KalmanGains::Phased* settled_ = nullptr;  // steady gains, once they serve the present sojourn
     std::deque<Sojourn> own_;
     std::map<KalmanGains::Begin, Place> own_first_;
     std::map<std::tuple<Place, std::size_t, Modes>, Place> own_exits_;

@@ -26,7 +26,7 @@ bool KalmanGains::alike(const KalmanGains& other) const {
         if (found == other.steady.end()) continue;
         const auto& others = found->second.sets;
         const auto same = [](const Set& a, const Set& b) {
-            return a.K.rows() == b.K.rows() && a.K.cols() == b.K.cols() && a.K == b.K && a.whitening == b.whitening;
+            return a.states == b.states && a.stacked.cols() == b.stacked.cols() && a.stacked == b.stacked;
         };
         if (!std::equal(own.sets.begin(), own.sets.end(), others.begin(), others.end(), same)) return false;
     }
@@ -189,12 +189,15 @@ KalmanGains::Set StateSpace::gain(const MatrixXd& P) {
             S(i, j) += seen_.col(i).dot(PC.col(j).head(n)) + PC(sensors_ + i, j);
             if (zeros_) S(i, j) += PC(zeros_ + i, j);
         }
-    KalmanGains::Set set;
-    set.whitening = lower_inverse(lower_factor(S));
-    const MatrixXd inverse = set.whitening.transpose().lazyProduct(set.whitening);
+    const MatrixXd whitening = lower_inverse(lower_factor(S));
+    const MatrixXd inverse = whitening.transpose().lazyProduct(whitening);
     exact::kernels().product(rows, m, PC.data(), m, inverse.data(), m, gained_.data());
-    set.K = gained_.topRows(size());
-    set.log_det = -2.0 * set.whitening.diagonal().array().log().sum();
+    KalmanGains::Set set;
+    set.states = size();
+    set.stacked = MatrixXd::Zero(exact::padded(static_cast<int>(m + size())), m);
+    set.stacked.topRows(m) = whitening;
+    set.stacked.middleRows(m, size()) = gained_.topRows(size());
+    set.log_det = -2.0 * whitening.diagonal().array().log().sum();
     return set;
 }
 
@@ -256,8 +259,8 @@ void StateSpace::next(MatrixXd& P, const KalmanGains::Set& set, std::size_t phas
     const Eigen::Index n = states_, torqued = sensors_, rest = size() - n;
     const exact::Kernels& kernels = exact::kernels();
     const auto rows = static_cast<int>(P.rows()), m = static_cast<int>(C_.rows());
-    const MatrixXd factor = lower_inverse(set.whitening);
-    gained_.topRows(size()) = set.K;
+    const MatrixXd factor = lower_inverse(set.whitening());
+    gained_.topRows(size()) = set.K();
     MatrixXd &B = shown_, &minus = gained_, &across = across_, &back = back_;
     kernels.product(rows, m, gained_.data(), m, factor.data(), m, B.data());
     minus = -B;

@@ -4,16 +4,19 @@
 #include <utility>
 
 #include "../solvers/exact/generator.hpp"
+#include "../solvers/exact/kernels.hpp"
 #include "dualdrive/effects.hpp"
 #include "dualdrive/recorder.hpp"
 #include "gain_schedule.hpp"
 
 namespace dualdrive {
 
+namespace innovations {
+
 namespace {
 
 // What becomes of a signal on its way into the record; the delay's whole samples shift the record, the rest goes along the
-// signal's own slope and curvature, so that a residual is smooth in it.
+// signal's own slope and curvature (`Flow::outputs`), so that a residual is smooth in it.
 class Reading {
   public:
     Reading(const Machine& machine, const SampledRecord& record, std::size_t channel)
@@ -25,14 +28,12 @@ class Reading {
         rest_ = late - static_cast<double>(shift_) * record.step();
     }
     std::size_t shift() const { return shift_; }
-    bool plain() const { return effects_.empty(); }
     // How much earlier than the state it is, s: less than a sample.
     double rest() const { return rest_; }
-    // value, slope and curvature of the signal at the time of the state; the reading `shift` samples later.
-    double read(double t, double value, double slope, double curvature) const {
-        double y = value - rest_ * slope + 0.5 * rest_ * rest_ * curvature;
-        for (const auto& effect : effects_) y = effect->reading(y, {t, measures_});
-        return y;
+    // Of a signal at the time of a state; the reading `shift` samples later.
+    double read(double t, double signal) const {
+        for (const auto& effect : effects_) signal = effect->reading(signal, {t, measures_});
+        return signal;
     }
 
   private:
@@ -42,132 +43,210 @@ class Reading {
     double rest_ = 0.0;
 };
 
+std::vector<Reading> readings_of(const Machine& machine, const SampledRecord& record) {
+    std::vector<Reading> readings;
+    for (std::size_t j = 0; j < record.channels().size(); ++j) readings.emplace_back(machine, record, j);
+    return readings;
+}
+
+// Of a sensor's noise, by what a step of integration may bend. It stays in the state for many samples.
+constexpr double bent = 1e-2;
+
+std::vector<Flow::Output> outputs_of(const std::vector<Reading>& readings, const NoiseModel& noise) {
+    std::vector<Flow::Output> outputs;
+    for (std::size_t j = 0; j < readings.size(); ++j) {
+        outputs.push_back({.late = readings[j].rest()});
+        const double own = std::hypot(noise.sensors[j].drive, noise.sensors[j].white);
+        if (own > 0.0) outputs.back().tolerance = bent * own;
+    }
+    return outputs;
+}
+
+std::vector<std::string> pushed(const NoiseModel& noise) {
+    std::vector<std::string> bodies;
+    for (const auto& [body, torque] : noise.torque) bodies.push_back(body);
+    return bodies;
+}
+
+// What the sensors add to a sample, as the filter has it: their autoregressions, and their zeros where those drift.
+class SensorStates {
+  public:
+    explicit SensorStates(const NoiseModel& noise)
+        : noise_(noise),
+          second_(noise.of_order_two()),
+          drifts_(noise.drifts()),
+          now_(noise.sensors.size(), 0.0),
+          before_(now_),
+          zero_(now_) {}
+    // Of the filter's state.
+    std::size_t size() const { return now_.size() * (second_ ? 2 : 1) + (drifts_ ? now_.size() : 0); }
+    void forget() {
+        for (auto* part : {&now_, &before_, &zero_}) std::fill(part->begin(), part->end(), 0.0);
+    }
+    double added(std::size_t channel) const { return now_[channel] + zero_[channel]; }
+    // Corrected by K e, and on to the next sample.
+    void flow(const double* moved) {
+        const std::size_t m = now_.size();
+        const double* const past = moved + m;
+        const double* const drifted = second_ ? past + m : past;
+        for (std::size_t j = 0; j < m; ++j) {
+            const SensorNoise& sensor = noise_.sensors[j];
+            now_[j] += moved[j];
+            if (second_) before_[j] += past[j];
+            const double next = sensor.memory * (1.0 - sensor.second) * now_[j] + sensor.second * before_[j];
+            before_[j] = std::exchange(now_[j], next);
+            if (drifts_) zero_[j] = sensor.drift.memory * (zero_[j] + drifted[j]);
+        }
+    }
+
+  private:
+    const NoiseModel& noise_;
+    const bool second_, drifts_;
+    std::vector<double> now_, before_, zero_;
+};
+
+// One record, sample by sample.
+class Replay {
+  public:
+    Replay(const Machine& machine, const SampledRecord& record, KalmanGains& gains, const PredictionOptions& options)
+        : record_(record),
+          options_(options),
+          readings_(readings_of(machine, record)),
+          bodies_(pushed(gains.noise)),
+          sensors_(gains.noise),
+          flow_(machine, record, options.substeps, bodies_, outputs_of(readings_, gains.noise)),
+          schedule_(machine, record, gains, options.learn, flow_),
+          channels_(record.channels().size()),
+          states_(static_cast<std::size_t>(flow_.states())),
+          torques_(bodies_.size()),
+          offsets_(options.offsets) {
+        if (offsets_.empty()) offsets_.assign(channels_, 0.0);
+        if (offsets_.size() != channels_) throw std::invalid_argument("predict: one offset per channel");
+        if (options.initial.size() > record.starts().size())
+            throw std::invalid_argument("predict: more initial states than stretches");
+        const std::size_t size = states_ + torques_ + sensors_.size();
+        for (const auto& [pattern, set] : gains.steady)
+            if (set[0].states != static_cast<Eigen::Index>(size))
+                throw std::invalid_argument("predict: gains of a machine with other states");
+        for (const auto& [body, torque] : gains.noise.torque) memory_.push_back(torque.memory);
+        e_.assign(channels_, 0.0);
+        corrected_.assign(static_cast<std::size_t>(exact::padded(static_cast<int>(channels_ + size))), 0.0);
+    }
+
+    Prediction run() {
+        make_room();
+        for (std::size_t k = 0; k < record_.times().size() && out_.finite; ++k) {
+            if (k == end_) begin(k);
+            innovate(k);
+            const KalmanGains::Set& gain = schedule_.at(flow_.phase(k));
+            exact::kernels().multiply(static_cast<int>(corrected_.size()), static_cast<int>(channels_),
+                                      gain.stacked.data(), static_cast<int>(channels_), e_.data(), 1,
+                                      corrected_.data());
+            if (!keep(k, gain)) return lost();
+            correct(k, gain);
+            if (k + 1 < end_ && !go_on(k)) return lost();
+        }
+        out_.switches = flow_.switches();
+        return std::move(out_);
+    }
+
+  private:
+    double* moved() { return corrected_.data() + channels_; }  // K e
+
+    Prediction lost() {
+        out_.finite = false;
+        return std::move(out_);
+    }
+
+    void make_room() {
+        const std::size_t samples = record_.times().size();
+        out_.states = flow_.layout().state_names;
+        out_.bodies = bodies_;
+        out_.residuals.assign(samples * channels_, Prediction::lost);
+        if (!options_.states) return;
+        out_.trajectory.assign(samples * states_, 0.0);
+        out_.corrections.assign(samples * states_, 0.0);
+        out_.torques.assign(samples * torques_, 0.0);
+        out_.innovations.assign(samples * channels_, 0.0);
+        out_.pattern.assign(samples, 0);
+    }
+
+    // A stretch.
+    void begin(std::size_t k) {
+        static const std::map<std::string, double> at_zero;
+        begin_ = k;
+        flow_.start(k, stretch_ < options_.initial.size() ? options_.initial[stretch_] : at_zero);
+        sensors_.forget();
+        end_ = ++stretch_ < record_.starts().size() ? record_.starts()[stretch_] : record_.times().size();
+        schedule_.begin(flow_.now().pattern, flow_.phase(k));
+    }
+
+    // e, what the sample tells that was not predicted. Of one whose reading comes after the stretch, nothing.
+    void innovate(std::size_t k) {
+        const double* const outputs = flow_.outputs(k);
+        for (std::size_t j = 0; j < channels_; ++j) {
+            const std::size_t row = k + readings_[j].shift();
+            e_[j] = row < end_ ? record_.measured(row)[j] - offsets_[j] -
+                                     readings_[j].read(record_.times()[k], outputs[j]) - sensors_.added(j)
+                               : 0.0;
+        }
+    }
+
+    // The whitened innovation. What is not known of the state at first costs a model with more states more: that is not held
+    // against it.
+    bool keep(std::size_t k, const KalmanGains::Set& gain) {
+        const bool counts = k - begin_ >= static_cast<std::size_t>(options_.given);
+        if (counts) out_.log_det += gain.log_det;
+        for (std::size_t j = 0; j < channels_; ++j) {
+            if (!std::isfinite(corrected_[j])) return false;
+            out_.residuals[k * channels_ + j] = counts ? corrected_[j] : 0.0;
+        }
+        return true;
+    }
+
+    void correct(std::size_t k, const KalmanGains::Set& gain) {
+        sensors_.flow(moved() + states_ + torques_);
+        flow_.correct(k, gain, e_.data(), moved(), k - begin_ >= one_by_one);
+        if (!options_.states) return;
+        const auto row = static_cast<std::ptrdiff_t>(k);
+        const auto put = [&](const double* from, std::size_t count, std::vector<double>& to) {
+            std::copy_n(from, count, to.begin() + row * static_cast<std::ptrdiff_t>(count));
+        };
+        put(flow_.y(), states_, out_.trajectory);
+        put(moved(), states_, out_.corrections);
+        put(flow_.torques(), torques_, out_.torques);
+        put(e_.data(), channels_, out_.innovations);
+        out_.pattern[k] = static_cast<int>(flow_.now().contacts);
+    }
+
+    bool go_on(std::size_t k) {
+        schedule_.depart(flow_.now().pattern, flow_.phase(k));
+        if (!flow_.flow(k)) return false;
+        for (std::size_t j = 0; j < torques_; ++j) flow_.torques()[j] *= memory_[j];
+        return true;
+    }
+
+    const SampledRecord& record_;
+    const PredictionOptions& options_;
+    const std::vector<Reading> readings_;
+    const std::vector<std::string> bodies_;
+    SensorStates sensors_;
+    Flow flow_;
+    GainSchedule schedule_;
+    const std::size_t channels_, states_, torques_;
+    std::vector<double> offsets_, memory_;  // by channel; of the torques of unknown course
+    std::vector<double> e_, corrected_;     // (r, K e)
+    std::size_t stretch_ = 0, begin_ = 0, end_ = 0;
+    Prediction out_;
+};
+
 }  // namespace
+
+}  // namespace innovations
 
 Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGains& gains,
                    const PredictionOptions& options) {
-    using Vector = Eigen::VectorXd;
-    using Map = Eigen::Map<const Vector>;
-    std::vector<std::string> bodies;
-    std::vector<double> memory;
-    for (const auto& [body, torque] : gains.noise.torque) {
-        bodies.push_back(body);
-        memory.push_back(torque.memory);
-    }
-    innovations::Flow flow(machine, record, options.substeps, bodies);
-    const auto states = static_cast<Eigen::Index>(flow.states()), torques = Eigen::Index{flow.torque_count()},
-               n = states + torques, m = static_cast<Eigen::Index>(record.channels().size());
-    const auto samples = record.times().size();
-    if (!options.offsets.empty() && options.offsets.size() != static_cast<std::size_t>(m))
-        throw std::invalid_argument("predict: one offset per channel");
-    const Eigen::Index before = gains.noise.of_order_two() ? m : 0, drifts = gains.noise.drifts() ? m : 0;
-    const Eigen::Index size = n + m + before + drifts;
-    for (const auto& [pattern, set] : gains.steady)
-        if (set[0].K.rows() != size) throw std::invalid_argument("predict: gains of a machine with other states");
-
-    Prediction out;
-    out.states = flow.layout().state_names;
-    out.bodies = bodies;
-    out.residuals.assign(samples * static_cast<std::size_t>(m), Prediction::lost);
-    if (options.states) {
-        out.trajectory.assign(samples * static_cast<std::size_t>(states), 0.0);
-        out.corrections.assign(samples * static_cast<std::size_t>(states), 0.0);
-        out.torques.assign(samples * static_cast<std::size_t>(torques), 0.0);
-        out.innovations.assign(samples * static_cast<std::size_t>(m), 0.0);
-        out.pattern.assign(samples, 0);
-    }
-    std::vector<Reading> readings;
-    bool plain = true, late = false;
-    for (std::size_t j = 0; j < static_cast<std::size_t>(m); ++j) {
-        readings.emplace_back(machine, record, j);
-        plain = plain && readings.back().plain();
-        late = late || readings.back().rest() != 0.0;
-    }
-    const Vector offsets = options.offsets.empty() ? Vector::Zero(m) : Vector(Map(options.offsets.data(), m));
-
-    if (options.initial.size() > record.starts().size())
-        throw std::invalid_argument("predict: more initial states than stretches");
-    const std::map<std::string, double> at_zero;
-    Vector noise = Vector::Zero(m), past = noise, drift = Vector::Zero(m), e(m), r(m), output(m), correction(size);
-    innovations::GainSchedule schedule(machine, record, gains, options.learn, flow);
-    std::size_t stretch = 0, begin = 0, end = 0;
-    for (std::size_t k = 0; k < samples; ++k) {
-        if (k == end) {
-            begin = k;
-            flow.start(k, stretch < options.initial.size() ? options.initial[stretch] : at_zero);
-            noise.setZero();
-            past.setZero();
-            drift.setZero();
-            end = ++stretch < record.starts().size() ? record.starts()[stretch] : samples;
-            schedule.begin(flow.now().pattern, flow.phase(k));
-        }
-        innovations::Frozen* now = &flow.now();
-        flow.outputs(output.data());
-        if (!plain) {
-            const Map y(flow.arriving(k), now->A.rows());
-            const Vector rate = now->A * y, curvature = now->A * rate;
-            const Vector slopes = now->outputs * rate, bends = now->outputs * curvature;
-            for (Eigen::Index j = 0; j < m; ++j)
-                output(j) =
-                    readings[static_cast<std::size_t>(j)].read(record.times()[k], output(j), slopes(j), bends(j));
-        }
-        for (Eigen::Index j = 0; j < m; ++j) {
-            const std::size_t row = k + readings[static_cast<std::size_t>(j)].shift();
-            e(j) = row < end ? record.measured(row)[j] - offsets(j) - output(j) - noise(j) - drift(j) : 0.0;
-        }
-        const auto [set, steady] = schedule.at(now->pattern, flow.phase(k));
-        r.noalias() = set.whitening * e;
-        // what is not known of the state at first costs a model with more states more: that is not held against it
-        const bool counts = k - begin >= static_cast<std::size_t>(options.given);
-        if (counts) out.log_det += set.log_det;
-        correction.noalias() = set.K * e;
-        // A reading of a moment before tells of the state then: what it corrects there has flowed on since. Corrections of
-        // the present by what is late by half a sample would swing up under gains that hardly trust the model.
-        for (Eigen::Index j = 0; late && j < m; ++j) {
-            const double rest = readings[static_cast<std::size_t>(j)].rest();
-            if (rest == 0.0) continue;
-            Vector there = Vector::Zero(now->A.rows());
-            there.head(states) = e(j) * set.K.col(j).head(states);
-            there.segment(flow.first_torque(), torques) = e(j) * set.K.col(j).segment(states, torques);
-            const Vector rate = now->A * there, curvature = now->A * rate;
-            correction.head(states) += rest * (rate + 0.5 * rest * curvature).head(states);
-        }
-        for (Eigen::Index j = 0; j < m; ++j) {
-            const double value = r(j);
-            if (!std::isfinite(value)) {
-                out.finite = false;
-                return out;
-            }
-            out.residuals[k * static_cast<std::size_t>(m) + static_cast<std::size_t>(j)] = counts ? value : 0.0;
-        }
-        for (Eigen::Index j = 0; j < m; ++j) {
-            const SensorNoise& sensor = gains.noise.sensors[static_cast<std::size_t>(j)];
-            noise(j) += correction(n + j);
-            if (before) past(j) += correction(n + m + j);
-            past(j) =
-                std::exchange(noise(j), sensor.memory * (1.0 - sensor.second) * noise(j) + sensor.second * past(j));
-            if (drifts) drift(j) = sensor.drift.memory * (drift(j) + correction(n + before + m + j));
-        }
-        for (Eigen::Index j = 0; j < torques; ++j) flow.torques()[j] += correction(states + j);
-        flow.correct(k, set.K, e.data(), correction.data(), k - begin >= innovations::one_by_one, steady && !late);
-        if (options.states) {
-            const auto row = static_cast<std::ptrdiff_t>(k);
-            std::copy_n(flow.y(), states, out.trajectory.begin() + row * states);
-            std::copy_n(correction.data(), states, out.corrections.begin() + row * states);
-            std::copy_n(flow.torques(), torques, out.torques.begin() + row * torques);
-            std::copy_n(e.data(), m, out.innovations.begin() + static_cast<std::ptrdiff_t>(k) * m);
-            out.pattern[k] = static_cast<int>(flow.now().contacts);
-        }
-        if (k + 1 == end) continue;
-        schedule.depart(flow.now().pattern, flow.phase(k));
-        if (!flow.flow(k)) {
-            out.finite = false;
-            return out;
-        }
-        for (Eigen::Index j = 0; j < torques; ++j) flow.torques()[j] *= memory[static_cast<std::size_t>(j)];
-    }
-    out.switches = flow.switches();
-    return out;
+    return innovations::Replay(machine, record, gains, options).run();
 }
 
 }  // namespace dualdrive

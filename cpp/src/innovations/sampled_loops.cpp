@@ -73,7 +73,7 @@ void Flow::tick(double t) {
     }
     if (any && now_) {
         all_guards(t, y_.data(), g0_.data());
-        for (std::size_t k = 0; k < g0_.size(); ++k)
+        for (std::size_t k = 0; k < guard_count(); ++k)
             if (g0_[k] < 0 && layout_.switches[k / guards_per_switch].kind == SwitchKind::limiter) {
                 evaluate(t, y_.data());
                 const auto e = k / guards_per_switch;

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "../simulation/mode_rules.hpp"
+#include "../solvers/exact/kernels.hpp"
 #include "flow.hpp"
 
 namespace dualdrive::innovations {
@@ -21,14 +22,13 @@ constexpr double found = 1e-9;           // of the step: a switch is located
 
 }  // namespace
 
-bool Flow::all_guards(double t, const double* y, double* g) {
+void Flow::all_guards(double t, const double* y, double* g) {
     if (affine_) {
-        Eigen::Map<Eigen::VectorXd>(g, now_->guards.rows()) = now_->guards * Eigen::Map<const Eigen::VectorXd>(y, n_);
-        return true;
+        const int rows = exact::padded(static_cast<int>(guard_count()));
+        return exact::kernels().multiply(rows, n_, now_->watched.data(), n_, y, 1, g);
     }
     evaluate(t, y);
     model_.guards(g, nullptr);
-    return true;
 }
 
 void Flow::switch_element(double t, int element, int which) {
@@ -56,9 +56,44 @@ void Flow::switch_element(double t, int element, int which) {
     now_ = &frozen();
 }
 
+// A guard along the series from t on, at a fraction of its length: where laws are affine a polynomial, too.
+double Flow::guard_along(double t, double length, int guard, double fraction) {
+    if (affine_) {
+        double g = 0.0;
+        for (int k = order_; k >= 0; --k) g = falling_[static_cast<std::size_t>(k)] + fraction * g;
+        return g;
+    }
+    at(fraction, trial_.data());
+    evaluate(t + fraction * length, trial_.data());
+    return model_.guard(guard / guards_per_switch, guard % guards_per_switch, nullptr);
+}
+
+// Where a guard falls through zero along the series, in fractions of its length, by the Illinois rule from a first guess on.
+double Flow::crossing(double t, double length, int guard, double guess) {
+    const auto f = static_cast<std::size_t>(guard);
+    const Eigen::Map<const Eigen::MatrixXd> terms(terms_.data(), exact::padded(n_), order_ + 1);
+    Eigen::Map<Eigen::RowVectorXd>(falling_.data(), order_ + 1) = now_->guards.row(guard) * terms.topRows(n_);
+    double low = 0.0, high = 1.0, at_low = std::max(g0_[f], 0.0), at_high = g1_[f];
+    double fraction = guess;
+    for (int k = 0; k < most_secants && fraction > 0.0 && high - low > found; ++k) {
+        const double g = guard_along(t, length, guard, fraction);
+        if (std::abs(g) <= 1e-12 * (std::abs(g0_[f]) + std::abs(g1_[f]))) break;
+        if (g > 0.0) {
+            low = fraction;
+            at_low = g;
+            at_high /= 2;
+        } else {
+            high = fraction;
+            at_high = g;
+            at_low /= 2;
+        }
+        fraction = low + (high - low) * at_low / (at_low - at_high);
+    }
+    return fraction;
+}
+
 // From t on: straight on if no guard falls, else to the first switch, and on from there.
 bool Flow::through_switches(double t, double length) {
-    std::vector<double> g(g1_.size());
     double left = length;
     for (int count = 0, pieces = 0; left > found * length;) {
         if (++pieces > most_pieces + most_switches) return false;
@@ -79,7 +114,7 @@ bool Flow::through_switches(double t, double length) {
         if (count < most_switches) {
             all_guards(t, y_.data(), g0_.data());
             all_guards(t + piece, trial_.data(), g1_.data());
-            for (std::size_t k = 0; k < g1_.size(); ++k) {
+            for (std::size_t k = 0; k < guard_count(); ++k) {
                 if (!(g1_[k] < 0.0)) continue;
                 const double at = g0_[k] > 0.0 ? g0_[k] / (g0_[k] - g1_[k]) : 0.0;
                 if (fallen < 0 || at < fraction) {
@@ -89,23 +124,7 @@ bool Flow::through_switches(double t, double length) {
             }
         }
         if (fallen >= 0) {
-            const auto f = static_cast<std::size_t>(fallen);
-            double low = 0.0, high = 1.0, at_low = std::max(g0_[f], 0.0), at_high = g1_[f];
-            for (int k = 0; k < most_secants && fraction > 0.0 && high - low > found; ++k) {  // Illinois
-                at(fraction, trial_.data());
-                all_guards(t + fraction * piece, trial_.data(), g.data());
-                if (std::abs(g[f]) <= 1e-12 * (std::abs(g0_[f]) + std::abs(g1_[f]))) break;
-                if (g[f] > 0.0) {
-                    low = fraction;
-                    at_low = g[f];
-                    at_high /= 2;
-                } else {
-                    high = fraction;
-                    at_high = g[f];
-                    at_low /= 2;
-                }
-                fraction = low + (high - low) * at_low / (at_low - at_high);
-            }
+            fraction = crossing(t, piece, fallen, fraction);
             at(fraction, trial_.data());
         }
         std::copy_n(trial_.data(), n_, y_.data());
@@ -185,6 +204,7 @@ void Flow::settle(std::size_t sample) {
         ++switches_;
     }
     now_ = &frozen();
+    rest_of_ = nullptr;
 }
 
 }  // namespace dualdrive::innovations

@@ -18,6 +18,7 @@ Model<S>::Model(const Machine& machine, const Inputs& inputs, const Layout& layo
     resize(layout.signals.size(), signal_);
     resize(static_cast<std::size_t>(layout.size()), rate_);
     block_.resize(layout.blocks.size());
+    for (const auto& laws : layout.friction_on_body) rubs_ = rubs_ || !laws.empty();
     if constexpr (!std::is_same_v<S, double>) {
         const std::vector<S> lifted(machine.values().begin(), machine.values().end());
         set_parameters(lifted.data());
@@ -105,16 +106,18 @@ void Model<S>::evaluate(const S& t, const S* z, const Now& now) {
     stored_ = S(0.0);
     if (products_) products_->clear();
     std::fill(body_torque_.begin(), body_torque_.end(), S(0.0));
-    read_inputs(t);
+    const bool whole = now.scope == Scope::whole;
+    whole ? read_inputs(t) : drive_nothing();
     place(z);
     connection_torques();
     motors(z);
-    sense(t);
-    control(t, z);
+    if (whole) sense(t);
+    if (whole) control(t, z);
     body_torques(t);
     friction(t);
     rates(z);
-    energy(z);
+    if (whole) control_rates(z);
+    if (whole) energy(z);
 }
 
 }  // namespace dualdrive

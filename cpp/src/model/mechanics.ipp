@@ -16,6 +16,12 @@ void Model<S>::read_inputs(const S& t) {
 }
 
 template <class S>
+void Model<S>::drive_nothing() {
+    signal_[static_cast<std::size_t>(layout_.at.T_load)] = S(0.0);
+    std::fill(voltage_.begin(), voltage_.end(), S(0.0));
+}
+
+template <class S>
 void Model<S>::place(const S* z) {
     const auto& at = layout_.at;
     const auto angle = [&](int b) -> S& {
@@ -265,10 +271,11 @@ template <class S>
 void Model<S>::friction(const S& t) {
     const auto& at = layout_.at;
     std::fill(torque_.begin(), torque_.end(), S(0.0));
-    std::fill(limit_forward_.begin(), limit_forward_.end(), S(0.0));
-    std::fill(limit_backward_.begin(), limit_backward_.end(), S(0.0));
     for (std::size_t b = 0; b < body_.size(); ++b)
         torque_[static_cast<std::size_t>(layout_.group_of[b])] += ratio_[b] * body_torque_[b];
+    if (!rubs_) return;
+    std::fill(limit_forward_.begin(), limit_forward_.end(), S(0.0));
+    std::fill(limit_backward_.begin(), limit_backward_.end(), S(0.0));
     for (std::size_t b = 0; b < body_.size(); ++b) {
         const auto g = static_cast<std::size_t>(layout_.group_of[b]);
         if (layout_.friction_on_body[b].empty() || layout_.stick_of[g] < 0) continue;
@@ -332,6 +339,12 @@ void Model<S>::rates(const S* z) {
             rate_[static_cast<std::size_t>(s)] =
                 (voltage_[k] + added_voltage_[k] - motor_[k].R * z[s] - motor_[k].C_e * speed) / motor_[k].L;
         }
+}
+
+// Of integrators and filters.
+template <class S>
+void Model<S>::control_rates(const S* z) {
+    const auto& at = layout_.at;
     for (std::size_t b = 0; b < block_.size(); ++b) {
         const auto& place = layout_.blocks[b];
         if (place.integrator < 0 || place.held >= 0) continue;
@@ -352,6 +365,7 @@ void Model<S>::rates(const S* z) {
 
 template <class S>
 void Model<S>::deliver(Power path, const S& a, const S& b) {
+    if (now_.scope == Scope::plant) return;
     const auto k = static_cast<std::size_t>(path);
     power_[k] += a * b;
     if (products_) products_->push_back({k, a, b});

@@ -103,6 +103,8 @@ constexpr int narrow = WIDTH < 4 ? WIDTH : 4;  // vectors of a lane
 template <class Sink>
 inline void product(int rows, int n, const double* M, const double* x, const Sink& sink, int stride = 1) {
     int r = 0;
+    if constexpr (WIDTH == 8)  // has thirty-two registers
+        for (; r + 32 <= rows; r += 32) tile<8, 4>(rows, n, M, x, stride, r, sink);
     for (; r + 16 <= rows; r += 16) {
         if constexpr (WIDTH == 2) {  // sixteen registers hold no more sums than these
             tile<2, 4>(rows, n, M, x, stride, r, sink);
@@ -110,6 +112,10 @@ inline void product(int rows, int n, const double* M, const double* x, const Sin
         } else {
             tile<WIDTH, 16 / WIDTH>(rows, n, M, x, stride, r, sink);
         }
+    }
+    if (WIDTH > 2 && r + 12 <= rows) {
+        tile<narrow, 12 / narrow>(rows, n, M, x, stride, r, sink);
+        r += 12;
     }
     if (r + 8 <= rows) {
         tile<WIDTH, 8 / WIDTH>(rows, n, M, x, stride, r, sink);

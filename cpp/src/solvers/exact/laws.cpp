@@ -25,6 +25,7 @@ Reader<R>::Reader(const Machine& machine, const Inputs& inputs, const Layout& la
       layout_(layout),
       generator_(generator),
       recorded_(recorded),
+      inputs_(inputs),
       model_(machine, inputs, layout),
       block_rates_(layout.blocks.size(), D(0.0)),
       about_(static_cast<std::size_t>(layout.size()), R(0)) {
@@ -53,7 +54,7 @@ typename Reader<R>::Stack Reader<R>::empty() const {
 template <class R>
 void Reader<R>::evaluate(const Modes& modes, const D& t, const std::vector<D>& z, const Inputs& inputs) {
     model_.set_inputs(inputs);
-    model_.evaluate(t, z.data(), {modes.data(), Cell{}, nullptr, nullptr});
+    model_.evaluate(t, z.data(), {modes.data(), Cell{}, nullptr, nullptr, nullptr, scope_});
     const std::size_t n = z.size(), g = layout_.switches.size() * guards_per_switch;
     found_.resize(n + g + recorded_.size() + layout_.blocks.size());
     auto to = std::copy(model_.rate().begin(), model_.rate().end(), found_.begin());
@@ -170,13 +171,41 @@ Laws<R> Reader<R>::read(const Modes& modes) {
 }
 
 template <class R>
-Laws<R> Reader<R>::tangent(const Modes& modes, double t, const double* z) {
+Laws<R> Reader<R>::tangent(const Modes& modes, double t, const double* z, Scope scope) {
     about_.assign(z, z + states());
     when_ = R(t);
+    scope_ = scope;
     Laws<R> laws = read(modes);
     about_.assign(about_.size(), R(0));
     when_ = R(0);
+    scope_ = Scope::whole;
     return laws;
+}
+
+template <class R>
+Matrix<R> Reader<R>::slopes(const Modes& modes, double t, const Cell& cell, const double* z,
+                            const std::vector<int>& along, Scope scope) {
+    const auto rates = static_cast<Eigen::Index>(states());
+    std::vector<D> guards(layout_.switches.size() * guards_per_switch);
+    std::vector<D> point(z, z + states());
+    Matrix<R> found(rates + static_cast<Eigen::Index>(guards.size()), static_cast<Eigen::Index>(along.size()));
+    model_.set_inputs(inputs_);
+    for (std::size_t first = 0; first < along.size(); first += directions) {
+        const std::size_t last = std::min<std::size_t>(first + directions, along.size());
+        for (std::size_t k = first; k < last; ++k)
+            point[static_cast<std::size_t>(along[k])] = D::variable(R(z[along[k]]), static_cast<int>(k - first));
+        model_.evaluate(D(R(t)), point.data(), {modes.data(), cell, nullptr, nullptr, nullptr, scope});
+        model_.guards(guards.data(), nullptr);
+        for (std::size_t k = first; k < last; ++k) {
+            const auto column = static_cast<Eigen::Index>(k);
+            for (Eigen::Index r = 0; r < rates; ++r)
+                found(r, column) = model_.rate()[static_cast<std::size_t>(r)].slope[k - first];
+            for (std::size_t g = 0; g < guards.size(); ++g)
+                found(rates + static_cast<Eigen::Index>(g), column) = guards[g].slope[k - first];
+            point[static_cast<std::size_t>(along[k])] = D(R(z[along[k]]));
+        }
+    }
+    return found;
 }
 
 template <class R>

@@ -41,8 +41,12 @@ class Reader {
     int one() const { return size() - 1; }                         // the entry that is 1
 
     Laws<R> read(const Modes& modes);
-    // The tangent at state z and time t of a machine that is not affine; read() belongs to zero.
-    Laws<R> tangent(const Modes& modes, double t, const double* z);
+    // The tangent at state z and time t of a machine that is not affine, or of its plant alone; read() belongs to zero.
+    Laws<R> tangent(const Modes& modes, double t, const double* z, Scope scope = Scope::whole);
+    // Derivatives along some of the states at state z and time t, under the inputs as they are: of the rates, and below them
+    // of the guards.
+    Matrix<R> slopes(const Modes& modes, double t, const Cell& cell, const double* z, const std::vector<int>& along,
+                     Scope scope);
     Energies<R> energies(const Modes& modes);
 
     // ∂(laws)/∂p for each list of parameter slots that move together.
@@ -75,6 +79,7 @@ class Reader {
     const Layout& layout_;
     const Generator& generator_;
     const std::vector<int>& recorded_;
+    const Inputs& inputs_;
     Inputs zero_;
     std::vector<Inputs> value_, rate_;  // one input of them 1·t, or with the rate 1·t, all others zero
     std::vector<Inputs> one_value_, one_rate_;
@@ -82,6 +87,7 @@ class Reader {
     std::vector<D> found_, block_rates_;
     std::vector<R> about_;  // the state that tangents touch at
     R when_{0};
+    Scope scope_ = Scope::whole;
 };
 
 extern template class Reader<double>;

@@ -1,0 +1,129 @@
+// Sets of modes made ready: their tangents, and propagators over lengths of time.
+#include <algorithm>
+#include <cmath>
+
+#include "dense.hpp"
+#include "flow.hpp"
+
+namespace dualdrive::innovations {
+
+namespace {
+
+constexpr std::size_t most_lengths = 8;  // of time with propagators of their own, per set of modes
+constexpr int worth = 12;                // times that a length is flown by a series before it gets one
+constexpr double at_rest = 1e-5;         // rad/s: slower, nothing relaxes with the speed
+constexpr int most_octaves = 40;
+constexpr double alike = 1e-9;  // of a substep: lengths that are the same
+
+}  // namespace
+
+Frozen Flow::prepare(const exact::Laws<double>& laws, const Modes& modes) const {
+    const auto widened = [&](const Eigen::MatrixXd& rows, Eigen::Index height) {
+        Eigen::MatrixXd wide = Eigen::MatrixXd::Zero(height, n_);
+        wide.topLeftCorner(rows.rows(), rows.cols()) = rows;
+        return wide;
+    };
+    Frozen f;
+    f.A = widened(laws.A, n_);
+    f.outputs = widened(laws.outputs, laws.outputs.rows());
+    f.guards = widened(laws.guards, laws.guards.rows());
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        const int g = layout_.group_of[static_cast<std::size_t>(bodies_[b])];
+        const int element = layout_.stick_of[static_cast<std::size_t>(g)];
+        const bool rests = element >= 0 && modes[static_cast<std::size_t>(element)] == stick::stuck;
+        if (!layout_.locked[static_cast<std::size_t>(g)] && !rests)
+            f.A(g, first_torque() + static_cast<Eigen::Index>(b)) = model_.ratio(bodies_[b]) / model_.group_inertia(g);
+    }
+    f.bound = spectral_bound(f.A);
+    f.packed = packed_rows(f.A);
+    f.watched = packed_rows(f.guards);
+    f.shown = packed_rows(f.outputs);
+    Eigen::MatrixXd differ = Eigen::MatrixXd::Zero(f.outputs.rows(), n_);  // C (e^{−A δ} − 1), to second order
+    for (const Delay& d : delays_) {
+        const Eigen::MatrixXd along = d.time * f.A, bent = 0.5 * product(along, along);
+        f.onward.push_back(packed_rows(along + bent));
+        for (const int j : d.channels) differ.row(j) = f.outputs.row(j) * (bent - along);
+    }
+    f.shifted = packed_rows(differ);
+    return f;
+}
+
+const Step* Flow::step_of(Frozen& frozen, double length) const {
+    if (std::abs(length - h_) <= alike * h_) {
+        if (frozen.whole.flow.empty()) work_out(frozen.whole = Step{h_, 0, {}}, frozen);
+        return &frozen.whole;
+    }
+    const auto same = [&](const Step& s) { return std::abs(s.length - length) <= alike * h_; };
+    auto own = std::find_if(frozen.parts.begin(), frozen.parts.end(), same);
+    if (own == frozen.parts.end()) {
+        if (frozen.parts.size() >= most_lengths) return nullptr;
+        own = frozen.parts.insert(own, Step{length, 0, {}});
+    }
+    if (own->flow.empty()) {
+        if (++own->asked < worth) return nullptr;
+        work_out(*own, frozen);
+    }
+    return &*own;
+}
+
+void Flow::work_out(Step& step, const Frozen& frozen) const {
+    const auto seen = [&](const Eigen::MatrixXd& flow) {
+        Eigen::MatrixXd all = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(out_.size()), flow.cols());
+        all.topRows(n_) = flow;
+        all.middleRows(n_, outputs_) = product(frozen.outputs, flow);
+        if (affine_) all.middleRows(n_ + outputs_, frozen.guards.rows()) = product(frozen.guards, flow);
+        return std::vector<double>(all.data(), all.data() + all.size());
+    };
+    if (affine_) {
+        step.flow = seen(exponential(frozen.A, step.length));
+        return;
+    }
+    const Exponentials e = exponentials(frozen.A, step.length);
+    const auto d = static_cast<Eigen::Index>(driven_.size());
+    Eigen::MatrixXd flow(n_, n_ + 3 * d);
+    flow.leftCols(n_) = e.flow;
+    for (Eigen::Index k = 0; k < d; ++k) {
+        const auto row = static_cast<Eigen::Index>(driven_[static_cast<std::size_t>(k)]);
+        flow.col(n_ + k) = e.phi1.col(row);
+        flow.col(n_ + d + k) = e.phi2.col(row);
+        flow.col(n_ + 2 * d + k) = e.phi3.col(row);
+    }
+    step.flow = seen(flow);
+}
+
+std::vector<int> Flow::octaves() const {
+    std::vector<int> found;
+    for (const int g : relaxing_) {
+        const double speed = std::abs(y_[static_cast<std::size_t>(g)]);
+        found.push_back(speed > at_rest ? 1 + std::min(std::ilogb(speed / at_rest), most_octaves) : 0);
+    }
+    return found;
+}
+
+Eigen::VectorXd Flow::touching() const {
+    Eigen::VectorXd y = Eigen::Map<const Eigen::VectorXd>(y_.data(), n_);
+    for (std::size_t k = 0; k < relaxing_.size(); ++k)
+        if (octaves_[k] > 0)
+            y(relaxing_[k]) = std::copysign(std::ldexp(std::sqrt(2.0) * at_rest, octaves_[k] - 1), y(relaxing_[k]));
+    return y;
+}
+
+Frozen& Flow::frozen() {
+    octaves_ = octaves();
+    auto& known = known_[{modes_, octaves_}];
+    if (!known) known = std::make_unique<Frozen>(prepared());
+    return *known;
+}
+
+Frozen Flow::prepared() {
+    const Eigen::VectorXd z = touching();
+    const auto laws = affine_ ? reader_.read(modes_) : reader_.tangent(modes_, cell_.low, z.data());
+    Frozen own = prepare(laws, modes_);
+    if (!affine_)
+        own.felt = felt(scope_ == Scope::whole ? laws : reader_.tangent(modes_, cell_.low, z.data(), Scope::plant));
+    own.pattern = pattern_of(modes_);
+    own.contacts = contacts_of(modes_);
+    return own;
+}
+
+}  // namespace dualdrive::innovations
