@@ -1,7 +1,8 @@
 // The physics, once: signals, forces, rates, guards and ticks of a machine with its modes frozen.
 //
 // Model<double> drives the solver, Model<Gradient> the Jacobian, the sensitivities and the exact engine's matrices,
-// Model<FineGradient> the same matrices in long double, all from these lines. A Model is a worker: it owns scratch memory and belongs to one thread.
+// Model<FineGradient> the same matrices in long double, Model<Traced> and Model<TracedGradient> the way back of a gradient,
+// all from these lines. A Model is a worker: it owns scratch memory and belongs to one thread.
 #pragma once
 
 #include <array>
@@ -12,6 +13,7 @@
 #include "dualdrive/layout.hpp"
 #include "dualdrive/machine.hpp"
 #include "dualdrive/signal.hpp"
+#include "dualdrive/trace.hpp"
 
 namespace dualdrive {
 
@@ -48,6 +50,7 @@ class Model {
         const Past<S>* past;              // null: delayed signals equal the present ones (start of a run)
         const S* motor_torque = nullptr;  // recorded motor torques in place of K_d I (torque balance)
         const S* load = nullptr;  // torques of the connections that load-dependent losses go by (torque balance)
+        bool energies = true;     // whether power() and the stored energy are wanted
     };
 
     // Everything at time t and state z; the accessors below refer to the last call.
@@ -156,5 +159,7 @@ class Model {
 extern template class Model<double>;
 extern template class Model<Gradient>;
 extern template class Model<FineGradient>;
+extern template class Model<Traced>;
+extern template class Model<TracedGradient>;
 
 }  // namespace dualdrive

@@ -114,7 +114,7 @@ void Model<S>::evaluate(const S& t, const S* z, const Now& now) {
     body_torques(t);
     friction(t);
     rates(z);
-    energy(z);
+    if (now.energies) energy(z);
 }
 
 }  // namespace dualdrive
