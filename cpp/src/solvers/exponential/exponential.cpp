@@ -89,16 +89,31 @@ void Exponential::limit_step(double longest, double turning) {
 
 // ------------------------------------------------------------------------------------------- modes
 
+// For the way back: rows that a law bends are driven however small it is.
+void Exponential::drive_bent_rows() {
+    std::vector<int> driven = setup_.steps->bent.in(setup_.modes, t_, z_.data());
+    driven.insert(driven.end(), driven_.begin(), driven_.end());
+    std::sort(driven.begin(), driven.end());
+    driven.erase(std::unique(driven.begin(), driven.end()), driven.end());
+    if (driven.size() == driven_.size()) return;
+    driven_ = std::move(driven);
+    known_.clear();
+    past_.clear();
+}
+
 // The tangent in these modes, where they are met first; and a new one where sweeps alone have kept steps short, as seldom as
 // what it costs. Other states may show more rows that the rest acts on.
 // False where the laws have none.
 bool Exponential::take_modes() {
+    if (setup_.steps && !known_.contains(setup_.modes)) drive_bent_rows();
     auto& known = known_[setup_.modes];
     if (!known || known->held >= worth_a_tangent) {
         const exact::Laws<double> laws = reader_.tangent(setup_.modes, t_, z_.data());
         finite_ = laws.A.allFinite() && laws.guards.allFinite();
         if (!finite_) return false;
-        known.reset(new Frozen{{laws.A, driven_, setup_.grid}, {laws, driven_, setup_.grid}, 0});
+        auto tangent = std::make_shared<exponential::Tangent>(
+            exponential::Tangent{setup_.modes, t_, z_, {laws.A, driven_, setup_.grid}});
+        known.reset(new Frozen{std::move(tangent), {laws, driven_, setup_.grid}, 0});
         ++counts_.jacobians;
     }
     now_ = known.get();
@@ -203,6 +218,7 @@ Solver::Outcome Exponential::step(double stop) {
     past_delta_ = delta_;
     if (!work_.empty()) expand(powers_, static_cast<int>(paths_), power_terms_);
     taken_ = true;
+    if (setup_.steps) write_step();
     return deliver(stop);
 }
 

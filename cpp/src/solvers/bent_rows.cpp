@@ -1,0 +1,86 @@
+#include "bent_rows.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "dualdrive/effects.hpp"
+#include "dualdrive/growth.hpp"
+#include "dualdrive/model.hpp"
+
+// The laws once more, on a scalar that knows how it grows.
+#include "../model/curve.hpp"
+#include "../model/formula.hpp"
+// clang-format off: in this order
+#include "../model/assembly.ipp"
+#include "../model/control.ipp"
+#include "../model/guards.ipp"
+#include "../model/mechanics.ipp"
+// clang-format on
+
+namespace dualdrive {
+
+template class Model<Growth>;
+
+struct BentRows::Hidden {
+    Inputs still, growing;  // growing: affine in time, so that an input is affine where time is
+    Model<Growth> model;
+    std::vector<Growth> z;
+    std::vector<int> groups;  // with laws on a body that may show another piece elsewhere: a spline, a cut
+};
+
+namespace {
+
+std::vector<int> groups_with_laws(const Machine& machine, const Layout& layout) {
+    std::vector<int> groups;
+    const auto bends = [&](int e) {
+        const EffectEntry& effect = machine.effects()[static_cast<std::size_t>(e)];
+        return effect.of_user() || !effect_type(effect.name).text.affine;
+    };
+    for (std::size_t b = 0; b < layout.effects_on_body.size(); ++b)
+        if (std::any_of(layout.effects_on_body[b].begin(), layout.effects_on_body[b].end(), bends))
+            groups.push_back(layout.group_of[b]);
+    return groups;
+}
+
+}  // namespace
+
+BentRows::BentRows(const Machine& machine, const Inputs& inputs, const Layout& layout,
+                   const std::vector<std::vector<std::size_t>>& parameters)
+    : h_(std::make_unique<Hidden>(
+          Hidden{inputs, inputs, {machine, inputs, layout}, {}, groups_with_laws(machine, layout)})) {
+    for (auto& [name, waveform] : h_->still) waveform = Waveform();
+    for (auto& [name, waveform] : h_->growing) waveform = Waveform({0.0}, {Polynomial{1.0, 1.0}, Polynomial{1.0, 1.0}});
+    h_->z.resize(static_cast<std::size_t>(layout.size()));
+    std::vector<Growth> values(machine.values().begin(), machine.values().end());
+    for (const auto& slots : parameters)
+        for (const std::size_t slot : slots)
+            if (values[slot].value == 0.0) values[slot] = Growth(machine.slots()[slot].typical);
+    h_->model.set_parameters(values.data());
+}
+
+BentRows::BentRows(BentRows&&) noexcept = default;
+BentRows::~BentRows() = default;
+
+std::vector<int> BentRows::in(const Modes& modes, double t, const double* z) {
+    for (std::size_t i = 0; i < h_->z.size(); ++i) h_->z[i] = Growth::variable(z[i]);
+    std::vector<bool> bent(h_->z.size(), false);
+    // Time itself is no state: a law that has it bends a rate, an input that has it does not.
+    for (const bool inputs_grow : {true, false}) {
+        h_->model.set_inputs(inputs_grow ? h_->growing : h_->still);
+        const Growth time = Growth::variable(t, inputs_grow ? Growth::affine : Growth::other);
+        h_->model.evaluate(time, h_->z.data(),
+                           {.modes = modes.data(), .cell = Cell{}, .past = nullptr, .energies = false});
+        for (std::size_t i = 0; i < bent.size(); ++i) bent[i] = bent[i] || h_->model.rate()[i].kind == Growth::other;
+    }
+    for (const int g : h_->groups) {
+        const auto k = static_cast<std::size_t>(g);
+        const int stick = h_->model.layout().stick_of[k];
+        bent[k] = bent[k] || stick < 0 || modes[static_cast<std::size_t>(stick)] != stick::stuck;
+    }
+    std::vector<int> rows;
+    for (std::size_t i = 0; i < bent.size(); ++i)
+        if (bent[i]) rows.push_back(static_cast<int>(i));
+    return rows;
+}
+
+}  // namespace dualdrive

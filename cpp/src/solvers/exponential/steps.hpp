@@ -1,0 +1,37 @@
+// What the exponential engine leaves for the way back.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "../bent_rows.hpp"
+#include "../tape.hpp"
+#include "dualdrive/signal.hpp"
+#include "dualdrive/switching.hpp"
+#include "propagators.hpp"
+
+namespace dualdrive::exponential {
+
+// The linear part of the machine in these modes, and where it touches the laws.
+struct Tangent {
+    Modes modes;
+    double t;
+    std::vector<double> z;
+    Propagators propagators;
+};
+
+// A step over all nodes, used up to `end`. The tape has y at the nodes with it, then the rest there.
+struct Step {
+    std::shared_ptr<Tangent> tangent;
+    Cell cell;
+    int level;
+    double origin, delta, end;
+};
+
+struct Steps {
+    Tape& tape;
+    BentRows bent;  // what parameters may do to them has to be seen at the nodes
+    std::vector<Step> taken;
+};
+
+}  // namespace dualdrive::exponential
