@@ -200,8 +200,9 @@ std::unique_ptr<Exponential> Simulation::exponential_solver(Solver::Size size) {
 void Simulation::take_exponential_solver(Solver::Size size) {
     if (!options_.gradient.empty()) {
         tape_ = std::make_unique<Tape>();
+        const std::vector<double> values = values_at_size(machine_, back_slots());
         steps_ = std::make_unique<exponential::Steps>(
-            exponential::Steps{*tape_, {machine_, inputs_, layout_, back_slots()}, {}});
+            exponential::Steps{*tape_, {machine_, inputs_, layout_, values}, {machine_, inputs_, layout_, values}, {}});
     }
     auto solver = exponential_solver(size);
     if (tape_) exponential_ = solver.get();

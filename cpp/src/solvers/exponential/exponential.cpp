@@ -125,6 +125,7 @@ bool Exponential::take_modes() {
     between_.assign(rows(), 0.0);
     yc_.assign(nodes * width(), 0.0);
     rest_.assign(nodes * padded_, 0.0);
+    if (setup_.steps && setup_.steps->unseen.any()) unseen_.assign(nodes * padded_, 0.0);
     return true;
 }
 
@@ -157,9 +158,19 @@ bool Exponential::evaluate(std::size_t node) {
     const double t = node_time(node);
     const double* y = column(node);
     if (!rest_at(t, y, rest_.data() + node * padded_)) return false;
+    if (setup_.steps && setup_.steps->unseen.any()) evaluate_unseen(node);
     finite_ = (work_.empty() || problem_.quadrature(t, y, powers_.data() + node * paths_)) &&
               (guard_count_ == 0 || problem_.guards(t, y, guards_.data() + node * guard_count_));
     return finite_;
+}
+
+// What laws would add to the rates there that the run does not show, and a gradient asks for.
+void Exponential::evaluate_unseen(std::size_t node) {
+    const auto& rates = setup_.steps->unseen.rates(node_time(node), column(node), modes_, setup_.cell);
+    for (std::size_t r = 0; r < driven_.size(); ++r) {
+        const auto row = static_cast<std::size_t>(driven_[r]);
+        unseen_[node * padded_ + r] = rates[row] - rate_[row];
+    }
 }
 
 // ------------------------------------------------------------------------------------------- one step
@@ -257,7 +268,7 @@ double Exponential::try_step(int level) {
         if (!(contraction_ < slow) && next > enough) return infinite;
         moved = next;
     }
-    return std::max({interpolation_error(), work_error(), defect()});
+    return std::max({interpolation_error(rest_), interpolation_error(unseen_), work_error(), defect()});
 }
 
 // An exponential Adams–Bashforth method from node to node (S. Nørsett, 1969; M. Hochbruck, A. Ostermann, BIT 51 (2011)
@@ -335,12 +346,13 @@ double Exponential::norm(const double* y) const {
 // ------------------------------------------------------------------------------------------- errors
 
 // What the last of the polynomials that are orthogonal over the nodes, as far as the rest holds it, does to the states.
-double Exponential::interpolation_error() const {
-    const std::size_t m = driven_.size();
+double Exponential::interpolation_error(const Vector& rest) const {
+    const std::size_t m = rest.empty() ? 0 : driven_.size();
+    if (m == 0) return 0.0;
     const double* const M = propagators().step(level_);
     Vector share(m, 0.0), e(width(), 0.0), next(rows());
     for (std::size_t r = 0; r < m; ++r) {
-        for (std::size_t i = 0; i < nodes; ++i) share[r] += last_gram[i] * rest_[i * padded_ + r];
+        for (std::size_t i = 0; i < nodes; ++i) share[r] += last_gram[i] * rest[i * padded_ + r];
         share[r] /= exponential::last_gram_square;
     }
     double most = 0.0;

@@ -78,12 +78,13 @@ class Exponential final : public Solver {
     double try_step(int level);
     bool rest_at(double t, const double* y, double* rest);
     bool evaluate(std::size_t node);
+    void evaluate_unseen(std::size_t node);
     bool evaluate_nodes();
     double begin_of_inputs() const;
     bool predict();
     double past(double places, std::size_t row) const;
     double sweep();
-    double interpolation_error() const;
+    double interpolation_error(const Vector& rest) const;
     double work_error() const;
     double defect();
     double defect(const double* yc, double t, int level);
@@ -141,6 +142,7 @@ class Exponential final : public Solver {
     double quadrature_atol_ = 0.0;
     Vector yc_;           // per node y and c
     Vector rest_, past_;  // [node][driven]: now, and over the step before if no switch came since
+    Vector unseen_;       // [node][driven]; empty but for a gradient by laws that the run does not show
     double past_delta_ = 0.0, past_origin_ = 0.0;
     Vector rest_terms_;                         // [node][order][driven]
     const std::size_t paths_;                   // padded

@@ -4,8 +4,8 @@
 #include <memory>
 #include <vector>
 
-#include "../bent_rows.hpp"
 #include "../tape.hpp"
+#include "../unseen_laws.hpp"
 #include "dualdrive/signal.hpp"
 #include "dualdrive/switching.hpp"
 #include "propagators.hpp"
@@ -30,7 +30,8 @@ struct Step {
 
 struct Steps {
     Tape& tape;
-    BentRows bent;  // what parameters may do to them has to be seen at the nodes
+    BentRows bent;  // driven, whatever the run shows of them
+    UnseenLaws unseen;
     std::vector<Step> taken;
 };
 

@@ -1,6 +1,7 @@
-#include "bent_rows.hpp"
+#include "unseen_laws.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 
 #include "dualdrive/effects.hpp"
@@ -30,32 +31,48 @@ struct BentRows::Hidden {
 
 namespace {
 
+constexpr double far_below = 1e-2;  // of its typical size
+
+bool bends(const EffectEntry& effect) { return effect.of_user() || !effect_type(effect.name).text.affine; }
+
 std::vector<int> groups_with_laws(const Machine& machine, const Layout& layout) {
     std::vector<int> groups;
-    const auto bends = [&](int e) {
-        const EffectEntry& effect = machine.effects()[static_cast<std::size_t>(e)];
-        return effect.of_user() || !effect_type(effect.name).text.affine;
-    };
+    const auto bends_it = [&](int e) { return bends(machine.effects()[static_cast<std::size_t>(e)]); };
     for (std::size_t b = 0; b < layout.effects_on_body.size(); ++b)
-        if (std::any_of(layout.effects_on_body[b].begin(), layout.effects_on_body[b].end(), bends))
+        if (std::any_of(layout.effects_on_body[b].begin(), layout.effects_on_body[b].end(), bends_it))
             groups.push_back(layout.group_of[b]);
     return groups;
 }
 
 }  // namespace
 
+// Of a spline in turn up and down: equal values would be a constant.
+std::vector<double> values_at_size(const Machine& machine, const std::vector<std::vector<std::size_t>>& parameters) {
+    std::vector<double> values = machine.values();
+    for (const EffectEntry& effect : machine.effects()) {
+        if (!bends(effect)) continue;
+        const auto is_own = [&](std::size_t slot) {
+            return slot >= effect.first && slot < effect.first + effect.count;
+        };
+        for (const auto& slots : parameters)
+            for (const std::size_t slot : slots) {
+                const double size = machine.slots()[slot].typical;
+                if (!is_own(slot) || !(std::abs(machine.values()[slot]) < far_below * size)) continue;
+                values[slot] = !effect.axes.empty() && (slot - effect.first) % 2 == 1 ? -size : size;
+            }
+    }
+    return values;
+}
+
 BentRows::BentRows(const Machine& machine, const Inputs& inputs, const Layout& layout,
-                   const std::vector<std::vector<std::size_t>>& parameters)
+                   const std::vector<double>& values)
     : h_(std::make_unique<Hidden>(
           Hidden{inputs, inputs, {machine, inputs, layout}, {}, groups_with_laws(machine, layout)})) {
     for (auto& [name, waveform] : h_->still) waveform = Waveform();
     for (auto& [name, waveform] : h_->growing) waveform = Waveform({0.0}, {Polynomial{1.0, 1.0}, Polynomial{1.0, 1.0}});
     h_->z.resize(static_cast<std::size_t>(layout.size()));
-    std::vector<Growth> values(machine.values().begin(), machine.values().end());
-    for (const auto& slots : parameters)
-        for (const std::size_t slot : slots)
-            if (values[slot].value == 0.0) values[slot] = Growth(machine.slots()[slot].typical);
-    h_->model.set_parameters(values.data());
+    const std::vector<Growth> grown(values.begin(), values.end());
+    h_->model.set_parameters(grown.data());
 }
 
 BentRows::BentRows(BentRows&&) noexcept = default;
@@ -81,6 +98,17 @@ std::vector<int> BentRows::in(const Modes& modes, double t, const double* z) {
     for (std::size_t i = 0; i < bent.size(); ++i)
         if (bent[i]) rows.push_back(static_cast<int>(i));
     return rows;
+}
+
+UnseenLaws::UnseenLaws(const Machine& machine, const Inputs& inputs, const Layout& layout,
+                       const std::vector<double>& values)
+    : any_(values != machine.values()), model_(machine, inputs, layout) {
+    model_.set_parameters(values.data());
+}
+
+const std::vector<double>& UnseenLaws::rates(double t, const double* z, const Modes& modes, const Cell& cell) {
+    model_.evaluate(t, z, {.modes = modes.data(), .cell = cell, .past = nullptr, .energies = false});
+    return model_.rate();
 }
 
 }  // namespace dualdrive
