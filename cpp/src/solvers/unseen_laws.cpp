@@ -31,7 +31,7 @@ struct BentRows::Hidden {
 
 namespace {
 
-constexpr double far_below = 1e-2;  // of its typical size
+constexpr double far_below = 1e-6;  // of its typical size
 
 bool bends(const EffectEntry& effect) { return effect.of_user() || !effect_type(effect.name).text.affine; }
 

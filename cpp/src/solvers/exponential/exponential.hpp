@@ -84,7 +84,8 @@ class Exponential final : public Solver {
     bool predict();
     double past(double places, std::size_t row) const;
     double sweep();
-    double interpolation_error(const Vector& rest) const;
+    double interpolation_error() const;
+    double unseen_error() const;
     double work_error() const;
     double defect();
     double defect(const double* yc, double t, int level);
@@ -143,6 +144,7 @@ class Exponential final : public Solver {
     Vector yc_;           // per node y and c
     Vector rest_, past_;  // [node][driven]: now, and over the step before if no switch came since
     Vector unseen_;       // [node][driven]; empty but for a gradient by laws that the run does not show
+    Vector unseen_size_;  // per state
     double past_delta_ = 0.0, past_origin_ = 0.0;
     Vector rest_terms_;                         // [node][order][driven]
     const std::size_t paths_;                   // padded

@@ -203,7 +203,8 @@ void TangentGradient::phi_back(double length, const Packed& X, const Packed& X_t
     }
 }
 
-void TangentGradient::series_back(double length, Shares shares) {
+// From a level whose propagators came from series.
+void TangentGradient::finest_back(double length, Shares shares) {
     Packed X = propagators_.A(), X_transposed = A_transposed_, owed(A_.size(), 0.0);
     for (double& x : X) x *= length;
     for (double& x : X_transposed) x *= length;
@@ -224,12 +225,12 @@ const TangentGradient::Packed& TangentGradient::total() {
         add_kept(level, shares);
         if (level > finest) halve(level, shares);
     }
-    series_back(std::ldexp(propagators_.unit(), finest), std::move(shares));
+    finest_back(std::ldexp(propagators_.unit(), finest), std::move(shares));
     for (const auto& [level, kept] : kept_) {
         if (level >= finest) break;
         Shares own = nothing();
         add_kept(level, own);
-        series_back(std::ldexp(propagators_.unit(), level), std::move(own));
+        finest_back(std::ldexp(propagators_.unit(), level), std::move(own));
     }
     return A_;
 }

@@ -39,7 +39,7 @@ class TangentGradient {
     Packed states_transposed(const Packed& M) const;
     void add_kept(int level, Shares& shares);
     void halve(int level, Shares& shares) const;
-    void series_back(double length, Shares shares);
+    void finest_back(double length, Shares shares);
     void exponential_back(const Packed& X, const Packed& X_transposed, Packed bar, Packed& owed) const;
     void phi_back(double length, const Packed& X, const Packed& X_transposed, const Packed& bars, Packed& owed) const;
     Packed phi_of(int level) const;
