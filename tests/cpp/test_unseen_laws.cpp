@@ -48,6 +48,15 @@ std::vector<std::string> bent(const Machine& m, const std::string& parameter) {
     return names;
 }
 
+// Whether the signal is affine there.
+bool spared(const Machine& m, const std::string& signal) {
+    const Inputs inputs{{"theta_ref", Waveform({0.0}, {Polynomial{0.1}, Polynomial{0.1, 0.2, 0.3}})}};
+    const Layout layout(m, inputs);
+    const std::vector<double> z(static_cast<std::size_t>(layout.size()), 0.01);
+    return BentRows(m, inputs, layout, m.values())
+        .spare({layout.signal(signal)}, Modes(layout.switches.size(), flank::front), 1.0, z.data());
+}
+
 using Names = std::vector<std::string>;
 
 }  // namespace
@@ -69,6 +78,16 @@ TEST_CASE("a law of size zero bends the rates it acts on, and no others") {
     cut.add_effect("cutting_torque", "table");  // long before it begins
     cut.set("cutting_torque@table.start", 1e3);
     CHECK(bent(cut, "cutting_torque@table.mean") == Names{"omega_m"});
+}
+
+TEST_CASE("signals are spared where no law bends them") {
+    Machine m = drive_train();
+    for (const char* signal : {"e", "omega_m", "T_1", "alpha_m", "theta_ref"}) CHECK(spared(m, signal));
+    CHECK_FALSE(spared(m, "energy.stored"));
+    m.add_effect("unbalance", "table");
+    CHECK(spared(m, "e"));
+    CHECK_FALSE(spared(m, "alpha_m"));
+    CHECK_FALSE(spared(m, "unbalance@table"));
 }
 
 TEST_CASE("what laws of nearly no size would add is that of their typical size") {

@@ -1,5 +1,4 @@
 // The gradient of a cost: what a run leaves on its tape, and the walk back over it.
-#include <optional>
 #include <stdexcept>
 
 #include "../solvers/exact/adjoint.hpp"
@@ -87,23 +86,26 @@ std::vector<double> Simulation::walk_back(exact::Adjoint& adjoint, const double*
     return adjoint.lambda();
 }
 
-// What the exponential engine's tangents owe to parameters.
+// What the exponential engine's tangents, and signals where they are affine, owe to parameters.
 std::vector<double> Simulation::walk_back(exponential::Adjoint& adjoint, const double* seeds,
                                           std::vector<double>& gradient) const {
     adjoint.walk(seeds, recorded_.size());
     TracedParameters parameters(machine_, back_slots());
-    const std::vector<int> nothing;
-    exact::Reader<Traced> reader(machine_, inputs_, layout_, exponential_->generator(), nothing);
+    exact::Reader<Traced> reader(machine_, inputs_, layout_, exponential_->generator(), recorded_);
     reader.set_parameters(parameters.values());
     parameters.keep_trace();
-    for (const auto& [tangent, owed] : adjoint.tangents()) {
+    const auto rows = static_cast<Eigen::Index>(exact::padded(layout_.size()));
+    for (const auto& known : adjoint.tangents()) {
         parameters.begin();
-        const exact::Laws<Traced> laws = reader.tangent(tangent->modes, tangent->t, tangent->z.data());
-        const std::vector<double>& total = owed->total();
-        const auto rows = static_cast<Eigen::Index>(exact::padded(layout_.size()));
-        for (Eigen::Index c = 0; c < laws.A.cols(); ++c)
+        const exponential::Tangent& at = *known->tangent;
+        const exact::Laws<Traced> laws = reader.tangent(at.modes, at.t, at.z.data());
+        const std::vector<double>& total = known->gradient.total();
+        for (Eigen::Index c = 0; c < laws.A.cols(); ++c) {
             for (Eigen::Index r = 0; r < layout_.size(); ++r)
                 parameters.weigh(laws.A(r, c), total[static_cast<std::size_t>(c * rows + r)]);
+            for (Eigen::Index s = 0; s < known->outputs_owed.rows(); ++s)
+                parameters.weigh(laws.outputs(s, c), known->outputs_owed(s, c));
+        }
         parameters.walk_back();
     }
     add(gradient, parameters.owed_to_parameters());
@@ -131,13 +133,14 @@ std::vector<double> Simulation::pull_back(const std::vector<double>& seeds) cons
         exact::Adjoint adjoint(*tape_, layout_.size(), over_jump);
         lambda = walk_back(adjoint, seeds.data(), gradient);
     } else {
-        std::optional<PlacedSignals> placed;
-        if (placed_) placed.emplace(pullback, recorded_);
-        exponential::Adjoint adjoint(
-            *tape_, layout_.size(), over_jump,
-            {steps_->taken, places_, exponential_->generator(), recorded_, pullback, placed ? &*placed : nullptr});
+        exact::Reader<double> reader(machine_, inputs_, layout_, exponential_->generator(), recorded_);
+        const auto outputs = [&](const exponential::Tangent& at) -> exact::Matrix<double> {
+            if (!steps_->bent.spare(recorded_, at.modes, at.t, at.z.data())) return {};
+            return reader.tangent(at.modes, at.t, at.z.data()).outputs;
+        };
+        exponential::Adjoint adjoint(*tape_, layout_.size(), over_jump,
+                                     {steps_->taken, places_, exponential_->generator(), recorded_, pullback, outputs});
         lambda = walk_back(adjoint, seeds.data(), gradient);
-        if (placed) placed->close();
     }
     add(gradient, pullback.parameters().owed_to_parameters());
     for (std::size_t k = 0; k < gradient.size(); ++k)

@@ -72,32 +72,4 @@ void Pullback::slopes(std::size_t first, std::span<const Traced> results, double
     }
 }
 
-PlacedSignals::PlacedSignals(Pullback& pullback, const std::vector<int>& signals) : pullback_(pullback) {
-    std::vector<Traced> unit(pullback.z_.size(), Traced(0.0));
-    for (Traced& z : unit) {
-        z = Traced(1.0);
-        pullback.model_.place(unit.data());
-        for (const int s : signals) C_.push_back(pullback.model_.signals()[static_cast<std::size_t>(s)]);
-        z = Traced(0.0);
-    }
-    pullback.parameters_.keep_trace();
-    for (const Traced& c : C_) values_.push_back(c.value);
-    owed_.assign(values_.size(), 0.0);
-}
-
-void PlacedSignals::back(const double* z, const double* seeds, double* lambda) {
-    const std::size_t states = pullback_.z_.size(), signals = values_.size() / states;
-    for (std::size_t i = 0; i < states; ++i)
-        for (std::size_t s = 0; s < signals; ++s) {
-            lambda[i] += values_[i * signals + s] * seeds[s];
-            owed_[i * signals + s] += z[i] * seeds[s];
-        }
-}
-
-void PlacedSignals::close() {
-    pullback_.parameters_.begin();
-    for (std::size_t k = 0; k < C_.size(); ++k) pullback_.parameters_.weigh(C_[k], owed_[k]);
-    owed_.assign(owed_.size(), 0.0);
-}
-
 }  // namespace dualdrive

@@ -61,28 +61,10 @@ class Pullback {
     void slopes(std::size_t first, std::span<const Traced> results, double* rows);
 
   private:
-    friend class PlacedSignals;
     TracedParameters parameters_;
     Model<Traced> model_;
     std::vector<Traced> z_;
     std::vector<Lanes> bars_;
-};
-
-// Signals that are what Model::place gives: C z, with C made of parameters alone.
-class PlacedSignals {
-  public:
-    // C stays on the trace of `pullback`, which must be new.
-    PlacedSignals(Pullback& pullback, const std::vector<int>& signals);
-
-    // λ += Cᵀ seeds, and C owes seeds zᵀ.
-    void back(const double* z, const double* seeds, double* lambda);
-    // What C is owed goes to the parameters; once, at the end.
-    void close();
-
-  private:
-    Pullback& pullback_;
-    std::vector<Traced> C_;  // [state][signal]
-    std::vector<double> values_, owed_;
 };
 
 }  // namespace dualdrive

@@ -78,17 +78,23 @@ BentRows::BentRows(const Machine& machine, const Inputs& inputs, const Layout& l
 BentRows::BentRows(BentRows&&) noexcept = default;
 BentRows::~BentRows() = default;
 
-std::vector<int> BentRows::in(const Modes& modes, double t, const double* z) {
+// Time itself is no state: a law that has it bends a rate, an input that has it does not.
+template <class See>
+void BentRows::evaluate(const Modes& modes, double t, const double* z, const See& see) {
     for (std::size_t i = 0; i < h_->z.size(); ++i) h_->z[i] = Growth::variable(z[i]);
-    std::vector<bool> bent(h_->z.size(), false);
-    // Time itself is no state: a law that has it bends a rate, an input that has it does not.
     for (const bool inputs_grow : {true, false}) {
         h_->model.set_inputs(inputs_grow ? h_->growing : h_->still);
         const Growth time = Growth::variable(t, inputs_grow ? Growth::affine : Growth::other);
-        h_->model.evaluate(time, h_->z.data(),
-                           {.modes = modes.data(), .cell = Cell{}, .past = nullptr, .energies = false});
-        for (std::size_t i = 0; i < bent.size(); ++i) bent[i] = bent[i] || h_->model.rate()[i].kind == Growth::other;
+        h_->model.evaluate(time, h_->z.data(), {modes.data(), Cell{}, nullptr});
+        see();
     }
+}
+
+std::vector<int> BentRows::in(const Modes& modes, double t, const double* z) {
+    std::vector<bool> bent(h_->z.size(), false);
+    evaluate(modes, t, z, [&] {
+        for (std::size_t i = 0; i < bent.size(); ++i) bent[i] = bent[i] || h_->model.rate()[i].kind == Growth::other;
+    });
     for (const int g : h_->groups) {
         const auto k = static_cast<std::size_t>(g);
         const int stick = h_->model.layout().stick_of[k];
@@ -98,6 +104,21 @@ std::vector<int> BentRows::in(const Modes& modes, double t, const double* z) {
     for (std::size_t i = 0; i < bent.size(); ++i)
         if (bent[i]) rows.push_back(static_cast<int>(i));
     return rows;
+}
+
+bool BentRows::spare(const std::vector<int>& signals, const Modes& modes, double t, const double* z) {
+    const auto& at = h_->model.layout().at;
+    const auto contains = [](const std::vector<int>& list, int s) {
+        return std::find(list.begin(), list.end(), s) != list.end();
+    };
+    bool all = true;
+    for (const int s : signals)  // a law that may show another piece elsewhere shows it here
+        all = all && !contains(at.effect, s) && (h_->groups.empty() || !contains(at.acceleration, s));
+    if (!all) return false;
+    evaluate(modes, t, z, [&] {
+        for (const int s : signals) all = all && h_->model.signals()[static_cast<std::size_t>(s)].kind != Growth::other;
+    });
+    return all;
 }
 
 UnseenLaws::UnseenLaws(const Machine& machine, const Inputs& inputs, const Layout& layout,

@@ -21,9 +21,14 @@ class BentRows {
 
     // Numbers of states whose rates are such in these modes, near z and t; increasing.
     std::vector<int> in(const Modes& modes, double t, const double* z);
+    // Whether all of these signals are affine there.
+    bool spare(const std::vector<int>& signals, const Modes& modes, double t, const double* z);
 
   private:
     struct Hidden;
+    // Calls see() after each of two evaluations: with inputs that grow, and with time that bends what has it.
+    template <class See>
+    void evaluate(const Modes& modes, double t, const double* z, const See& see);
     std::unique_ptr<Hidden> h_;
 };
 

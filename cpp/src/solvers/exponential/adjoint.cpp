@@ -28,7 +28,7 @@ constexpr auto onto_nodes = [] {
 }  // namespace
 
 Adjoint::Adjoint(const Tape& tape, int states, std::function<void(int, double*)> jump_back, Setup setup)
-    : dualdrive::Adjoint(tape, states, std::move(jump_back)), setup_(setup), rates_(nodes) {}
+    : dualdrive::Adjoint(tape, states, std::move(jump_back)), setup_(std::move(setup)), rates_(nodes) {}
 
 // ------------------------------------------------------------------------------------------- outputs and guards
 
@@ -41,7 +41,6 @@ void Adjoint::add_owed(std::size_t first, double* lambda) {
 
 void Adjoint::output_back(const Entry& e, double* lambda) {
     const Place& at = setup_.places[static_cast<std::size_t>(e.place)];
-    if (setup_.placed) return setup_.placed->back(at.z.data(), seeds(e), lambda);
     Pullback& pullback = setup_.pullback;
     pullback.parameters().begin();
     const std::size_t first = pullback.evaluate(at, true);
@@ -49,6 +48,20 @@ void Adjoint::output_back(const Entry& e, double* lambda) {
         pullback.parameters().weigh(pullback.model().signals()[static_cast<std::size_t>(setup_.recorded[s])],
                                     seeds(e)[s]);
     add_owed(first, lambda);
+}
+
+// The same within a step where signals are C y: λ += Cᵀ seeds, and C owes seeds yᵀ.
+void Adjoint::affine_output_back(const Entry& e, double* lambda) {
+    const Place& at = setup_.places[static_cast<std::size_t>(e.place)];
+    const exact::Matrix<double>& C = known_->outputs;
+    y_.assign(static_cast<std::size_t>(C.cols()), 1.0);
+    std::copy(at.z.begin(), at.z.end(), y_.begin());
+    setup_.generator.set(at.t, at.cell, y_.data() + states_);
+    for (Eigen::Index j = 0; j < C.cols(); ++j)
+        for (Eigen::Index s = 0; s < C.rows(); ++s) {
+            if (j < states_) lambda[j] += C(s, j) * seeds(e)[s];
+            known_->outputs_owed(s, j) += seeds(e)[s] * y_[static_cast<std::size_t>(j)];
+        }
 }
 
 void Adjoint::present_output_back(const Entry& e) { output_back(e, lambda_.data()); }
@@ -71,7 +84,10 @@ void Adjoint::steps_back(const Entry& entry, Outputs outputs) {
         const Entry& e = outputs[k];
         if (e.column < 0) continue;
         std::fill(lambda_.begin(), lambda_.end(), 0.0);
-        output_back(e, lambda_.data());
+        if (known_->outputs.size() > 0)
+            affine_output_back(e, lambda_.data());
+        else
+            output_back(e, lambda_.data());
         arrive(setup_.places[static_cast<std::size_t>(e.place)].t, lambda_.data());
     }
     arrivals_back();
@@ -81,15 +97,21 @@ void Adjoint::steps_back(const Entry& entry, Outputs outputs) {
     std::copy_n(owed_at(0), lambda_rows_, lambda_.begin());
 }
 
+Adjoint::Known& Adjoint::known(const std::shared_ptr<Tangent>& tangent) {
+    for (const auto& each : tangents_)
+        if (each->tangent == tangent) return *each;
+    exact::Matrix<double> outputs = setup_.outputs(*tangent);
+    const exact::Matrix<double> nothing = exact::Matrix<double>::Zero(outputs.rows(), outputs.cols());
+    tangents_.push_back(std::make_unique<Known>(
+        Known{tangent, TangentGradient(tangent->propagators, states_), std::move(outputs), nothing}));
+    return *tangents_.back();
+}
+
 // Its states at the nodes, and there the derivatives of the rest's polynomial.
 void Adjoint::open(const Entry& entry) {
     step_ = &setup_.taken[static_cast<std::size_t>(entry.count)];
-    auto known = std::find_if(tangents_.begin(), tangents_.end(),
-                              [this](const auto& each) { return each.first == step_->tangent; });
-    if (known == tangents_.end())
-        known = tangents_.emplace(tangents_.end(), step_->tangent,
-                                  std::make_unique<TangentGradient>(step_->tangent->propagators, states_));
-    gradient_ = known->second.get();
+    known_ = &known(step_->tangent);
+    gradient_ = &known_->gradient;
     propagators_ = &step_->tangent->propagators;
     width_ = static_cast<std::size_t>(propagators_->width());
     tall_ = static_cast<std::size_t>(gradient_->tall());

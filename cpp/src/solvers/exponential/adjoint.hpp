@@ -31,14 +31,19 @@ class Adjoint final : public dualdrive::Adjoint {
         const exact::Generator& generator;
         const std::vector<int>& recorded;  // signals
         Pullback& pullback;
-        PlacedSignals* placed;  // where all of them are such
+        // What the recorded signals are of y in these modes, signals × size of y; empty where they are not affine.
+        std::function<exact::Matrix<double>(const Tangent&)> outputs;
+    };
+    // A tangent, and what is owed to it.
+    struct Known {
+        std::shared_ptr<Tangent> tangent;
+        TangentGradient gradient;
+        exact::Matrix<double> outputs, outputs_owed;
     };
     Adjoint(const Tape& tape, int states, std::function<void(int, double*)> jump_back, Setup setup);
 
     // In the order in which they were first met on the way back, so that sums are the same each time.
-    const std::vector<std::pair<std::shared_ptr<Tangent>, std::unique_ptr<TangentGradient>>>& tangents() const {
-        return tangents_;
-    }
+    const std::vector<std::unique_ptr<Known>>& tangents() const { return tangents_; }
 
   private:
     using Vector = std::vector<double>;
@@ -62,6 +67,8 @@ class Adjoint final : public dualdrive::Adjoint {
     void guard_back(const Entry& instant, double weight) override;
 
     void open(const Entry& steps);
+    Known& known(const std::shared_ptr<Tangent>& tangent);
+    void affine_output_back(const Entry& output, double* lambda);
     void add_owed(std::size_t first, double* lambda);
     void output_back(const Entry& output, double* lambda);
     void linearise();
@@ -80,10 +87,11 @@ class Adjoint final : public dualdrive::Adjoint {
     double* owed_at(std::size_t node) { return owed_.data() + node * tall_; }
 
     const Setup setup_;
-    std::vector<std::pair<std::shared_ptr<Tangent>, std::unique_ptr<TangentGradient>>> tangents_;
+    std::vector<std::unique_ptr<Known>> tangents_;
 
     // The step at hand.
     const Step* step_ = nullptr;
+    Known* known_ = nullptr;
     TangentGradient* gradient_ = nullptr;
     Propagators* propagators_ = nullptr;
     std::size_t width_ = 0, tall_ = 0, rest_width_ = 0;
@@ -96,7 +104,7 @@ class Adjoint final : public dualdrive::Adjoint {
     std::vector<std::vector<Traced>> rates_;
     std::vector<Arrival> arrivals_;  // the latest first
     std::vector<Piece> pieces_;
-    Vector values_, terms_, all_terms_, moved_, part_, next_;
+    Vector values_, terms_, all_terms_, moved_, part_, next_, y_;
 };
 
 }  // namespace dualdrive::exponential
