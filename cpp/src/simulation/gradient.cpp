@@ -79,9 +79,9 @@ void add(std::vector<double>& sum, const std::vector<double>& what) {
 std::vector<double> Simulation::walk_back(exact::Adjoint& adjoint, const double* seeds,
                                           std::vector<double>& gradient) const {
     adjoint.walk(seeds, recorded_.size());
-    for (auto& [law, owed] : adjoint.laws()) {
-        const auto derivatives = exact_->derivatives(law, back_slots());
-        for (std::size_t k = 0; k < gradient.size(); ++k) gradient[k] += owed.along(derivatives[k]);
+    for (const auto& owed : adjoint.laws()) {
+        const auto derivatives = exact_->derivatives(owed->law, back_slots());
+        for (std::size_t k = 0; k < gradient.size(); ++k) gradient[k] += owed->gradient.along(derivatives[k]);
     }
     return adjoint.lambda();
 }

@@ -160,7 +160,12 @@ Adjoint::Adjoint(const Tape& tape, int states, std::function<void(int, double*)>
 LawGradient& Adjoint::gradient(const Propagator<double>* law) {
     if (law != recent_) {
         recent_ = law;
-        recent_gradient_ = &laws_.try_emplace(law, *law, states_).first->second;
+        LawGradient*& known = known_[law];
+        if (!known) {
+            laws_.push_back(std::make_unique<Owed>(Owed{law, LawGradient(*law, states_)}));
+            known = &laws_.back()->gradient;
+        }
+        recent_gradient_ = known;
     }
     return *recent_gradient_;
 }

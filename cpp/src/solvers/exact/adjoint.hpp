@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <map>
+#include <memory>
 #include <vector>
 
 #include "../adjoint.hpp"
@@ -53,7 +54,12 @@ class Adjoint final : public dualdrive::Adjoint {
   public:
     Adjoint(const Tape& tape, int states, std::function<void(int, double*)> jump_back);
 
-    std::map<const Propagator<double>*, LawGradient>& laws() { return laws_; }
+    struct Owed {
+        const Propagator<double>* law;
+        LawGradient gradient;
+    };
+    // In the order in which they were first met on the way back: sums are the same each time, wherever memory was.
+    const std::vector<std::unique_ptr<Owed>>& laws() const { return laws_; }
 
   private:
     void present_output_back(const Entry& output) override;
@@ -66,7 +72,8 @@ class Adjoint final : public dualdrive::Adjoint {
     std::vector<double> columns_;                 // λ at every column of the present steps
     const Propagator<double>* recent_ = nullptr;  // the law asked for last
     LawGradient* recent_gradient_ = nullptr;
-    std::map<const Propagator<double>*, LawGradient> laws_;
+    std::vector<std::unique_ptr<Owed>> laws_;
+    std::map<const Propagator<double>*, LawGradient*> known_;
 };
 
 }  // namespace dualdrive::exact
