@@ -110,33 +110,37 @@ bool Simulation::too_stiff_to_be_exact() {
     return decays > stiff_beyond * rings && steps > static_cast<double>(options_.max_steps);
 }
 
+namespace {
+
+void refuse(const std::string& what) { throw std::invalid_argument(what); }
+
+}  // namespace
+
+void Simulation::refuse_gradient(const std::string& impossible) const {
+    const std::string instead = "ask for sensitivities instead";
+    if (!wants_exact() && !chooses_engine() && options_.engine != Engine::exponential)
+        refuse(std::string("gradient: engine = ") + (options_.engine == Engine::explicit_rk ? "explicit" : "cvode") +
+               " has no way back; take engine = auto, or " + instead);
+    if (!goes_back_by_collocation()) {
+        if (!impossible.empty())
+            refuse("gradient: " + impossible + "; " + (affine_ ? "" : "take engine = auto, or ") + instead);
+        if (!curved_.empty())
+            refuse(
+                "gradient: energies and torques of effects are not linear in the state; record others, or take "
+                "engine = exponential");
+        return;
+    }
+    if (!layout_.delays.empty() || !suits_exponential()) refuse("gradient: " + impossible + "; " + instead);
+    // A bristle's rate has a kink where its body turns, which costs the way back its order.
+    if (!layout_.memories.empty())
+        refuse("gradient: " + machine_.effects()[static_cast<std::size_t>(layout_.memories.front().effect)].label +
+               " keeps a state that is stiff while its body slides and has a kink where it turns; " + instead);
+}
+
 // What was asked for and can't be had together, said before anything moves. `impossible`: why the exact engine would not
 // do, or empty.
 void Simulation::refuse_what_is_not_exact(const std::string& impossible) const {
-    const auto refuse = [](const std::string& what) { throw std::invalid_argument(what); };
-    if (!options_.gradient.empty()) {
-        const char* other = options_.engine == Engine::explicit_rk ? "explicit" : "cvode";
-        if (!wants_exact() && !chooses_engine() && options_.engine != Engine::exponential)
-            refuse(std::string("gradient: engine = ") + other +
-                   " has no way back; take engine = auto, or ask for sensitivities instead");
-        if (goes_back_by_collocation()) {
-            if (!layout_.delays.empty() || !suits_exponential())
-                refuse("gradient: " + impossible + "; ask for sensitivities instead");
-            // A bristle's rate has a kink where its body turns, which costs the way back its order.
-            if (!layout_.memories.empty())
-                refuse(
-                    "gradient: " + machine_.effects()[static_cast<std::size_t>(layout_.memories.front().effect)].label +
-                    " keeps a state that is stiff while its body slides and has a kink where it turns; ask for "
-                    "sensitivities instead");
-        } else if (!impossible.empty()) {
-            refuse("gradient: " + impossible + "; take engine = auto, or ask for sensitivities instead");
-        } else if (!curved_.empty()) {
-            refuse(
-                "gradient: record signals that are linear in the state, which energies and torques of effects are not; "
-                "or "
-                "take engine = exponential");
-        }
-    }
+    if (!options_.gradient.empty()) refuse_gradient(impossible);
     if (options_.long_double && !(options_.sensitivities.empty() && options_.gradient.empty()))
         refuse("long_double = true: a reference run has no derivatives; leave one of them out");
     if (options_.engine == Engine::exponential && !options_.sensitivities.empty())

@@ -66,6 +66,7 @@ class Simulation final : public Problem {
     bool too_stiff_to_be_exact();
     void choose_solver(int guards, std::span<const double> parameter_scale);
     bool exact_is_possible(std::string& reason) const;
+    void refuse_gradient(const std::string& impossible) const;
     void refuse_what_is_not_exact(const std::string& impossible) const;
     bool wants_exact() const;
     bool chooses_engine() const;
