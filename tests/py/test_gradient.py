@@ -224,12 +224,14 @@ def test_a_cost_of_laws_against_differences(name: str) -> None:
     check_against_differences(this, run, engine="explicit", rtol=1e-13)
 
 
-def test_any_signal_has_a_way_back_through_laws() -> None:
-    """Accelerations, energies, torques of effects: the model itself is taken back at each row."""
+@pytest.mark.parametrize("signals", [
+    ["alpha_m", "energy.stored", "torque_ripple@motor_1", "T_1"],  # the model itself goes back
+    ["theta_1", "omega_1", "U_1", "e"],  # affine, and scaled by parameters
+])  # fmt: skip
+def test_any_signal_has_a_way_back_through_laws(signals: list[str]) -> None:
     case = with_laws("torque_ripple", "hertzian_stiffness")
-    names = list(case.parameters)
-    options = {"end": 0.8, "signals": ["alpha_m", "energy.stored", "torque_ripple@motor_1", "T_1"],
-               "initial": dict(case.initial), "output_step": 7e-3}  # fmt: skip
+    names = [*case.parameters, "gearboxes.ratio", "motors.K_d"]
+    options = {"end": 0.8, "signals": signals, "initial": dict(case.initial), "output_step": 7e-3}
     motion = core_inputs(case.motion)
     ahead = _core.simulate(case.machine, motion, engine="explicit", rtol=1e-12,
                            sensitivities=names, **options)  # type: ignore[arg-type]  # fmt: skip
