@@ -164,7 +164,7 @@ class Workload:
         return float((worst / np.abs(self.truth).max(axis=0)).max())
 
 
-def timed(do: Callable[[], core_machines.Run]) -> tuple[float, core_machines.Run]:
+def timed(do: Callable[[], Any]) -> tuple[float, Any]:
     """Processor time in ms, and what was done."""
     begin = time.process_time()
     run = do()

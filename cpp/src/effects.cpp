@@ -5,8 +5,10 @@
 #include <stdexcept>
 #include <string>
 
+#include "dualdrive/growth.hpp"
 #include "dualdrive/nearest.hpp"
 #include "dualdrive/structural.hpp"
+#include "dualdrive/trace.hpp"
 
 namespace dualdrive {
 namespace {
@@ -109,5 +111,8 @@ std::unique_ptr<Effect<S>> make_effect(std::string_view name, const S* values) {
 template std::unique_ptr<Effect<double>> make_effect(std::string_view, const double*);
 template std::unique_ptr<Effect<Gradient>> make_effect(std::string_view, const Gradient*);
 template std::unique_ptr<Effect<FineGradient>> make_effect(std::string_view, const FineGradient*);
+template std::unique_ptr<Effect<Traced>> make_effect(std::string_view, const Traced*);
+template std::unique_ptr<Effect<TracedGradient>> make_effect(std::string_view, const TracedGradient*);
+template std::unique_ptr<Effect<Growth>> make_effect(std::string_view, const Growth*);
 
 }  // namespace dualdrive

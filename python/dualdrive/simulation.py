@@ -60,7 +60,8 @@ def simulate(
     initial:        state -> value; all others are 0
     sensitivities:  parameter paths, groups or initial.<state>: forward, d signal / d parameter
     gradient:       the same, backward: Run.gradient then gives d cost / d parameter of any cost of
-                    the signals for about the price of one more run; exact engine
+                    the signals for about the price of one more run or two; exact engine, and the
+                    exponential one for laws that are not affine
     times:          output times in s, increasing; else every output_step from start to end
     output_step:    s; unless given `usual_step`
     engine:         exact (between switches; every effect affine in its modes), exponential (other

@@ -1,4 +1,5 @@
-// Every function of the dual numbers against central differences, for double, long double and nested duals.
+// Every function of the dual numbers against central differences, for double, long double and nested duals; and of traced
+// ones.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -7,6 +8,7 @@
 #include <vector>
 
 #include "dualdrive/scalar.hpp"
+#include "dualdrive/trace.hpp"
 
 using namespace dualdrive;
 
@@ -19,12 +21,14 @@ struct Tested {
     std::function<Dual<double, 2>(Dual<double, 2>)> dual;
     std::function<Dual<long double, 2>(Dual<long double, 2>)> wide;
     std::function<Dual<Dual<double, 2>, 1>(Dual<Dual<double, 2>, 1>)> nested;
+    std::function<Traced(Traced)> traced;
+    std::function<Dual<Traced, 1>(Dual<Traced, 1>)> traced_dual;
     std::vector<double> at;
 };
 
 template <class F>
 Tested tested(std::string name, F f, std::vector<double> at) {
-    return {std::move(name), f, f, f, f, std::move(at)};
+    return {std::move(name), f, f, f, f, f, f, std::move(at)};
 }
 
 const std::vector<double> anywhere{-2.3, -0.4, 0.1, 0.9, 1.7};
@@ -129,6 +133,49 @@ TEST_CASE("nested duals give second derivatives") {
             CHECK(y.slope[0].value == doctest::Approx(seen(slope(f.plain, x))).epsilon(1e-9));
             CHECK(y.slope[0].slope[0] == doctest::Approx(seen(curvature(f.plain, x))).epsilon(1e-6));
         }
+}
+
+namespace {
+
+// ∂(result)/∂(the variable that came first on the trace).
+double back_to_first(const Traced& result, const Trace& trace) {
+    std::vector<double> bars(trace.size(), 0.0);
+    bars[static_cast<std::size_t>(result.node)] += result.weight;
+    trace.walk_back(0, trace.size(), bars);
+    return bars[0];
+}
+
+}  // namespace
+
+TEST_CASE("slopes come back over a trace, and second derivatives through duals on it") {
+    for (const auto& f : functions)
+        for (const double x : f.at) {
+            CAPTURE(f.name);
+            CAPTURE(x);
+            Trace trace;
+            const Traced y = f.traced(Traced::variable(x, trace));
+            CHECK(y.value == doctest::Approx(seen(f.plain(x))).epsilon(1e-14));
+            CHECK(back_to_first(y, trace) == doctest::Approx(seen(slope(f.plain, x))).epsilon(1e-9));
+            Trace second;
+            const auto z = f.traced_dual(Dual<Traced, 1>::variable(Traced::variable(x, second), 0));
+            CHECK(z.slope[0].value == doctest::Approx(seen(slope(f.plain, x))).epsilon(1e-9));
+            CHECK(back_to_first(z.slope[0], second) == doctest::Approx(seen(curvature(f.plain, x))).epsilon(1e-6));
+        }
+}
+
+TEST_CASE("one walk back reaches every variable, and constants leave no trace") {
+    Trace trace;
+    const Traced x = Traced::variable(0.7, trace), y = Traced::variable(1.3, trace);
+    const Traced f = x * sin(y) + pow(y, x) * (Traced(2.0) * 0.5);
+    std::vector<double> bars(trace.size(), 0.0);
+    bars[static_cast<std::size_t>(f.node)] = f.weight;
+    trace.walk_back(0, trace.size(), bars);
+    CHECK(bars[0] == doctest::Approx(std::sin(1.3) + std::pow(1.3, 0.7) * std::log(1.3)));
+    CHECK(bars[1] == doctest::Approx(0.7 * std::cos(1.3) + 0.7 * std::pow(1.3, -0.3)));
+    const std::size_t written = trace.size();
+    const Traced g = exp(-3.0 * (x + 1.0)) / 2.0 + x * 0.0 * y;
+    CHECK(trace.size() == written);
+    CHECK(g.weight == doctest::Approx(-1.5 * std::exp(-5.1)));
 }
 
 TEST_CASE("partial derivatives of a function of several variables") {

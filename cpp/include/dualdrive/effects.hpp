@@ -95,7 +95,7 @@ bool is_user_law(const EffectType& type);
 const EffectType& effect_type(std::string_view name);
 
 // A new effect whose parameters are read from consecutive `values`, in the order of effect_type(name).parameters.
-// S is double, Gradient or FineGradient. Throws as effect_type does.
+// S is what Model is built for. Throws as effect_type does.
 template <class S>
 std::unique_ptr<Effect<S>> make_effect(std::string_view name, const S* values);
 

@@ -1,7 +1,8 @@
 // The physics, once: signals, forces, rates, guards and ticks of a machine with its modes frozen.
 //
 // Model<double> drives the solver, Model<Gradient> the Jacobian, the sensitivities and the exact engine's matrices,
-// Model<FineGradient> the same matrices in long double, all from these lines. A Model is a worker: it owns scratch memory and belongs to one thread.
+// Model<FineGradient> the same matrices in long double, Model<Traced> and Model<TracedGradient> the way back of a gradient,
+// all from these lines. A Model is a worker: it owns scratch memory and belongs to one thread.
 #pragma once
 
 #include <array>
@@ -12,6 +13,7 @@
 #include "dualdrive/layout.hpp"
 #include "dualdrive/machine.hpp"
 #include "dualdrive/signal.hpp"
+#include "dualdrive/trace.hpp"
 
 namespace dualdrive {
 
@@ -27,8 +29,9 @@ struct Product {
     S a, b;
 };
 
-// What is evaluated: all of it, or the plant alone, as if nothing drove it: neither inputs, nor control, nor energies.
-enum class Scope { whole, plant };
+// What is evaluated: all of it, all but energies, or the plant alone, as if nothing drove it: neither inputs, nor control,
+// nor energies.
+enum class Scope { whole, dynamics, plant };
 
 template <class S>
 class Model {
@@ -163,5 +166,7 @@ class Model {
 extern template class Model<double>;
 extern template class Model<Gradient>;
 extern template class Model<FineGradient>;
+extern template class Model<Traced>;
+extern template class Model<TracedGradient>;
 
 }  // namespace dualdrive

@@ -25,7 +25,7 @@ struct SimulateOptions {
     long max_steps = 50'000'000;
     std::vector<std::string> signals;        // to record; empty = all
     std::vector<std::string> sensitivities;  // parameter paths or groups, or initial.<state>
-    std::vector<std::string> gradient;       // the same, for Trajectory::pull_back; exact engine
+    std::vector<std::string> gradient;       // the same, for Trajectory::pull_back
     std::map<std::string, double> initial;   // state name -> value; all others 0
     bool energy = true;                      // keep the ledger of work
     std::function<bool()> interrupted;       // asked every few hundred steps

@@ -106,18 +106,18 @@ void Model<S>::evaluate(const S& t, const S* z, const Now& now) {
     stored_ = S(0.0);
     if (products_) products_->clear();
     std::fill(body_torque_.begin(), body_torque_.end(), S(0.0));
-    const bool whole = now.scope == Scope::whole;
-    whole ? read_inputs(t) : drive_nothing();
+    const bool driven = now.scope != Scope::plant;
+    driven ? read_inputs(t) : drive_nothing();
     place(z);
     connection_torques();
     motors(z);
-    if (whole) sense(t);
-    if (whole) control(t, z);
+    if (driven) sense(t);
+    if (driven) control(t, z);
     body_torques(t);
     friction(t);
     rates(z);
-    if (whole) control_rates(z);
-    if (whole) energy(z);
+    if (driven) control_rates(z);
+    if (now.scope == Scope::whole) energy(z);
 }
 
 }  // namespace dualdrive

@@ -365,7 +365,7 @@ void Model<S>::control_rates(const S* z) {
 
 template <class S>
 void Model<S>::deliver(Power path, const S& a, const S& b) {
-    if (now_.scope == Scope::plant) return;
+    if (now_.scope != Scope::whole) return;
     const auto k = static_cast<std::size_t>(path);
     power_[k] += a * b;
     if (products_) products_->push_back({k, a, b});

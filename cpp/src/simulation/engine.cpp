@@ -110,20 +110,37 @@ bool Simulation::too_stiff_to_be_exact() {
     return decays > stiff_beyond * rings && steps > static_cast<double>(options_.max_steps);
 }
 
+namespace {
+
+void refuse(const std::string& what) { throw std::invalid_argument(what); }
+
+}  // namespace
+
+void Simulation::refuse_gradient(const std::string& impossible) const {
+    const std::string instead = "ask for sensitivities instead";
+    if (!wants_exact() && !chooses_engine() && options_.engine != Engine::exponential)
+        refuse(std::string("gradient: engine = ") + (options_.engine == Engine::explicit_rk ? "explicit" : "cvode") +
+               " has no way back; take engine = auto, or " + instead);
+    if (!goes_back_by_collocation()) {
+        if (!impossible.empty())
+            refuse("gradient: " + impossible + "; " + (affine_ ? "" : "take engine = auto, or ") + instead);
+        if (!curved_.empty())
+            refuse(
+                "gradient: energies and torques of effects are not linear in the state; record others, or take "
+                "engine = exponential");
+        return;
+    }
+    if (!layout_.delays.empty() || !suits_exponential()) refuse("gradient: " + impossible + "; " + instead);
+    // A bristle's rate has a kink where its body turns, which costs the way back its order.
+    if (!layout_.memories.empty())
+        refuse("gradient: " + machine_.effects()[static_cast<std::size_t>(layout_.memories.front().effect)].label +
+               " keeps a state that is stiff while its body slides and has a kink where it turns; " + instead);
+}
+
 // What was asked for and can't be had together, said before anything moves. `impossible`: why the exact engine would not
 // do, or empty.
 void Simulation::refuse_what_is_not_exact(const std::string& impossible) const {
-    const auto refuse = [](const std::string& what) { throw std::invalid_argument(what); };
-    if (!options_.gradient.empty()) {
-        const char* other = options_.engine == Engine::explicit_rk   ? "explicit"
-                            : options_.engine == Engine::exponential ? "exponential"
-                                                                     : "cvode";
-        if (!wants_exact() && !chooses_engine())
-            refuse(std::string("gradient: engine = ") + other + " has no way back; ask for sensitivities instead");
-        if (!impossible.empty()) refuse("gradient: " + impossible + "; ask for sensitivities instead");
-        if (!curved_.empty())
-            refuse("gradient: record signals that are linear in the state; energies and torques of effects are not");
-    }
+    if (!options_.gradient.empty()) refuse_gradient(impossible);
     if (options_.long_double && !(options_.sensitivities.empty() && options_.gradient.empty()))
         refuse("long_double = true: a reference run has no derivatives; leave one of them out");
     if (options_.engine == Engine::exponential && !options_.sensitivities.empty())
@@ -147,6 +164,12 @@ bool Simulation::suits_exponential() const {
     return parameters_.empty() && exact::Generator(inputs_).size() + layout_.size() <= most_exact_states;
 }
 
+// Laws that are not affine, or whoever asks for it.
+bool Simulation::goes_back_by_collocation() const {
+    return !options_.gradient.empty() &&
+           (options_.engine == Engine::exponential || (!affine_ && options_.engine != Engine::exact));
+}
+
 bool Simulation::wants_exact() const { return options_.engine == Engine::exact || options_.long_double; }
 
 bool Simulation::chooses_engine() const {
@@ -156,7 +179,7 @@ bool Simulation::chooses_engine() const {
 void Simulation::take_exact_solver(Solver::Size size) {
     std::vector<std::vector<std::size_t>> slots;
     for (const Parameter& p : parameters_) slots.push_back(p.slots);
-    if (!options_.gradient.empty()) tape_ = std::make_unique<exact::Tape>();
+    if (!options_.gradient.empty()) tape_ = std::make_unique<Tape>();
     const auto build = [&]<class R>() {
         typename exact::Exact<R>::Setup setup{machine_, inputs_,        layout_,      modes_,
                                               cell_,    options_.start, exact_grid(), recorded_,
@@ -172,15 +195,36 @@ void Simulation::take_exact_solver(Solver::Size size) {
     solver_ = std::move(solver);
 }
 
+std::unique_ptr<Exponential> Simulation::exponential_solver(Solver::Size size) {
+    return std::make_unique<Exponential>(
+        *this, size, options_.rtol,
+        Exponential::Setup{machine_, inputs_, layout_, modes_, cell_, options_.start, exact_grid(), steps_.get()});
+}
+
+void Simulation::take_exponential_solver(Solver::Size size) {
+    if (!options_.gradient.empty()) {
+        tape_ = std::make_unique<Tape>();
+        const std::vector<double> values = values_at_size(machine_, back_slots());
+        steps_ = std::make_unique<exponential::Steps>(
+            exponential::Steps{*tape_, {machine_, inputs_, layout_, values}, {machine_, inputs_, layout_, values}, {}});
+    }
+    auto solver = exponential_solver(size);
+    if (tape_) exponential_ = solver.get();
+    solver_ = std::move(solver);
+}
+
 void Simulation::choose_solver(int guards, std::span<const double> parameter_scale) {
     const Solver::Size size{layout_.size(), guards, static_cast<int>(parameters_.size()),
                             options_.energy ? static_cast<int>(powers) : 0};
     std::string impossible;
     const bool possible = exact_is_possible(impossible), left_open = chooses_engine();
     refuse_what_is_not_exact(impossible);
-    const bool must = wants_exact() || !options_.gradient.empty();
-    if (must || (left_open && possible && !too_stiff_to_be_exact())) return take_exact_solver(size);
+    const bool by_collocation =
+        !wants_exact() && (options_.engine == Engine::exponential || goes_back_by_collocation());
+    const bool must = wants_exact() || (!options_.gradient.empty() && !by_collocation);
+    if (must || (left_open && possible && !by_collocation && !too_stiff_to_be_exact())) return take_exact_solver(size);
     if (possible) field_ = std::make_unique<AffineField>(machine_, inputs_, layout_, modes_, cell_);
+    if (by_collocation) return take_exponential_solver(size);
     const auto cvode = [this, size, scale = std::vector<double>(parameter_scale.begin(), parameter_scale.end())](
                            Method m, double rtol) {
         const std::vector<int> falling(static_cast<std::size_t>(size.guards), -1);
@@ -190,15 +234,7 @@ void Simulation::choose_solver(int guards, std::span<const double> parameter_sca
         [this, size, scale = std::vector<double>(parameter_scale.begin(), parameter_scale.end())](double limit) {
             return std::unique_ptr<Solver>(std::make_unique<RungeKutta>(*this, size, options_.rtol, scale, limit));
         };
-    const auto exponential = [this, size] {
-        return std::unique_ptr<Solver>(std::make_unique<Exponential>(
-            *this, size, options_.rtol,
-            Exponential::Setup{machine_, inputs_, layout_, modes_, cell_, options_.start, exact_grid()}));
-    };
-    if (options_.engine == Engine::exponential) {
-        solver_ = exponential();
-        return;
-    }
+    const auto exponential = [this, size] { return std::unique_ptr<Solver>(exponential_solver(size)); };
     if (options_.engine == Engine::explicit_rk) {
         solver_ = explicit_solver(std::numeric_limits<double>::infinity());
         return;

@@ -32,15 +32,15 @@ void Simulation::find_instant_slope(int element, int which, const std::vector<do
     const Mode m = modes_[static_cast<std::size_t>(element)];
     const bool rides =
         layout_.switches[static_cast<std::size_t>(element)].kind == SwitchKind::limiter && limiter::riding(m);
-    if (tape_ && rides) tape_->add({.kind = exact::Entry::Kind::still});
+    if (tape_ && rides) tape_->add({.kind = Entry::Kind::still});
     if ((parameters_.empty() && !tape_) || rides) return;  // leaving a riding limit, the field is continuous
     const auto known = solver_->guard_rate_now(element * guards_per_switch + which);
     if (!known) evaluate_along(t, z.data(), 1.0, rate.data());
     const double approach = known ? *known : along_.guard(element, which, nullptr).slope[0];
     if (std::abs(approach) < grazing_rate * guard_scale(element, which)) ++out_.statistics.grazing;
-    if (tape_ && approach == 0.0) tape_->add({.kind = exact::Entry::Kind::still});
+    if (tape_ && approach == 0.0) tape_->add({.kind = Entry::Kind::still});
     if (approach == 0.0) return;
-    if (tape_) exact_->write_instant(element * guards_per_switch + which, approach);
+    if (tape_) write_instant(element * guards_per_switch + which, approach);
     if (!solver_->guard_slopes_now(element * guards_per_switch + which, instant_slope_.data()))
         for (std::size_t c = 0; c < chunks(); ++c) {
             evaluate_chunk(c, t, z.data(), [&](std::size_t k, std::size_t state) {
@@ -66,7 +66,7 @@ void Simulation::carry_derivatives(const std::vector<double>& before, int zeroed
         if (zeroed >= 0) s[static_cast<std::size_t>(zeroed)] = 0.0;
         for (std::size_t i = 0; i < s.size(); ++i) s[i] += change[i] * instant_slope_[k];
     }
-    if (tape_) tape_->add({.kind = exact::Entry::Kind::shift, .column = zeroed}, change.data(), layout_.size());
+    if (tape_) tape_->add({.kind = Entry::Kind::shift, .column = zeroed}, change.data(), layout_.size());
 }
 
 // One element changes its mode at the present instant.
@@ -216,7 +216,7 @@ void Simulation::pass_break() {
     const auto z = solver_->state();
     slave_riding();
     instant_slope_.assign(parameters_.size(), 0.0);
-    if (tape_) tape_->add({.kind = exact::Entry::Kind::still});
+    if (tape_) tape_->add({.kind = Entry::Kind::still});
     bool broke = t <= options_.start + instant(t), returned = false;
     const std::vector<double> before = history_ ? rates_now() : std::vector<double>{};
     double begin = t;  // of the cell that follows: a break that rounding puts behind t is over, too

@@ -36,7 +36,10 @@ void Simulation::record(std::span<const double> times) {
     out_.values.resize((first + times.size()) * width);
     double* const values = out_.values.data() + first * width;
     if (!solver_->signals_at(times, values))
-        for (std::size_t k = 0; k < times.size(); ++k) record_by_model(times[k], all_, values + k * width);
+        for (std::size_t k = 0; k < times.size(); ++k) {
+            record_by_model(times[k], all_, values + k * width);
+            if (exponential_) write_output(times[k]);
+        }
     else if (!curved_.empty())
         for (std::size_t k = 0; k < times.size(); ++k) record_by_model(times[k], curved_, values + k * width);
     const std::size_t rows = finite_rows(times.size());

@@ -7,18 +7,27 @@
 #include <queue>
 
 #include "../solvers/exact/exact.hpp"
+#include "../solvers/exponential/exponential.hpp"
+#include "../solvers/pullback.hpp"
 #include "affine_field.hpp"
 #include "dualdrive/simulate.hpp"
 #include "history.hpp"
 
 namespace dualdrive {
 
+namespace exact {
+class Adjoint;
+}
+namespace exponential {
+class Adjoint;
+}
+
 class Simulation final : public Problem {
   public:
     Simulation(const Machine& machine, const Inputs& inputs, const SimulateOptions& options);
     Trajectory run();
     // ∂(cost)/∂(options.gradient) from ∂(cost)/∂(recorded values): see gradient.cpp.
-    std::vector<double> pull_back(const std::vector<double>& seeds);
+    std::vector<double> pull_back(const std::vector<double>& seeds) const;
 
   private:
     enum class JumpKind { riding, tick, output, encoders };
@@ -57,12 +66,16 @@ class Simulation final : public Problem {
     bool too_stiff_to_be_exact();
     void choose_solver(int guards, std::span<const double> parameter_scale);
     bool exact_is_possible(std::string& reason) const;
+    void refuse_gradient(const std::string& impossible) const;
     void refuse_what_is_not_exact(const std::string& impossible) const;
     bool wants_exact() const;
     bool chooses_engine() const;
     bool suits_exponential() const;
+    bool goes_back_by_collocation() const;
     bool steps_may_be_long() const;
     void take_exact_solver(Solver::Size size);
+    std::unique_ptr<Exponential> exponential_solver(Solver::Size size);
+    void take_exponential_solver(Solver::Size size);
     double exact_grid() const;
     std::size_t grid_steps() const;
     std::vector<double> tolerances() const;
@@ -91,8 +104,20 @@ class Simulation final : public Problem {
     void add_delayed_breaks(double t, const std::vector<double>& time_slope);
 
     // gradient.cpp: the tape of a run, and the way back over it
+    struct Jump {
+        JumpKind kind;
+        const Clock* clock;
+        Place at;
+    };
+    Place here() const;
     void write_jump(JumpKind kind, const Clock* clock = nullptr);
-    void jump_back(int number, double* lambda, std::vector<double>& gradient);
+    void write_instant(int guard, double rate);
+    void write_output(double t);
+    void jump_back(const Jump& jump, double* lambda, Pullback& pullback) const;
+    TracedParameters::Slots back_slots() const;
+    std::vector<double> walk_back(exact::Adjoint& adjoint, const double* seeds, std::vector<double>& gradient) const;
+    std::vector<double> walk_back(exponential::Adjoint& adjoint, const double* seeds,
+                                  std::vector<double>& gradient) const;
     template <class S>
     void do_jump(JumpKind kind, const Clock* clock, const Model<S>& model, const S* z, S* next) const;
 
@@ -185,19 +210,14 @@ class Simulation final : public Problem {
     bool bad_numbers_ = false;           // the last rates or guards were not finite
     long crowded_ = 0, guard_calls_ = 0;
     double last_switch_ = 0.0;
-    struct Jump {
-        JumpKind kind;
-        const Clock* clock;
-        double t;
-        std::vector<double> z;
-        Modes modes;
-        Cell cell;
-    };
     std::vector<Jump> jumps_;
     std::size_t out_rows_ = 0;
-    std::unique_ptr<exact::Tape> tape_;
-    exact::Exact<double>* exact_ = nullptr;  // the solver, of double
-    std::vector<std::unique_ptr<Model<Gradient>>> back_models_;
+    std::unique_ptr<Tape> tape_;
+    std::vector<Place> places_;                  // of the tape
+    std::unique_ptr<exponential::Steps> steps_;  // beside the tape
+    // The solver where it writes on the tape.
+    exact::Exact<double>* exact_ = nullptr;
+    Exponential* exponential_ = nullptr;
     Trajectory out_;
 };
 

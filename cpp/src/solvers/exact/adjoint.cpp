@@ -155,23 +155,24 @@ double LawGradient::along(const Laws<double>& derivative) {
 }
 
 Adjoint::Adjoint(const Tape& tape, int states, std::function<void(int, double*)> jump_back)
-    : tape_(tape), states_(states), lambda_rows_(padded(states)), jump_back_(std::move(jump_back)) {}
+    : dualdrive::Adjoint(tape, states, std::move(jump_back)), side_(static_cast<std::size_t>(lambda_rows_), 0.0) {}
 
 LawGradient& Adjoint::gradient(const Propagator<double>* law) {
     if (law != recent_) {
         recent_ = law;
-        recent_gradient_ = &laws_.try_emplace(law, *law, states_).first->second;
+        LawGradient*& known = known_[law];
+        if (!known) {
+            laws_.push_back(std::make_unique<Owed>(Owed{law, LawGradient(*law, states_)}));
+            known = &laws_.back()->gradient;
+        }
+        recent_gradient_ = known;
     }
     return *recent_gradient_;
 }
 
-// Outputs read from the state as a switch or a jump left it.
-void Adjoint::present_outputs_back(Outputs outputs) {
-    for (const Entry& e : outputs) {
-        if (e.column >= 0) continue;
-        gradient(e.law).outputs_back(1, values(e), seeds(e), side_.data());
-        for (std::size_t i = 0; i < lambda_.size(); ++i) lambda_[i] += side_[i];
-    }
+void Adjoint::present_output_back(const Entry& e) {
+    gradient(e.law).outputs_back(1, values(e), seeds(e), side_.data());
+    for (std::size_t i = 0; i < lambda_.size(); ++i) lambda_[i] += side_[i];
 }
 
 // What the outputs along the steps add to λ at each column; those read between two columns go their own way back.
@@ -205,47 +206,9 @@ void Adjoint::steps_back(const Entry& entry, Outputs outputs) {
     std::copy_n(columns_.data(), lambda_rows_, lambda_.data());
 }
 
-void Adjoint::switch_back(const Entry& e) {
-    const double* y = values(e);
-    switch (e.kind) {
-        case Entry::Kind::shift:  // s⁺ = s⁻ + (f⁻ − f⁺) τ', a state set to zero having none
-            for (int i = 0; i < states_; ++i) instant_ += y[i] * lambda_[static_cast<std::size_t>(i)];
-            if (e.column >= 0) lambda_[static_cast<std::size_t>(e.column)] = 0.0;
-            return;
-        case Entry::Kind::instant: {  // τ' = −(g_z s + g_p) / ġ
-            const double weight = -std::exchange(instant_, 0.0) / e.length;
-            for (int i = 0; i < states_; ++i)
-                lambda_[static_cast<std::size_t>(i)] += weight * e.law->laws().guards(e.count, i);
-            return gradient(e.law).guard_back(e.count, weight, y);
-        }
-        case Entry::Kind::still:
-            instant_ = 0.0;
-            return;
-        case Entry::Kind::jump:
-            return jump_back_(e.count, lambda_.data());
-        default:
-            return;
-    }
-}
-
-void Adjoint::walk(const double* seeds, std::size_t signals) {
-    seeds_ = seeds;
-    signals_ = signals;
-    lambda_.assign(static_cast<std::size_t>(lambda_rows_), 0.0);
-    side_ = lambda_;
-    std::size_t end = tape_.entries.size();  // of the outputs that follow the entry at hand
-    for (std::size_t k = end; k-- > 0;) {
-        const Entry& e = tape_.entries[k];
-        if (e.kind == Entry::Kind::outputs) continue;
-        const Outputs outputs(tape_.entries.data() + k + 1, end - k - 1);
-        present_outputs_back(outputs);
-        if (e.kind == Entry::Kind::steps)
-            steps_back(e, outputs);
-        else
-            switch_back(e);
-        end = k;
-    }
-    present_outputs_back({tape_.entries.data(), end});
+void Adjoint::guard_back(const Entry& e, double weight) {
+    for (int i = 0; i < states_; ++i) lambda_[static_cast<std::size_t>(i)] += weight * e.law->laws().guards(e.count, i);
+    gradient(e.law).guard_back(e.count, weight, values(e));
 }
 
 }  // namespace dualdrive::exact

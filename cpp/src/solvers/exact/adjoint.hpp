@@ -1,13 +1,14 @@
-// The way back over a tape: λ = ∂(cost)/∂y at each point, and with it the cost's gradient.
+// The way back over the exact engine's steps.
 #pragma once
 
 #include <functional>
 #include <map>
-#include <span>
+#include <memory>
 #include <vector>
 
+#include "../adjoint.hpp"
 #include "laws.hpp"
-#include "tape.hpp"
+#include "propagator.hpp"
 
 namespace dualdrive::exact {
 
@@ -49,38 +50,30 @@ class LawGradient {
     bool closed_ = false;
 };
 
-class Adjoint {
+class Adjoint final : public dualdrive::Adjoint {
   public:
-    // jump_back(number, λ): takes λ, over the states, back over a jump of the simulation and keeps what it owes to
-    // parameters.
     Adjoint(const Tape& tape, int states, std::function<void(int, double*)> jump_back);
 
-    // seeds: ∂(cost)/∂(recorded signals), rows × signals.
-    void walk(const double* seeds, std::size_t signals);
-    const std::vector<double>& lambda() const { return lambda_; }  // at the start
-    std::map<const Propagator<double>*, LawGradient>& laws() { return laws_; }
+    struct Owed {
+        const Propagator<double>* law;
+        LawGradient gradient;
+    };
+    // In the order in which they were first met on the way back: sums are the same each time, wherever memory was.
+    const std::vector<std::unique_ptr<Owed>>& laws() const { return laws_; }
 
   private:
-    using Outputs = std::span<const Entry>;
+    void present_output_back(const Entry& output) override;
+    void steps_back(const Entry& steps, Outputs outputs) override;
+    void guard_back(const Entry& instant, double weight) override;
     LawGradient& gradient(const Propagator<double>* law);
-    const double* values(const Entry& e) const { return tape_.values.data() + e.y; }
-    const double* seeds(const Entry& e) const { return seeds_ + static_cast<std::size_t>(e.row) * signals_; }
-    void present_outputs_back(Outputs outputs);
     void outputs_back(Outputs outputs, const Entry& steps);
-    void steps_back(const Entry& entry, Outputs outputs);
-    void switch_back(const Entry& entry);
 
-    const Tape& tape_;
-    const int states_, lambda_rows_;
-    std::function<void(int, double*)> jump_back_;
-    const double* seeds_ = nullptr;
-    std::size_t signals_ = 0;
-    std::vector<double> lambda_, side_;
+    std::vector<double> side_;
     std::vector<double> columns_;                 // λ at every column of the present steps
-    double instant_ = 0.0;                        // ∂(cost)/∂(time of the instant)
     const Propagator<double>* recent_ = nullptr;  // the law asked for last
     LawGradient* recent_gradient_ = nullptr;
-    std::map<const Propagator<double>*, LawGradient> laws_;
+    std::vector<std::unique_ptr<Owed>> laws_;
+    std::map<const Propagator<double>*, LawGradient*> known_;
 };
 
 }  // namespace dualdrive::exact

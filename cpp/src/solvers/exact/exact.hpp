@@ -9,6 +9,7 @@
 #include <optional>
 #include <vector>
 
+#include "../tape.hpp"
 #include "crossing.hpp"
 #include "dualdrive/solver.hpp"
 #include "generator.hpp"
@@ -16,7 +17,6 @@
 #include "ledger.hpp"
 #include "propagator.hpp"
 #include "slopes.hpp"
-#include "tape.hpp"
 
 namespace dualdrive::exact {
 

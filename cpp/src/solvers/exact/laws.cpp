@@ -44,6 +44,11 @@ Reader<R>::Reader(const Machine& machine, const Inputs& inputs, const Layout& la
 }
 
 template <class R>
+void Reader<R>::set_parameters(const std::vector<R>& values) {
+    model_.set_parameters(std::vector<D>(values.begin(), values.end()).data());
+}
+
+template <class R>
 typename Reader<R>::Stack Reader<R>::empty() const {
     const auto n = static_cast<Eigen::Index>(states()),
                g = static_cast<Eigen::Index>(layout_.switches.size() * guards_per_switch),
@@ -263,5 +268,6 @@ std::vector<Laws<R>> Reader<R>::derivatives(const Modes& modes,
 
 template class Reader<double>;
 template class Reader<long double>;
+template class Reader<Traced>;
 
 }  // namespace dualdrive::exact

@@ -11,6 +11,14 @@
 #include "dualdrive/model.hpp"
 #include "generator.hpp"
 
+template <>
+struct Eigen::NumTraits<dualdrive::Traced> : Eigen::NumTraits<double> {
+    using Real = dualdrive::Traced;
+    using NonInteger = dualdrive::Traced;
+    using Nested = dualdrive::Traced;
+    enum { RequireInitialization = 1 };
+};
+
 namespace dualdrive::exact {
 
 template <class R>
@@ -35,6 +43,9 @@ class Reader {
 
     Reader(const Machine& machine, const Inputs& inputs, const Layout& layout, const Generator& generator,
            const std::vector<int>& recorded);
+
+    // New values of the machine's parameters, with what they carry.
+    void set_parameters(const std::vector<R>& values);
 
     int states() const { return layout_.size(); }
     int size() const { return states() + generator_.size() + 1; }  // of y
@@ -92,5 +103,6 @@ class Reader {
 
 extern template class Reader<double>;
 extern template class Reader<long double>;
+extern template class Reader<Traced>;
 
 }  // namespace dualdrive::exact

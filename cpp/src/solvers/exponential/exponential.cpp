@@ -34,7 +34,9 @@ constexpr int worth_a_tangent = 16;  // steps that its propagators cost, measure
 // ones within the laws that cancel.
 constexpr double negligible = 1e-4, rounding = 1024.0 * std::numeric_limits<double>::epsilon();
 constexpr std::size_t most_defects = 16;  // suspects whose defect is looked at
-constexpr double gram_area = 40.0;        // between the nodes, under |last_gram|'s polynomial, about
+// Of the derivative by a law that the run does not show; and what is rounding in it, of the whole rate.
+constexpr double slope_accuracy = 1e-7, rounded_off = 1e-6;
+constexpr double gram_area = 40.0;  // between the nodes, under |last_gram|'s polynomial, about
 
 }  // namespace
 
@@ -89,16 +91,31 @@ void Exponential::limit_step(double longest, double turning) {
 
 // ------------------------------------------------------------------------------------------- modes
 
+// For the way back: rows that a law bends are driven however small it is.
+void Exponential::drive_bent_rows() {
+    std::vector<int> driven = setup_.steps->bent.in(setup_.modes, t_, z_.data());
+    driven.insert(driven.end(), driven_.begin(), driven_.end());
+    std::sort(driven.begin(), driven.end());
+    driven.erase(std::unique(driven.begin(), driven.end()), driven.end());
+    if (driven.size() == driven_.size()) return;
+    driven_ = std::move(driven);
+    known_.clear();
+    past_.clear();
+}
+
 // The tangent in these modes, where they are met first; and a new one where sweeps alone have kept steps short, as seldom as
 // what it costs. Other states may show more rows that the rest acts on.
 // False where the laws have none.
 bool Exponential::take_modes() {
+    if (setup_.steps && !known_.contains(setup_.modes)) drive_bent_rows();
     auto& known = known_[setup_.modes];
     if (!known || known->held >= worth_a_tangent) {
         const exact::Laws<double> laws = reader_.tangent(setup_.modes, t_, z_.data());
         finite_ = laws.A.allFinite() && laws.guards.allFinite();
         if (!finite_) return false;
-        known.reset(new Frozen{{laws.A, driven_, setup_.grid}, {laws, driven_, setup_.grid}, 0});
+        auto tangent = std::make_shared<exponential::Tangent>(
+            exponential::Tangent{setup_.modes, t_, z_, {laws.A, driven_, setup_.grid}});
+        known.reset(new Frozen{std::move(tangent), {laws, driven_, setup_.grid}, 0});
         ++counts_.jacobians;
     }
     now_ = known.get();
@@ -110,6 +127,8 @@ bool Exponential::take_modes() {
     between_.assign(rows(), 0.0);
     yc_.assign(nodes * width(), 0.0);
     rest_.assign(nodes * padded_, 0.0);
+    if (setup_.steps && setup_.steps->unseen.any()) unseen_.assign(nodes * padded_, 0.0);
+    unseen_size_.resize(states_, 0.0);
     return true;
 }
 
@@ -142,9 +161,21 @@ bool Exponential::evaluate(std::size_t node) {
     const double t = node_time(node);
     const double* y = column(node);
     if (!rest_at(t, y, rest_.data() + node * padded_)) return false;
+    if (setup_.steps && setup_.steps->unseen.any()) evaluate_unseen(node);
     finite_ = (work_.empty() || problem_.quadrature(t, y, powers_.data() + node * paths_)) &&
               (guard_count_ == 0 || problem_.guards(t, y, guards_.data() + node * guard_count_));
     return finite_;
+}
+
+// What laws would add to the rates there that the run does not show, and a gradient asks for.
+void Exponential::evaluate_unseen(std::size_t node) {
+    const auto& rates = setup_.steps->unseen.rates(node_time(node), column(node), modes_, setup_.cell);
+    for (std::size_t r = 0; r < driven_.size(); ++r) {
+        const auto row = static_cast<std::size_t>(driven_[r]);
+        const double added = rates[row] - rate_[row];
+        unseen_[node * padded_ + r] = added;
+        unseen_size_[row] = std::max({unseen_size_[row], std::abs(added), rounded_off * std::abs(rate_[row])});
+    }
 }
 
 // ------------------------------------------------------------------------------------------- one step
@@ -203,6 +234,7 @@ Solver::Outcome Exponential::step(double stop) {
     past_delta_ = delta_;
     if (!work_.empty()) expand(powers_, static_cast<int>(paths_), power_terms_);
     taken_ = true;
+    if (setup_.steps) write_step();
     return deliver(stop);
 }
 
@@ -241,7 +273,7 @@ double Exponential::try_step(int level) {
         if (!(contraction_ < slow) && next > enough) return infinite;
         moved = next;
     }
-    return std::max({interpolation_error(), work_error(), defect()});
+    return std::max({interpolation_error(), unseen_error(), work_error(), defect()});
 }
 
 // An exponential Adams–Bashforth method from node to node (S. Nørsett, 1969; M. Hochbruck, A. Ostermann, BIT 51 (2011)
@@ -335,6 +367,20 @@ double Exponential::interpolation_error() const {
                                   next.data());
         std::copy(next.begin(), next.end(), e.begin());
         most = std::max(most, norm(e.data()));
+    }
+    return most;
+}
+
+// How large that component is of what laws would add that the run does not show, over the most they have added so far: it
+// is their derivative that has to be told, whatever their size.
+double Exponential::unseen_error() const {
+    double most = 0.0;
+    for (std::size_t r = 0; !unseen_.empty() && r < driven_.size(); ++r) {
+        double share = 0.0;
+        for (std::size_t i = 0; i < nodes; ++i) share += last_gram[i] * unseen_[i * padded_ + r];
+        share *= last_gram[intervals / 2] / exponential::last_gram_square;
+        if (const double size = unseen_size_[static_cast<std::size_t>(driven_[r])]; size > 0.0)
+            most = std::max(most, std::abs(share) / (slope_accuracy * size));
     }
     return most;
 }

@@ -15,7 +15,7 @@
 #include "../exact/generator.hpp"
 #include "../exact/laws.hpp"
 #include "dualdrive/solver.hpp"
-#include "propagators.hpp"
+#include "steps.hpp"
 #include "watch.hpp"
 
 namespace dualdrive {
@@ -28,7 +28,8 @@ class Exponential final : public Solver {
         const Layout& layout;
         const Modes& modes;  // as they are whenever restart() is called
         const Cell& cell;
-        double start, grid;  // s; outputs and ticks come at start + k grid, mostly
+        double start, grid;                   // s; outputs and ticks come at start + k grid, mostly
+        exponential::Steps* steps = nullptr;  // to write on, for the way back
     };
     Exponential(Problem& problem, Size size, double rtol, Setup setup);
 
@@ -56,34 +57,43 @@ class Exponential final : public Solver {
     }
     std::string name() const override { return "exponential"; }
 
+    // Whether the present state was given, and is not the end of a step.
+    bool fresh() const { return !taken_; }
+    const exact::Generator& generator() const { return generator_; }
+
   private:
     static constexpr int stiff_after = 15;  // steps in a row, as the explicit engine has it
     using Vector = std::vector<double>;
     static constexpr std::size_t nodes = exponential::nodes, intervals = exponential::intervals;
     // What belongs to one combination of modes.
     struct Frozen {
-        exponential::Propagators propagators;
+        std::shared_ptr<exponential::Tangent> tangent;
         exponential::Watch watch;
         int held;  // steps that were kept short by sweeps
     };
 
     // One step over all nodes, tried.
+    void drive_bent_rows();
     bool take_modes();
     double try_step(int level);
     bool rest_at(double t, const double* y, double* rest);
     bool evaluate(std::size_t node);
+    void evaluate_unseen(std::size_t node);
     bool evaluate_nodes();
     double begin_of_inputs() const;
     bool predict();
     double past(double places, std::size_t row) const;
     double sweep();
     double interpolation_error() const;
+    double unseen_error() const;
     double work_error() const;
     double defect();
     double defect(const double* yc, double t, int level);
     double defect_of_suspects();
     double norm(const double* y) const;
     double end_before(double stop) const;
+    void write_step() const;
+    void write_end() const;
 
     // The step taken, in pieces: up to the next stretch that needs a close look for crossings, and over that.
     Outcome deliver(double stop);
@@ -103,7 +113,7 @@ class Exponential final : public Solver {
     const double* point(std::size_t k) const { return walked_.data() + k * width(); }
     double node_time(std::size_t node) const { return origin_ + static_cast<double>(node) * delta_; }
     double stride() const { return std::ldexp(setup_.grid, walk_level_); }
-    exponential::Propagators& propagators() const { return now_->propagators; }
+    exponential::Propagators& propagators() const { return now_->tangent->propagators; }
     std::size_t width() const { return static_cast<std::size_t>(propagators().width()); }
     std::size_t rows() const { return static_cast<std::size_t>(propagators().rows()); }
 
@@ -133,6 +143,8 @@ class Exponential final : public Solver {
     double quadrature_atol_ = 0.0;
     Vector yc_;           // per node y and c
     Vector rest_, past_;  // [node][driven]: now, and over the step before if no switch came since
+    Vector unseen_;       // [node][driven]; empty but for a gradient by laws that the run does not show
+    Vector unseen_size_;  // per state
     double past_delta_ = 0.0, past_origin_ = 0.0;
     Vector rest_terms_;                         // [node][order][driven]
     const std::size_t paths_;                   // padded

@@ -36,6 +36,7 @@ Solver::Outcome Exponential::deliver(double stop) {
     quadrature_at(t, work_.data());
     std::copy_n(y, states_, z_.begin());
     t_ = t;
+    write_end();
     return t == stop ? Outcome::stopped : Outcome::stepped;
 }
 
@@ -254,6 +255,24 @@ void Exponential::go_back(double t) {
     quadrature_at(t, work_.data());
     std::copy_n(y, states_, z_.begin());
     t_ = t;
+    write_end();
+}
+
+// ------------------------------------------------------------------------------------------- for the way back
+
+void Exponential::write_step() const {
+    Vector values;
+    for (std::size_t j = 0; j < nodes; ++j) values.insert(values.end(), column(j), column(j) + rows());
+    values.insert(values.end(), rest_.begin(), rest_.end());
+    std::vector<exponential::Step>& taken = setup_.steps->taken;
+    setup_.steps->tape.add({.kind = Entry::Kind::steps, .count = static_cast<int>(taken.size())}, values.data(),
+                           static_cast<int>(values.size()));
+    taken.push_back({now_->tangent, setup_.cell, level_, origin_, delta_, origin_});
+}
+
+// How far the last step was used.
+void Exponential::write_end() const {
+    if (setup_.steps) setup_.steps->taken.back().end = t_;
 }
 
 }  // namespace dualdrive

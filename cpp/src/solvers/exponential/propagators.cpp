@@ -103,6 +103,11 @@ const double* Propagators::step(int level) {
     return known_.emplace(level, doubled(known_.at(level - 1))).first->second.whole.data();
 }
 
+const std::vector<double>& Propagators::less_one(int level) {
+    step(level);
+    return known_.at(level).less_one;
+}
+
 void Propagators::rates(const double* y, double* out) const {
     exact::kernels().multiply(rows_, n_, A_.data(), rows_, y, 1, out);
 }

@@ -18,11 +18,19 @@ class Propagators {
     // B: a column of one for each row of y that n drives.
     Propagators(const exact::Matrix<double>& A, const std::vector<int>& driven, double unit);
 
+    int size() const { return n_; }         // of y
     int rows() const { return rows_; }      // of y, padded
     int width() const { return width_; }    // of (y, c): c_k of all driven rows, one k after the other
     int finest() const { return finest_; }  // level down from which the Taylor series is short
     // (e^{A δ}, δ φ_1(A δ) B, δ φ_2(A δ) B, …), rows() × width().
     const double* step(int level);
+    // e^{A δ} − 1, rows() × size().
+    const std::vector<double>& less_one(int level);
+    // What both are made of: A; the rows that n drives; and how many terms of the series count at the finest level.
+    const std::vector<double>& A() const { return A_; }
+    const std::vector<int>& driven() const { return driven_; }
+    double unit() const { return unit_; }
+    int order() const { return order_; }
     // A y; `out` has rows().
     void rates(const double* y, double* out) const;
     // Of the sum that is a row of A y.
