@@ -91,22 +91,28 @@ def part_score(
 
 
 def part_refitted(
-    estimator: Estimator, grey: GreyBox, variant: Variant, start: Array, known: int, noise: Noise
+    estimator: Estimator,
+    grey: GreyBox,
+    variant: Variant,
+    start: Array,
+    rest: Variant,
+    noise: Noise,
 ) -> Place | None:
-    """Where a part comes near its best; None where no replay follows.
+    """Where a part comes near its best; None where no replay follows, or nothing speaks for it.
 
-    From the sizes that are likeliest under much unknown torque, each on under less.
+    From the sizes that are likeliest under much unknown torque, each on under less, if the data
+    sheet's machine is likelier with the part than without it there.
 
     Args:
         estimator: of the machine.
         grey: the records.
         variant: the machine with the part in it, last of its effects.
         start: its numbers, those of the data sheet as they are there, shape (unknowns,).
-        known: unknowns that it has without the part; the next is the part's first number.
+        rest: the machine without it, whose numbers come first.
         noise: under which the leader stands.
 
     """
-    begins = []
+    begins, known = list[Array](), grey.shared + len(rest.extra)
     for factor in _JOINT if is_joint(variant) else _LIMIT:
         there = start.copy()
         there[known] *= factor
@@ -114,7 +120,9 @@ def part_refitted(
     wide = replace(noise, torque=estimator.wide.torque)
     seen = grey.likelihoods(variant, [(x, wide) for x in begins])
     heights = [f[0].minus_two_log if f else np.inf for f in seen]
-    near = _valleys(heights)[: int(threshold("valleys"))]
+    [without] = grey.likelihoods(rest, [(start[:known], wide)])
+    least = without[0].minus_two_log if without else np.inf
+    near = [k for k in _valleys(heights) if heights[k] < least][: int(threshold("valleys"))]
     found = (estimator.approach(grey, variant, begins[k], noise) for k in near)
     return min((f for f in found if f), key=lambda f: f[0].minus_two_log, default=None)
 

@@ -77,7 +77,7 @@ def refitted(
         return None
     # from the data sheet: the part may stand for what the numbers had stood for
     start[: grey.shared] = grey.start(Variant(estimator.core))
-    return part_refitted(estimator, grey, variant, start, len(point.theta), leader.noise)
+    return part_refitted(estimator, grey, variant, start, point.variant, leader.noise)
 
 
 def with_rivals(ranked: Sequence[Place], most: int) -> list[Place]:

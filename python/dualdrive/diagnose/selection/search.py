@@ -110,29 +110,48 @@ class _Search:
     def _on_all_samples_at_once(self, base: Base, everywhere: Fitted) -> None:
         """Laws beside numbers that leave noise on stretches: all samples are needed to see them.
 
-        Parts alone are tried on stretches first: each takes many replays.
+        Parts are tried where none is found, and joints where one is that comes with them; on
+        stretches first, since each takes many replays.
         """
         self._faint, self._quiet = True, self._says_all(everywhere)
-        self.ranking.keep(self._parts(base.there))
-        if base.grey is not self.whole:
-            self._on_all_samples(base)
-        nothing, best = self.ranking.base, self.ranking.best
-        gained = self.ranking.criterion(nothing) - self.ranking.criterion(best)
-        self._forward(best if gained > threshold("gain") else nothing)
+        self._compare_on(self.whole, [everywhere])
+        self._forward(everywhere)
+        leader = self._leader()
+        parts = self._parts(base, leader)
+        if parts:
+            known = list(self.ranking)
+            self._compare_on(base.grey, [base.there, *parts])
+            if base.grey is not self.whole:
+                self._on_all_samples(base)
+            self.ranking.keep(known)
+        if is_joint(self._leader().variant):
+            self._forward(self._leader())
         self._eliminated(self.ranking.best)
 
-    def _parts(self, leader: Fitted) -> list[Fitted]:
-        """Every part beside numbers that leave noise, from the data sheet's.
+    def _leader(self) -> Fitted:
+        """The best of all, where it gains enough beside numbers that leave noise; else these."""
+        nothing, best = self.ranking.base, self.ranking.best
+        gained = self.ranking.criterion(nothing) - self.ranking.criterion(best)
+        return best if gained > threshold("gain") else nothing
 
-        What a soft shaft does such numbers do nearly as well: it need not gain on stretches.
+    def _parts(self, base: Base, leader: Fitted) -> list[Fitted]:
+        """Parts beside numbers that leave noise on stretches, as far as a leader leaves room.
+
+        What a soft shaft does such numbers do nearly as well: it need not gain there.
         """
-        variants = self.library.variants(leader.variant, self._everywhere(leader))
+        there, grey = base.there, base.grey
+        variants = self.library.variants(there.variant, self.ranking.base.point)
         parts = [Scored(v, float("nan"), {}) for v in variants if is_part(v)]
-        columns = self.grey.columns(leader.point, range(len(leader.point.theta)), leader.gains)
+        if leader.variant.effects:
+            parts = [s for s in parts if brings(s.variant, leader.variant)]
+        if not parts or self.whole.counter.stop():
+            return []
+        columns = grey.columns(there.point, range(len(there.point.theta)), there.gains)
         joints = [s for s in parts if is_joint(s.variant)]
         others = [s for s in parts if s not in joints]
-        found = self.contest.refitted(leader, joints, columns, least=0.0)
-        return found + self.contest.refitted(leader, others, columns, threshold("gain"))
+        contest = Contest(self.estimator, grey, self.effort, self.leader, self.tell, self.tried)
+        found = contest.refitted(there, joints, columns, least=0.0)
+        return found + contest.refitted(there, others, columns, threshold("gain"))
 
     def _forward(self, leader: Fitted) -> None:
         """Law by law, while they bring enough and what is left is no noise.
