@@ -65,7 +65,7 @@ def test_an_elimination_that_is_stopped_ends() -> None:
     noise = first_noise(own.core, own.records, 0.1)
     base, leader = (Fitted(blank(v), noise, 1.0, 0.0, []) for v in (Variant(own.core), whole))
     search._compare_on(own, [base, leader])
-    assert search._eliminated(leader, proven=1) is leader
+    assert search.backward.eliminated(leader, proven=1) is leader
 
 
 def test_what_came_last_is_taken_out_where_it_has_not_proved_itself() -> None:
@@ -78,5 +78,5 @@ def test_what_came_last_is_taken_out_where_it_has_not_proved_itself() -> None:
     fits = [estimator.likeliest(own, v, own.start(v), noise) for v in (nothing, pair)]
     base, leader = (f for f in fits if f is not None)
     search._compare_on(own, [base, leader])
-    assert search._eliminated(leader, proven=1) is leader
-    assert search._eliminated(leader).variant.label == "coulomb@table"
+    assert search.backward.eliminated(leader, proven=1) is leader
+    assert search.backward.eliminated(leader).variant.label == "coulomb@table"

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.estimation.unknowns import Unknown
+from dualdrive.innovations.harmonics import bounds, coordinates, values
 from dualdrive.innovations.noise import Noise, first_noise
 from dualdrive.innovations.prediction import Replayed, predicted, replayed
 from dualdrive.innovations.records import Predictable
 from dualdrive.innovations.variant import Point, Variant, flat
-from dualdrive.innovations.waves import bounds, coordinates, values
 from dualdrive.replay.record import with_settings
 
 Array = NDArray[np.float64]

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from dualdrive.diagnose.screening import Library, Scored, scores
 from dualdrive.diagnose.selection.base import Base, refitted_base
 from dualdrive.diagnose.selection.contest import Contest
+from dualdrive.diagnose.selection.elimination import Elimination
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selection
 from dualdrive.diagnose.selection.parts import brings, is_joint, is_part
@@ -30,7 +31,7 @@ from dualdrive.diagnose.selection.residual_analysis import suffices, white
 from dualdrive.diagnose.simulated_errors import Simulation, noise_floor
 from dualdrive.diagnose.work import Leader
 from dualdrive.estimation.thresholds import threshold
-from dualdrive.innovations import GreyBox, Point, carried, inflation, some
+from dualdrive.innovations import GreyBox, Point, inflation, some
 
 Array = NDArray[np.float64]
 
@@ -77,7 +78,7 @@ class _Search:
                 self._on_all_samples(base)
                 if deceptive and not self.contest.leaves_noise(self.ranking.best):
                     self._search_where_it_fails(base)
-                self._eliminated(self.ranking.best)  # what all samples need no longer
+                self.backward.eliminated(self.ranking.best)  # what all samples need no longer
         self._forget_faint()
         self._weigh_drifting_zeros()
         own = (replace(f, criterion=self.ranking.criterion(f)) for f in self.ranking)
@@ -106,6 +107,7 @@ class _Search:
         self.contest = Contest(
             self.estimator, grey, self.effort, self.leader, self.tell, self.tried
         )
+        self.backward = Elimination(self.estimator, self.library, grey, self.ranking, self.tell)
 
     def _on_all_samples_at_once(self, base: Base, everywhere: Fitted) -> None:
         """Laws beside numbers that leave noise on stretches: all samples are needed to see them.
@@ -126,7 +128,7 @@ class _Search:
             self.ranking.keep(known)
         if is_joint(self._leader().variant):
             self._forward(self._leader())
-        self._eliminated(self.ranking.best)
+        self.backward.eliminated(self.ranking.best)
 
     def _leader(self) -> Fitted:
         """The best of all, where it gains enough beside numbers that leave noise; else these."""
@@ -175,13 +177,13 @@ class _Search:
                 self.ranking.keep(self._beside_the_runner_up(leader))
             if found:
                 richer = min(found, key=self.ranking.criterion)
-                self.ranking.keep(self._without(richer, leader))
+                self.ranking.keep(self.backward.simpler(richer, leader))
                 leader = self.ranking[leader.variant.key]
             best = self.ranking.best
             gained = self.ranking.criterion(leader) - self.ranking.criterion(best)
             if best is leader or gained < threshold("gain"):
                 break
-            leader = self._eliminated(best, proven=1)
+            leader = self.backward.eliminated(best, proven=1)
             self.leader.judged(leader.variant.key, f"gain {gained:.3g}")
             if len(leader.variant.effects) == _PAIR and not self.contest.leaves_noise(leader):
                 leader = self._swapped(leader)
@@ -232,45 +234,7 @@ class _Search:
         if self.ranking.criterion(leader) - self.ranking.criterion(best) < threshold("gain"):
             return leader
         self.leader.judged(best.variant.key, "instead")
-        return self._eliminated(best, proven=1)
-
-    def _eliminated(self, leader: Fitted, proven: int = 0) -> Fitted:
-        """Backward elimination: what was first may stand for what came later.
-
-        (Draper, Smith, Applied Regression Analysis, 3rd ed., 15.)
-
-        Args:
-            leader: several effects.
-            proven: of them, how many that came last have just proved themselves.
-
-        """
-        while len(leader.variant.effects) > 1:
-            fewer = []
-            count = len(leader.variant.effects) - proven
-            for effect in leader.variant.effects[:count]:
-                variant = self.library.without(leader.variant, effect)
-                if variant is None or self.grey.counter.stop():
-                    continue
-                self.tell(f"{variant.key} from the numbers of {leader.variant.key}")
-                nothing = np.zeros(self.grey.shared + len(variant.extra))
-                theta = carried(leader.point, variant, nothing)
-                there = self.estimator.under(self.grey, variant, [theta], leader.noise)
-                if there is None or self._far_behind(there, leader):
-                    continue
-                theta = there.point.theta
-                found = self.estimator.likeliest(self.grey, variant, theta, leader.noise)
-                fewer += [found] if found else []
-            self.ranking.keep(fewer)
-            best = min(fewer, key=self.ranking.criterion, default=None)
-            if best is None or self.ranking.criterion(best) > self.ranking.criterion(leader):
-                break
-            leader = self.ranking[best.variant.key]
-        return leader
-
-    def _far_behind(self, f: Fitted, leader: Fitted) -> bool:
-        """Whether it would not come up to the leader under a noise of its own."""
-        behind = self.ranking.criterion(f) - self.ranking.criterion(leader)
-        return behind > threshold("beyond")
+        return self.backward.eliminated(best, proven=1)
 
     def _on_all_samples(self, base: Base) -> None:
         """What stands on stretches, refitted on everything."""
@@ -323,30 +287,6 @@ class _Search:
             told = not self._faint and not is_joint(f.variant)
             if f.variant.effects and not told and self.ranking.criterion(f) > enough:
                 self.ranking.forget(f)
-
-    def _without(self, richer: Fitted, simpler: Fitted) -> list[Fitted]:
-        """The simpler one from the numbers found with more effects, where it is likelier there.
-
-        What is gained by an effect is told against the simpler machine at its own best, which a
-        search from the data sheet may have missed: its numbers, or its noise.
-        """
-        self.tell(f"{simpler.variant.key} from the numbers of {richer.variant.key}")
-        theta = richer.point.theta[: len(simpler.point.theta)]
-        fits = [
-            self.estimator.under(self.grey, simpler.variant, [theta], noise)
-            for noise in (simpler.noise, richer.noise)
-        ]
-        there = min(filter(None, fits), key=lambda f: f.point.minus_two_log, default=None)
-        if there is None or not self._clearly(there, simpler):
-            return []
-        found = self.estimator.likeliest(self.grey, simpler.variant, there.point.theta, there.noise)
-        return [found] if found else []
-
-    @staticmethod
-    def _clearly(f: Fitted, other: Fitted) -> bool:
-        """Whether it is likelier than another fit of its variant, by more than where fits end."""
-        ahead = other.point.minus_two_log - f.point.minus_two_log
-        return ahead > threshold("clearly") * other.inflation
 
     def _weigh_drifting_zeros(self) -> None:
         """What the best machine leaves, explained by zeros that drift over times of their own.
