@@ -154,6 +154,12 @@ def test_no_verdict_stands_against_the_errors_beside_it(
     assert words in objection(verdict, {**SOUND, **error})
 
 
+def test_a_law_is_not_to_blame_for_what_numbers_alone_do_no_better() -> None:
+    short = {**SOUND, "held_out_refitted": 0.44, "held_out_best": 0.42}
+    assert objection("effect", short) == ""
+    assert "cross-validated" in objection("effect", {**short, "held_out_best": 0.45})
+
+
 def test_a_law_that_hardly_brings_the_simulation_nearer_is_no_name() -> None:
     assert takes_too_little("effect", SOUND) == ""
     assert takes_too_little("effect", {**SOUND, "refitted": 0.032, "best": 0.031}) == ""
