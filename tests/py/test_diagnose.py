@@ -86,7 +86,7 @@ def unfit(change: str) -> tuple[Machine, Trace]:
     )
 
 
-@pytest.mark.parametrize("change", ["still", "short", "swapped", "flipped", "clipped", "foreign"])
+@pytest.mark.parametrize("change", ["still", "short", "swapped", "flipped", "foreign"])
 def test_a_spoilt_record_gets_words_and_no_name(change: str) -> None:
     machine, trace = unfit(change)
     judged = diagnose(machine, trace, budget=8.0, experiment=False)  # whatever it cuts
@@ -94,6 +94,17 @@ def test_a_spoilt_record_gets_words_and_no_name(change: str) -> None:
     assert judged.verdict not in ("effect", "ambiguous")
     assert judged.best is None
     assert not judged.command
+
+
+def test_a_clipped_channel_is_told_and_counts_for_little() -> None:
+    """What the other channels show is still named: 12 kN*m of dry friction."""
+    machine, trace = unfit("clipped")
+    judged = diagnose(machine, trace, effort="quick", experiment=False)
+    assert any("I_1 stands at" in warning for warning in judged.warnings)
+    assert judged.verdict == "effect"
+    assert judged.best is not None
+    assert judged.best.label == "coulomb@table"
+    assert judged.best.parameters["coulomb@table.torque"].value == pytest.approx(12000.0, rel=0.01)
 
 
 def test_options_are_refused_by_name() -> None:
