@@ -11,12 +11,9 @@ elsewhere the machine amplifies what rounds differently, and there is no answer.
 
 from __future__ import annotations
 
-import argparse
-
 import numpy as np
 
 import report
-import surroundings
 from case import Array
 
 from core_random import RandomMachine  # isort: skip  (case.py finds the tests' folder)
@@ -79,27 +76,20 @@ def errors(m: RandomMachine, seed: int) -> tuple[list[str], Array] | str:
     weights = np.random.default_rng(seed).normal(size=back.values.shape)
     seeds = weights / np.maximum(np.abs(back.values).max(axis=0), 1e-12)
     size = np.einsum("ts,tsp->p", np.abs(seeds), np.abs(ahead))
-    off = [np.abs(np.einsum("ts,tsp->p", seeds, slopes - ahead)) for slopes in (coarse,)]
+    apart = np.abs(np.einsum("ts,tsp->p", seeds, coarse - ahead))
     gone = np.abs(back.pull_back(seeds) - np.einsum("ts,tsp->p", seeds, ahead))
-    counts = (off[0] < 0.1 * ALLOWED * size) & (size > 0)
-    return [n for n, c in zip(names, counts, strict=True) if c], (gone / np.maximum(size, 1e-300))[
-        counts
-    ]
+    counts = (apart < 0.1 * ALLOWED * size) & (size > 0)
+    off = gone / np.maximum(size, 1e-300)
+    return [n for n, c in zip(names, counts, strict=True) if c], off[counts]
 
 
 def main() -> None:
-    about, _, rest = str(__doc__).partition("\n\n")
-    parser = argparse.ArgumentParser(
-        description=about, epilog=rest, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--last", type=int, default=200)
-    given = parser.parse_args()
-    print(report.surroundings_text(surroundings.describe()), "\n")
+    last = report.count_asked(str(__doc__), "last", 200)
     machines = compared = 0
     reasons: dict[str, int] = {}
     worst: list[float] = []
     differ: list[list[str]] = []
-    for seed in range(given.last):
+    for seed in range(last):
         m = RandomMachine(seed)
         if all(AFFINE.get(e["effect"], False) for e in m.machine.effects):
             continue

@@ -12,11 +12,9 @@ double.
 
 from __future__ import annotations
 
-import argparse
 from collections import defaultdict
 
 import report
-import surroundings
 
 import case  # noqa: F401  isort: skip  (finds the tests' folder)
 from core_random import RandomMachine
@@ -45,16 +43,10 @@ def switches(m: RandomMachine, engine: str, rtol: float) -> Switches | None:
 
 
 def main() -> None:
-    about, _, rest = str(__doc__).partition("\n\n")
-    parser = argparse.ArgumentParser(
-        description=about, epilog=rest, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--last", type=int, default=400)
-    given = parser.parse_args()
-    print(report.surroundings_text(surroundings.describe()), "\n")
+    last = report.count_asked(str(__doc__), "last", 400)
     machines = compared = 0
     differ: list[list[str]] = []
-    for seed in range(given.last):
+    for seed in range(last):
         m = RandomMachine(seed)
         if all(AFFINE.get(e["effect"], False) for e in m.machine.effects):
             continue

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 import dop853
 import ours
 import plain
+import surroundings
 from case import SPAN
 from measure import Point, at_equal_error
 
@@ -65,6 +67,18 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def surroundings_text(facts: dict[str, Any]) -> str:
     return "Taken with " + "; ".join(f"{name} {value}" for name, value in facts.items()) + "."
+
+
+def count_asked(doc: str, option: str, default: int) -> int:
+    """The one count of a command line; prints with what its figures are taken."""
+    about, _, rest = doc.partition("\n\n")
+    parser = argparse.ArgumentParser(
+        description=about, epilog=rest, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(f"--{option}", type=int, default=default)
+    given = parser.parse_args()
+    print(surroundings_text(surroundings.describe()), "\n")
+    return int(vars(given)[option])
 
 
 def of(points: Sequence[Point], name: str) -> list[Point]:

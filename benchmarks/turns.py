@@ -11,14 +11,12 @@ shows errors).
 
 from __future__ import annotations
 
-import argparse
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 import report
-import surroundings
 from effects import ENGINES, timed
 
 import core_machines  # isort: skip  (case.py finds the tests' folder)
@@ -59,14 +57,8 @@ def measured(seed: int) -> tuple[float, list[str]] | None:
 
 
 def main() -> None:
-    about, _, rest = str(__doc__).partition("\n\n")
-    parser = argparse.ArgumentParser(
-        description=about, epilog=rest, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--last", type=int, default=400)
-    given = parser.parse_args()
-    print(report.surroundings_text(surroundings.describe()), "\n")
-    found = sorted(filter(None, map(measured, range(given.last))), reverse=True)
+    last = report.count_asked(str(__doc__), "last", 400)
+    found = sorted(filter(None, map(measured, range(last))), reverse=True)
     ratios = [ratio for ratio, _ in found]
     low, middle, high = np.quantile(ratios, [0.05, 0.5, 0.95])
     print(

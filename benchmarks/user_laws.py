@@ -11,7 +11,6 @@ one copy, beside the first law of the same motion.
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Callable
 from typing import Any
@@ -19,7 +18,6 @@ from typing import Any
 import numpy as np
 
 import report
-import surroundings
 
 import core_machines  # isort: skip  (case.py finds the tests' folder)
 from case import reference
@@ -133,17 +131,11 @@ def costs(slopes: bool, rounds: int) -> list[list[str]]:
 
 
 def main() -> None:
-    about, _, rest = str(__doc__).partition("\n\n")
-    parser = argparse.ArgumentParser(
-        description=about, epilog=rest, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--rounds", type=int, default=3)
-    given = parser.parse_args()
-    print(report.surroundings_text(surroundings.describe()), "\n")
+    rounds = report.count_asked(str(__doc__), "rounds", 3)
     head = ["law", "us per step", "to stribeck", "a run with one copy"]
     for slopes in (False, True):
         print(f"With slopes by {len(SLOPES)} parameters:\n" if slopes else "Plain runs:\n")
-        print(report.table(head, costs(slopes, given.rounds)), "\n")
+        print(report.table(head, costs(slopes, rounds)), "\n")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Every number by which a closed-loop diagnosis decides what to try and what to say.
 
-And those by which a torque balance doubts the data sheet; its own others stand in `judge`.
+And those by which a torque balance doubts the data sheet; its own others stand in `judge`. A fit
+begins with the same unknown torque on as many samples.
 """
 
 from __future__ import annotations
@@ -36,7 +37,8 @@ THRESHOLDS = {
     "gain": Threshold(
         25.0,
         "in -2 log L over the inflation, that a law must bring beyond its numbers' share: five "
-        "sigma of a single number, so that fifty laws and their orders give no false name",
+        "sigma of a single number, so that fifty laws and their orders give no false name. The "
+        "same of a score, from which a law is tried where numbers alone leave noise",
     ),
     "wide torque": Threshold(
         0.1,
@@ -56,7 +58,8 @@ THRESHOLDS = {
     "runner-up": Threshold(
         0.5,
         "of the leader's gain: a law that alone gains more may be the first of the pair that is "
-        "missing. The prototype's share; set after one pair was read",
+        "missing. The prototype's share; set after one pair was read. And of the best score, for "
+        "a law to be tried where numbers alone leave noise: set after three laws were read",
     ),
     "tied": Threshold(
         0.9,

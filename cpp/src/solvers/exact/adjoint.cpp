@@ -17,7 +17,7 @@ LawGradient::LawGradient(const Propagator<double>& law, int states)
       signals_(static_cast<int>(law.laws().outputs.rows())),
       transposed_(levels + 1),
       exponential_(levels + 1),
-      A_transposed_(states_transposed(law.A())),
+      A_transposed_(states_transposed(rows_, states_, law.A())),
       outputs_transposed_(static_cast<std::size_t>(lambda_rows_ * signals_), 0.0),
       A_(static_cast<std::size_t>(lambda_rows_ * n_), 0.0),
       outputs_(static_cast<std::size_t>(rows_ * signals_), 0.0),
@@ -27,14 +27,6 @@ LawGradient::LawGradient(const Propagator<double>& law, int states)
     for (int s = 0; s < signals_; ++s)
         for (int c = 0; c < states_; ++c)
             outputs_transposed_[static_cast<std::size_t>(s * lambda_rows_ + c)] = law.laws().outputs(s, c);
-}
-
-LawGradient::Packed LawGradient::states_transposed(const Packed& m) const {
-    Packed t(static_cast<std::size_t>(lambda_rows_ * states_), 0.0);
-    for (int c = 0; c < states_; ++c)
-        for (int r = 0; r < states_; ++r)
-            t[static_cast<std::size_t>(r * lambda_rows_ + c)] = m[static_cast<std::size_t>(c * rows_ + r)];
-    return t;
 }
 
 LawGradient::Packed LawGradient::product(const Packed& a, const Packed& b) const {
@@ -47,7 +39,7 @@ LawGradient::Packed LawGradient::product(const Packed& a, const Packed& b) const
 void LawGradient::power_back(int level, int count, const double* y, double* lambda) {
     Packed &T = transposed_[static_cast<std::size_t>(level)], &sum = exponential_[static_cast<std::size_t>(level)];
     if (T.empty()) {
-        T = states_transposed(law_.power(level));
+        T = states_transposed(rows_, states_, law_.power(level));
         sum.assign(A_.size(), 0.0);
     }
     kernels().chain_back(lambda_rows_, states_, T.data(), count, lambda);

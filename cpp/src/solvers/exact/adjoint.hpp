@@ -35,7 +35,6 @@ class LawGradient {
     void power_back(int level, int count, const double* y, double* lambda);
     void series_back(double length, const double* y, double* lambda);
     Packed product(const Packed& a, const Packed& b) const;
-    Packed states_transposed(const Packed& m) const;
     Packed of_exponentials() const;
     void close();
 

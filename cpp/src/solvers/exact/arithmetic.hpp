@@ -12,6 +12,17 @@
 namespace dualdrive::exact {
 
 // Of the upper n × n part of a packed matrix.
+// Of the leading states × states part: columns of `rows`, transposed ones of padded(states).
+template <class R>
+std::vector<R> states_transposed(int rows, int states, const std::vector<R>& M) {
+    const int out = padded(states);
+    std::vector<R> T(static_cast<std::size_t>(out * states), R(0.0));
+    for (int c = 0; c < states; ++c)
+        for (int r = 0; r < states; ++r)
+            T[static_cast<std::size_t>(r * out + c)] = M[static_cast<std::size_t>(c * rows + r)];
+    return T;
+}
+
 template <class R>
 std::vector<R> transposed(int rows, int n, const std::vector<R>& M) {
     std::vector<R> T(M.size(), R(0));

@@ -27,7 +27,7 @@ TangentGradient::TangentGradient(Propagators& propagators, int states)
       m_(static_cast<int>(propagators.driven().size())),
       width_(propagators.width()),
       tall_(exact::padded(lambda_rows_ + width_ - rows_)),
-      A_transposed_(states_transposed(propagators.A())),
+      A_transposed_(exact::states_transposed(rows_, states_, propagators.A())),
       A_(static_cast<std::size_t>(lambda_rows_ * n_), 0.0) {}
 
 TangentGradient::Packed TangentGradient::product(const Packed& M, int n, const Packed& x, int count) const {
@@ -35,14 +35,6 @@ TangentGradient::Packed TangentGradient::product(const Packed& M, int n, const P
     const int ldx = count > 0 ? static_cast<int>(x.size()) / count : 0;
     exact::kernels().product(lambda_rows_, n, M.data(), ldx, x.data(), count, out.data());
     return out;
-}
-
-TangentGradient::Packed TangentGradient::states_transposed(const Packed& M) const {
-    Packed T(static_cast<std::size_t>(lambda_rows_ * states_), 0.0);
-    for (int c = 0; c < states_; ++c)
-        for (int r = 0; r < states_; ++r)
-            T[static_cast<std::size_t>(r * lambda_rows_ + c)] = M[static_cast<std::size_t>(c * rows_ + r)];
-    return T;
 }
 
 void TangentGradient::back(int level, const double* lambda, double* out) {
@@ -131,7 +123,7 @@ TangentGradient::Packed TangentGradient::phi_of(int level) const {
 //     F ← 2 F + F²,   Φ_k ← 2^{−k} (Φ_k + F Φ_k + Σ_{j ≤ k} Φ_j/(k − j)!)
 void TangentGradient::halve(int level, Shares& shares) const {
     const Packed& F = propagators_.less_one(level - 1);
-    const Packed F_states = states_transposed(F), F_transposed = exact::transposed(rows_, n_, F);
+    const Packed F_states = exact::states_transposed(rows_, states_, F), F_transposed = exact::transposed(rows_, n_, F);
     Packed below = product(shares.less_one, n_, F_transposed, n_);
     add(below, product(F_states, states_, shares.less_one, n_), 1.0);
     add(below, shares.less_one, 2.0);

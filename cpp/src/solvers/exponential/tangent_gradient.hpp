@@ -36,7 +36,6 @@ class TangentGradient {
         Packed less_one, phi;  // of e^{A δ} − 1 and of δ φ_k(A δ) B
     };
     Packed product(const Packed& M, int n, const Packed& x, int count) const;
-    Packed states_transposed(const Packed& M) const;
     void add_kept(int level, Shares& shares);
     void halve(int level, Shares& shares) const;
     void finest_back(double length, Shares shares);
