@@ -11,7 +11,8 @@ import pytest
 from bench_record import grey_box
 from dualdrive import Machine
 from dualdrive.diagnose.screening import Library
-from dualdrive.diagnose.selection.parts import is_joint, is_part, part_score
+from dualdrive.diagnose.selection.estimation import Estimator
+from dualdrive.diagnose.selection.parts import is_joint, is_part, part_refitted, part_score
 from dualdrive.estimation.thresholds import threshold
 from dualdrive.innovations import (
     GreyBox,
@@ -65,6 +66,16 @@ def test_a_shaft_that_gives_is_seen_by_its_score() -> None:
 def test_where_none_gives_there_is_less_to_see() -> None:
     """Not nothing: at the sizes that are tried a shaft is no small change of a stiff machine."""
     assert score(soft=False) < 0.5 * score(soft=True)
+
+
+@pytest.mark.parametrize("soft", [True, False])
+def test_only_a_part_with_which_the_data_sheet_is_likelier_is_followed(soft: bool) -> None:
+    own, point, noise, _ = stiff(soft)
+    variant = shaft(own, point)
+    found = part_refitted(
+        Estimator(own.core, own), own, variant, own.start(variant), point.variant, noise
+    )
+    assert (found is not None) == soft
 
 
 def test_a_stretch_begins_with_its_shafts_wound_up() -> None:
