@@ -169,8 +169,8 @@ class Cluster:
             raise SchedulerError(f"{self._name}: a worker that joined has {error}") from None
 
     def _withdraw(self, running: dict[Any, tuple[int, Future[R]]]) -> None:
-        """Take back what no thread has begun."""
-        with suppress(OSError, TimeoutError):
+        """Take back what no thread has begun; one that is not known there yet, at the next look."""
+        with suppress(OSError, TimeoutError, KeyError):
             stacks = self._client.call_stack(keys=list(running))
             begun = {key for own in stacks.values() for key in own}
             self._forget(

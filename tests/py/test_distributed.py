@@ -132,6 +132,25 @@ def test_ctrl_c_keeps_what_is_under_way(
     assert content(path) == local
 
 
+def test_ctrl_c_asks_again_for_a_task_that_the_scheduler_does_not_know_yet(
+    cluster: Cluster, local: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Submitting is batched: a run may be asked for before it has come there."""
+    from distributed import Client
+
+    asked, answer = [], Client.call_stack
+
+    def early(self: Client, *args: Any, **options: Any) -> Any:
+        asked.append(options)
+        if len(asked) == 1:
+            raise KeyError("_run-0")
+        return answer(self, *args, **options)
+
+    monkeypatch.setattr(Client, "call_stack", early)
+    test_ctrl_c_keeps_what_is_under_way(cluster, local, tmp_path)
+    assert len(asked) > 1
+
+
 def test_a_sampled_motion_travels_and_failures_are_outcomes(
     cluster: Cluster, tmp_path: Path
 ) -> None:
