@@ -154,7 +154,7 @@ def torques_fit(core: Any, trace: Trace) -> Iterator[Finding]:
         return
     try:
         parts = list(pieces(trace, trace.name, _FILTER))
-        needed, total = _needed(core, parts, torques)
+        needed, total = _needed(core, parts)
     except ValueError:
         return
     if float(np.std(needed)) == 0.0 or _correlation(total, needed) < _ALIKE:
@@ -179,15 +179,15 @@ def torques_fit(core: Any, trace: Trace) -> Iterator[Finding]:
         )
 
 
-def _needed(core: Any, parts: Any, torques: list[str]) -> tuple[Array, Array]:
+def _needed(core: Any, parts: Any) -> tuple[Array, Array]:
     """Torque the machine asks for at the table, and what the motors give there, filtered."""
     process, model = _FILTER, CoreModel(core)
     needed, given = [], []
     for p in parts:
-        idle = {**p.samples, **{name: 0.0 * p.samples[name] for name in torques}}
-        asked = model.balance(idle, []).residual[0]
-        needed.append(process.reduce(asked, p.step))
-        given.append(process.reduce(asked - model.balance(p.samples, []).residual[0], p.step))
+        balance = model.balance(p.samples, [])
+        total = balance.measured[0]
+        needed.append(process.reduce(balance.residual[0] + total, p.step))
+        given.append(process.reduce(total, p.step))
     return np.concatenate(needed), np.concatenate(given)
 
 
