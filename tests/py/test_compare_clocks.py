@@ -91,6 +91,19 @@ def test_a_late_table_encoder_is_found_by_both_drives(late: float) -> None:
         assert skew.seconds == pytest.approx(late, abs=5e-5)
 
 
+def test_it_is_told_what_two_encoders_part_by_with_a_delay_and_without() -> None:
+    """12 ms of a moving table are more than all its shafts and meshes twist."""
+    trace, late = sound(), 12e-3
+    shifted = np.interp(trace.t - late, trace.t, trace["theta_m"])
+    before = between(skews(nominal(), trace), "theta_m", "theta_1")
+    after = between(skews(nominal(), with_changed(trace, theta_m=shifted)), "theta_m", "theta_1")
+    speed = np.gradient(trace["theta_m"], trace.t)
+    assert after.apart == pytest.approx(late * float(np.std(speed)), rel=0.05)
+    assert after.left == pytest.approx(before.apart, rel=0.3)
+    share = f"{1.0 - after.left / after.apart:.0%}"
+    assert f"it makes {share} of what they part by" in after.message
+
+
 def test_a_delay_that_the_machine_knows_is_told_no_more() -> None:
     trace, machine = sound(), nominal()
     machine.add("sensor_delay", "theta_m", time=6e-3)

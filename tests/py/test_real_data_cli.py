@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import shlex
 import shutil
@@ -155,6 +156,9 @@ def test_a_robot_axis_misses_friction_and_order_8_of_its_motor(
     (skew,) = compared["skews"]
     assert (skew["late"], skew["significant"]) == ("theta_m", True)
     assert skew["low"] < 2.83e-3 < skew["high"]
+    arcsec = math.pi / 180.0 / 3600.0
+    assert skew["apart"] / arcsec == pytest.approx(144.0, rel=0.1)
+    assert skew["left"] / arcsec < 20.0
 
 
 # --- two drives on one ring -----------------------------------------------------------------------

@@ -9,8 +9,9 @@ have passed one and the same zero-phase filter, with intervals that allow for co
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,8 @@ class Skew:
 
     pose: the delay that is none: between encoders viscous friction over stiffness, by the machine's
           own numbers; of a torque the time for which a drive computes and holds it
+    apart, left: between encoders, RMS about its mean of what they part by at the table, as recorded
+          and with the delay put right, rad; of a torque not a number
     """
 
     record: str
@@ -55,6 +58,8 @@ class Skew:
     step: float
     pose: float
     significant: bool
+    apart: float = math.nan
+    left: float = math.nan
 
     @property
     def message(self) -> str:
@@ -64,8 +69,11 @@ class Skew:
         samples = f"{self.seconds / self.step:.2g} samples"
         encoders = not self.late.startswith("T_") and not self.early.startswith("T_")
         like = "compliance or backlash" if encoders else "a lag of the drive or a lighter inertia"
+        share = ""
+        if self.left < self.apart:  # known, between encoders, and no play hides it
+            share = f"; it makes {1.0 - self.left / self.apart:.0%} of what they part by"
         return (
-            f"{self.record}: {self.late} lags {self.early} by {time} ({span}; {samples}). "
+            f"{self.record}: {self.late} lags {self.early} by {time} ({span}; {samples}){share}. "
             f"Uncorrected, this looks like {like}. If it is real: dualdrive add MACHINE "
             f"sensor_delay@{self.late} --set time={1e3 * self.seconds:.3g}ms"
         )
@@ -147,7 +155,16 @@ def _between_encoders(
     if fitted is None:
         return None
     value, sigma, part = fitted
-    return _told(record, angle, "theta_m", value, sigma, part, parts[0].step, pose)
+    found = _told(record, angle, "theta_m", value, sigma, part, parts[0].step, pose)
+    seen = [(*row(p), p.step) for p in parts]
+    apart = [_FILTER.reduce(twist, step) for twist, _, step in seen]
+    left = [_FILTER.reduce(twist - value * own[0], step) for twist, own, step in seen]
+    return replace(found, apart=_spread(apart), left=_spread(left))
+
+
+def _spread(parts: Sequence[Array]) -> float:
+    """RMS about the mean."""
+    return float(np.std(np.concatenate(parts)))
 
 
 def _of_torque(record: str, parts: Sequence[Piece], torque: str, angle: str) -> Skew | None:
