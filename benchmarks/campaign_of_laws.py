@@ -12,6 +12,7 @@ double.
 
 from __future__ import annotations
 
+import sys
 from collections import defaultdict
 
 import report
@@ -63,6 +64,7 @@ def main() -> None:
                 differ.append(
                     [str(seed), engine, ", ".join(sorted(others)), "; ".join(m.notes[1:])]
                 )
+                print("; ".join(differ[-1]), file=sys.stderr, flush=True)  # long before the end
     print(
         f"{machines} machines, {compared} switches that have an answer; runs that differ: ", end=""
     )

@@ -1,33 +1,38 @@
-"""The case in an explicit Runge-Kutta method of order 8 that knows it: Numba, flanks frozen.
+"""The explicit Runge-Kutta method of order 8 in Numba, of a problem whose modes are frozen.
 
-Coefficients and step control of Hairer, Norsett and Wanner's DOP853, taken from SciPy. Contacts are
-located on the dense output of the step; the next step starts there, with the flank changed.
+Coefficients and step control of Hairer, Norsett and Wanner's DOP853, taken from SciPy. Guards that
+might come to zero within a step are looked at, and located, on its dense output; the next step
+starts there, in the next mode.
 """
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 import numpy as np
 
-from case import SPAN, Array, grid, machine
-from equations import STATES, TWISTS, compiled, eq_23, sizes
+from case import Array, grid
+from equations import Problem, eq_23, problem, sizes
 from measure import RTOLS, Engine
 
 NAME = "DOP853 in Numba, flanks frozen"
-LOOKS = 8  # at each twist within a step, on the dense output
+LOOKS = 8  # at the guards within a step, on the dense output
+AHEAD = 1e-3  # of a step: over which a guard's slope is told
+LOCATED = 1e-13  # of a step: how closely a mode's end is told
 
 
-@cache
-def integrator() -> Any:
-    """(rtol, atol, times) -> (states at the times, contacts)."""
+def integrator(problem: Problem) -> Any:
+    """Compile (rtol, atol, times) -> (states at the times, switches, evaluations of the rates).
+
+    The run starts at the first of the times, at rest, in modes 0. Shapes: atol (states,), states
+    (times, states).
+    """
     from numba import njit
     from scipy.integrate._ivp import dop853_coefficients as table
 
     A, B, C, D = (np.ascontiguousarray(getattr(table, name)) for name in "ABCD")
     E3, E5 = table.E3[:13].copy(), table.E5[:13].copy()
-    f, gap, last = compiled().frozen, machine().drives[0].gap, SPAN
+    STATES, MODES, GUARDS, f, margins, change = problem  # noqa: N806  # constants to the compiler
 
     @njit
     def combine(K, weights, n, scale, out):  # type: ignore[no-untyped-def]  # adds to `out`
@@ -38,11 +43,11 @@ def integrator() -> Any:
                     out[k] += w * K[j, k]
 
     @njit
-    def stages(t, h, y, flanks, K, first, last, at):  # type: ignore[no-untyped-def]
+    def stages(t, h, y, modes, K, first, last, at):  # type: ignore[no-untyped-def]
         for s in range(first, last):
             at[:] = y
             combine(K, A[s], s, h, at)
-            f(t + C[s] * h, at, flanks, K[s])
+            f(t + C[s] * h, at, modes, K[s])
 
     @njit
     def error_norm(K, h, y, y_new, rtol, atol, scratch):  # type: ignore[no-untyped-def]
@@ -58,8 +63,8 @@ def integrator() -> Any:
         return h * fifth / np.sqrt(both * STATES) if both > 0 else 0.0
 
     @njit
-    def dense(t, h, y, y_new, flanks, K, F, at):  # type: ignore[no-untyped-def]
-        stages(t, h, y, flanks, K, 13, 16, at)
+    def dense(t, h, y, y_new, modes, K, F, at):  # type: ignore[no-untyped-def]
+        stages(t, h, y, modes, K, 13, 16, at)
         F[:] = 0.0
         for k in range(STATES):
             delta = y_new[k] - y[k]
@@ -70,15 +75,20 @@ def integrator() -> Any:
             combine(K, D[row], 16, h, F[3 + row])
 
     @njit
-    def inside(y, F, x, k):  # type: ignore[no-untyped-def]
-        value = 0.0
-        for i in range(6, -1, -1):
-            value = (value + F[i, k]) * (x if i % 2 == 0 else 1 - x)
-        return y[k] + value
+    def inside(y, F, x, out):  # type: ignore[no-untyped-def]  # the state at a share of the step
+        for k in range(STATES):
+            value = 0.0
+            for i in range(6, -1, -1):
+                value = (value + F[i, k]) * (x if i % 2 == 0 else 1 - x)
+            out[k] = y[k] + value
 
     @njit
-    def guard(twist, side):  # type: ignore[no-untyped-def]  # positive while the flank stays
-        return side * twist - gap if side != 0 else gap - abs(twist)
+    def slopes(t, y, rate, ahead, modes, g, at, out):  # type: ignore[no-untyped-def]
+        for k in range(STATES):
+            at[k] = y[k] + ahead * rate[k]
+        margins(t + ahead, at, modes, out)
+        for k in range(GUARDS):
+            out[k] = (out[k] - g[k]) / ahead
 
     @njit
     def cannot_fall(g0, g1, s0, s1):  # type: ignore[no-untyped-def]
@@ -86,95 +96,111 @@ def integrator() -> Any:
         return min(g0, g1, g0 + s0 / 3, g1 - s1 / 3) > 0
 
     @njit
-    def quiet(y, y_new, h, K, flanks):  # type: ignore[no-untyped-def]
-        for m in range(2):
-            x0, x1 = y[TWISTS[m]], y_new[TWISTS[m]]
-            v0, v1 = h * K[0, TWISTS[m]], h * K[12, TWISTS[m]]
-            sides = (flanks[m], flanks[m]) if flanks[m] != 0 else (1, -1)
-            for side in sides:
-                sign = side if flanks[m] != 0 else -side
-                off = -gap if flanks[m] != 0 else gap
-                if not cannot_fall(sign * x0 + off, sign * x1 + off, sign * v0, sign * v1):
-                    return False
+    def quiet(t, h, y, y_new, K, modes, G, at):  # type: ignore[no-untyped-def]
+        margins(t, y, modes, G[0])
+        margins(t + h, y_new, modes, G[1])
+        slopes(t, y, K[0], AHEAD * h, modes, G[0], at, G[2])
+        slopes(t + h, y_new, K[12], -AHEAD * h, modes, G[1], at, G[3])
+        for k in range(GUARDS):
+            if not cannot_fall(G[0, k], G[1, k], h * G[2, k], h * G[3, k]):
+                return False
         return True
 
     @njit
-    def first_contact(y, F, flanks):  # type: ignore[no-untyped-def]
-        """Return where in the step a flank changes first, and which; 2.0 for nowhere."""
-        best, which = 2.0, -1
-        for m in range(2):
-            above = 0.0
-            for look in range(1, LOOKS + 1):
-                under = look / LOOKS
-                if guard(inside(y, F, under, TWISTS[m]), flanks[m]) >= 0:
-                    above = under
-                    continue
-                while True:
-                    middle = (above + under) / 2
-                    if middle in (above, under):
-                        break
-                    if guard(inside(y, F, middle, TWISTS[m]), flanks[m]) >= 0:
-                        above = middle
-                    else:
-                        under = middle
-                if under < best:
-                    best, which = under, m
+    def first_end(t, h, y, F, modes, g, at):  # type: ignore[no-untyped-def]
+        """Return where in the step a mode ends first, and which; 2.0 for nowhere.
+
+        The first of the looks with a guard below zero, then the Illinois method on the least guard.
+        """
+        above, v_above, under, v_under = 0.0, 0.0, 0.0, 0.0
+        for look in range(1, LOOKS + 1):
+            under = look / LOOKS
+            inside(y, F, under, at)
+            margins(t + under * h, at, modes, g)
+            v_under = g.min()
+            if v_under < 0:
                 break
-        return best, which
+            above, v_above = under, v_under
+        else:
+            return 2.0, -1
+        side = 0
+        while under - above > LOCATED:
+            middle = (above + under) / 2
+            # a guard that the step begins on may be a rounding below zero there
+            place = above + (under - above) * v_above / (v_above - v_under) if v_above > 0 else middle
+            if not above < place < under:
+                place = middle
+            inside(y, F, place, at)
+            margins(t + place * h, at, modes, g)
+            value = g.min()
+            if value < 0:
+                under, v_under = place, value
+                v_above *= 0.5 if side < 0 else 1.0
+                side = -1
+            else:
+                above, v_above = place, value
+                v_under *= 0.5 if side > 0 else 1.0
+                side = 1
+        inside(y, F, under, at)
+        margins(t + under * h, at, modes, g)
+        return under, g.argmin()
 
     @njit
     def run(rtol, atol, times):  # type: ignore[no-untyped-def]
-        found = np.zeros((len(times), STATES))
+        found, last = np.zeros((len(times), STATES)), times[-1]
         y, K, F = np.zeros(STATES), np.zeros((16, STATES)), np.zeros((7, STATES))
         y_new, at, scratch = np.zeros(STATES), np.zeros(STATES), np.zeros((2, STATES))
-        flanks = np.zeros(2, np.int64)
-        t, h, row, contacts, rejected = 0.0, 1e-6, 1, 0, False
-        f(t, y, flanks, K[0])
+        modes, G = np.zeros(MODES, np.int64), np.zeros((4, GUARDS))
+        t, h, row, switches, rejected = times[0], 1e-6, 1, 0, False
+        f(t, y, modes, K[0])
+        evaluations = 1
         while row < len(times):
             h = min(h, last - t)
-            stages(t, h, y, flanks, K, 1, 12, at)
+            stages(t, h, y, modes, K, 1, 12, at)
             y_new[:] = y
             combine(K, B, 12, h, y_new)
-            f(t + h, y_new, flanks, K[12])
+            f(t + h, y_new, modes, K[12])
+            evaluations += 12
             error = error_norm(K, h, y, y_new, rtol, atol, scratch)
             if not error < 1:
                 h *= max(0.2, 0.9 * error ** (-1 / 8))
                 rejected = True
                 continue
             done, which, t_new = 1.0, -1, t + h
-            calm = quiet(y, y_new, h, K, flanks)
+            calm = quiet(t, h, y, y_new, K, modes, G, at)
             if not calm or times[row] <= t_new:
-                dense(t, h, y, y_new, flanks, K, F, at)
+                dense(t, h, y, y_new, modes, K, F, at)
+                evaluations += 3
             if not calm:
-                place, which = first_contact(y, F, flanks)
+                place, which = first_end(t, h, y, F, modes, G[0], at)
                 if which >= 0:
                     done, t_new = place, t + place * h
             while row < len(times) and times[row] <= t_new:
-                for k in range(STATES):
-                    found[row, k] = inside(y, F, (times[row] - t) / h, k)
+                inside(y, F, (times[row] - t) / h, found[row])
                 row += 1
             if which >= 0:
-                for k in range(STATES):
-                    y_new[k] = inside(y, F, done, k)
-                side = 1 if y_new[TWISTS[which]] > 0 else -1
-                flanks[which] = side if flanks[which] == 0 else 0
-                contacts += 1
+                inside(y, F, done, y_new)
+                change(which, t_new, y_new, modes)
+                switches += 1
             else:
                 grow = 10.0 if error == 0 else min(10.0, 0.9 * error ** (-1 / 8))
                 h *= min(1.0, grow) if rejected else max(0.2, grow)
             t, rejected = t_new, False
             y[:] = y_new
-            f(t, y, flanks, K[0])
-        return found, contacts
+            K[0] = K[12]  # of the same state, unless its modes have changed
+            if which >= 0:
+                f(t, y, modes, K[0])
+                evaluations += 1
+        return found, switches, evaluations
 
     return run
 
 
 def engines() -> list[Engine]:
-    do = integrator()
+    do = integrator(problem())
 
     def run(rtol: float) -> tuple[Array, int]:
-        y, contacts = do(rtol, rtol * sizes(), grid())
+        y, contacts, _ = do(rtol, rtol * sizes(), grid())
         return eq_23(y), contacts
 
     run(1e-3)

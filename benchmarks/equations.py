@@ -20,6 +20,20 @@ STATES = 11
 TWISTS = (2, 3)
 
 
+class Problem(NamedTuple):
+    """What switches, for solvers that freeze modes: compiled functions, `out` is written into.
+
+    A run starts at rest, in modes 0.
+    """
+
+    states: int
+    modes: int
+    guards: int
+    rates: Any  # (t, y, modes, out)
+    margins: Any  # (t, y, modes, out): the guards, positive while the modes stay
+    change: Any  # (guard, t, y, modes): the mode after that guard; may correct y
+
+
 def constants() -> tuple[float, ...]:
     """The numbers in the order of Machine in plain_cvode/machine.hpp."""
     m = machine()
@@ -122,6 +136,28 @@ def compiled() -> Compiled:
     y, out = np.zeros(STATES), np.empty(STATES)  # once now, so that no run waits for the compiler
     rates(0.0, y, out), jacobian(0.0, y, np.empty((STATES, STATES)))
     return Compiled(rates, jacobian, frozen)
+
+
+@cache
+def problem() -> Problem:
+    """The case with its flanks as modes, two guards to each mesh."""
+    from numba import njit
+
+    gap = machine().drives[0].gap
+
+    @njit
+    def margins(t, y, flanks, out):  # type: ignore[no-untyped-def]
+        for m in range(2):
+            side, x = flanks[m], y[TWISTS[m]]
+            out[2 * m] = side * x - gap if side != 0 else gap - x
+            out[2 * m + 1] = 1.0 if side != 0 else x + gap
+
+    @njit
+    def change(guard, t, y, flanks):  # type: ignore[no-untyped-def]
+        m = guard // 2
+        flanks[m] = 0 if flanks[m] != 0 else (1 if guard % 2 == 0 else -1)
+
+    return Problem(STATES, 2, 4, compiled().frozen, margins, change)
 
 
 def sizes() -> Array:
