@@ -46,14 +46,14 @@ def system() -> tuple[Array, Law, Array, int]:
     """A with the sine as two more states and 1 as the last, n, the start, how many are states."""
 
     def excited(command: _core.Waveform) -> _core.LinearSystem:
-        return _core.linearise(laws.bench(), {"theta_ref": command}, modes=MODES)
+        return _core.linearise(laws.machine("bench"), {"theta_ref": command}, modes=MODES)
 
-    plain = excited(_core.constant(0.0))
-    n, w = len(plain.states), 2 * pi * laws.FREQUENCY
+    plain, sine = excited(_core.constant(0.0)), laws.MACHINES["bench"]
+    n, w = len(plain.states), 2 * pi * sine.frequency
     A = np.zeros((n + 3, n + 3))
     A[:n, :n] = plain.A
-    A[:n, n] = laws.AMPLITUDE * (excited(_core.constant(1.0)).a - plain.a)
-    A[:n, n + 1] = laws.AMPLITUDE * w * (excited(_core.ramp(1.0)).a - plain.a)
+    A[:n, n] = sine.amplitude * (excited(_core.constant(1.0)).a - plain.a)
+    A[:n, n + 1] = sine.amplitude * w * (excited(_core.ramp(1.0)).a - plain.a)
     A[:n, n + 2] = plain.a
     A[n, n + 1], A[n + 1, n] = w, -w
     at = {name: k for k, name in enumerate(plain.states)}

@@ -32,9 +32,10 @@ class Absent(Exception):  # noqa: N818
 class Point:
     """One engine at one tolerance.
 
-    ms:     processor time of a run, best of the repeats
-    error:  reached, see `case.error_of`; infinite where the engine gave up
-    events: contacts made or lost that it located
+    ms:          processor time of a run, best of the repeats
+    error:       reached, see `case.error_of`; infinite where the engine gave up
+    events:      contacts made or lost that it located
+    evaluations: of the rates; 0 where they are not counted
     """
 
     engine: str
@@ -43,6 +44,7 @@ class Point:
     error: float
     events: int
     note: str = ""
+    evaluations: int = 0
 
 
 @dataclass(frozen=True)
