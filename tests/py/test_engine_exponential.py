@@ -11,6 +11,7 @@ import pytest
 
 import usual_laws
 from core_machines import Run, core_inputs, core_machine, run, set_all
+from core_random import RandomMachine
 from dualdrive import _core
 from reference_model import bench, sine
 
@@ -107,6 +108,18 @@ def test_a_law_that_is_steep_where_a_body_turns_back_is_seen() -> None:
                     for engine, rtol in (("explicit", 1e-12), ("exponential", 1e-7)))  # fmt: skip
     assert order(found) == order(truth)
     assert off(found, truth) < 1e-6
+
+
+def test_a_fall_that_begins_within_rounding_is_followed_to_its_end() -> None:
+    """A speed loop whose output stays at its limit: the guard leaves zero with the square of time,
+    by less than rounding in the first stretch of a step and by more in the next."""
+    m = RandomMachine(1616)
+    truth, found = (run(m.machine, m.inputs, 1.5, initial=m.initial, rtol=rtol, engine=engine,
+                        signals=["theta_m"])
+                    for engine, rtol in (("explicit", 1e-11), ("exponential", 1e-9)))  # fmt: skip
+    times = [[event[0] for event in r.events("controller.speed_2")] for r in (found, truth)]
+    assert len(times[0]) == len(times[1])
+    np.testing.assert_allclose(times[0], times[1], rtol=0, atol=1e-6)
 
 
 def test_a_recorded_command_changes_its_form_within_steps() -> None:

@@ -99,6 +99,7 @@ class Exponential final : public Solver {
     Outcome deliver(double stop);
     void walk();
     void look_for_suspects();
+    void look_on();
     void find_bends();
     const double* at(double t) const;
 
@@ -152,7 +153,7 @@ class Exponential final : public Solver {
     Vector guards_;                             // [node][guard]
 
     int walk_level_ = 0, finer_ = 0;  // halvings that the walk needs besides
-    std::size_t points_ = 0, position_ = 0;
+    std::size_t points_ = 0, position_ = 0, looked_ = 0;  // looked_: stretches whose guards are known
     Vector walked_, watched_, doubt_, bends_, bend_terms_;
     std::vector<std::size_t> bent_;      // watched quantities whose bend counts
     std::vector<std::size_t> suspects_;  // stretches of the walk, the last one first

@@ -24,12 +24,13 @@ constexpr double straight = 0.01;  // of what a guard keeps off zero: a bend of 
 // Up to the next suspect, or over it.
 Solver::Outcome Exponential::deliver(double stop) {
     const auto last = static_cast<std::size_t>(std::ceil((end_ - origin_) / stride() - 1e-9));
+    if (position_ >= looked_ && position_ < last) look_on();
     keeps_off_ = suspects_.empty() || suspects_.back() != position_;
     if (!keeps_off_) {
         suspects_.pop_back();
         ++position_;
     } else {
-        position_ = suspects_.empty() ? last : std::min(last, suspects_.back());
+        position_ = std::min(last, suspects_.empty() ? looked_ : suspects_.back());
     }
     const double t = position_ >= last ? end_ : origin_ + static_cast<double>(position_) * stride();
     const double* y = at(t);
@@ -90,18 +91,30 @@ void Exponential::find_bends() {
     if (!bent_.empty()) expand(bends_, watch.rows(), bend_terms_);
 }
 
-// The stretches of the walk over which the quintic through both ends does not keep off zero by what it is doubted by.
 void Exponential::look_for_suspects() {
     suspects_.clear();
+    looked_ = points_;
     if (guard_count_ == 0) return;
     find_bends();
+    looked_ = 0;
+    look_on();
+    if (4 * suspects_.size() > points_ && walk_level_ > propagators().finest())
+        ++finer_;
+    else if (suspects_.empty() && finer_ > 0)
+        --finer_;
+}
+
+// The stretches of the walk over which the quintic through both ends does not keep off zero by what it is doubted by, as
+// far as the first fall. What comes after it is no solution, unless the run takes it for rounding: then the look goes on.
+void Exponential::look_on() {
     exponential::Watch& watch = now_->watch;
     const std::vector<double>& W = watch.matrix(walk_level_);
     const int tall = watch.rows();
     const auto m = static_cast<std::size_t>(tall), per_node = std::size_t{1} << (level_ - walk_level_);
     std::vector<double> margin(m);
     watched_.resize(3 * m * (chunk + 1));
-    for (std::size_t first = 0; first < points_; first += chunk) {
+    const std::size_t begin = looked_;
+    for (std::size_t first = begin / 2 * 2; first < points_; first += chunk) {
         const std::size_t count = std::min(chunk, points_ - first);
         exact::kernels().multiply(3 * tall, static_cast<int>(rows() + 2 * driven_.size()), W.data(),
                                   propagators().width(), point(first), static_cast<int>(count) + 1, watched_.data());
@@ -129,7 +142,6 @@ void Exponential::look_for_suspects() {
             return exact::kernels().suspect(tall, from, static_cast<int>(count), 1.0, watched_.data(), margin.data(),
                                             watch.upper().data());
         };
-        // What comes after a fall is no solution: the modes are others there.
         const auto fallen = [&](int k) {
             const double* q = watched_.data() + static_cast<std::size_t>(k + 1) * 3 * m;
             for (std::size_t i = 0; i < m; ++i)
@@ -137,16 +149,16 @@ void Exponential::look_for_suspects() {
             return false;
         };
         bool over = false;
-        for (int k = next(0); k < static_cast<int>(count) && !over; k = next(k + 1)) {
+        looked_ = first + count;
+        for (int k = next(static_cast<int>(std::max(begin, first) - first)); k < static_cast<int>(count) && !over;
+             k = next(k + 1)) {
             suspects_.push_back(first + static_cast<std::size_t>(k));
             over = fallen(k);
         }
-        if (over) break;
+        if (!over) continue;
+        looked_ = suspects_.back() + 1;
+        break;
     }
-    if (4 * suspects_.size() > points_ && walk_level_ > propagators().finest())
-        ++finer_;
-    else if (suspects_.empty() && finer_ > 0)
-        --finer_;
     std::reverse(suspects_.begin(), suspects_.end());
 }
 
