@@ -61,7 +61,8 @@ def switches(m: RandomMachine, engine: str, rtol: float, moved: int = 0) -> Swit
             before, _ = found[element].pop()
         found[element].append((before, after))
         last[element] = t
-    return {name: [s for s in of_it if s[0] != s[1]] for name, of_it in found.items()}
+    changes = {name: [s for s in of_it if s[0] != s[1]] for name, of_it in found.items()}
+    return {name: of_it for name, of_it in changes.items() if of_it}
 
 
 def verdict(m: RandomMachine, engine: str, truth: Switches) -> str:
