@@ -116,21 +116,21 @@ def points(work: Work, ways: dict[str, Way], rtols: Sequence[float], rounds: int
     return list(best.values())
 
 
-def at_target(found: Sequence[Point], *names: str) -> float:
+def at_error(found: Sequence[Point], target: float, *names: str) -> float:
     """The time of the best of these, ms; infinite where none comes to the error."""
-    of_each = (at_equal_error([p for p in found if p.engine == name], TARGET) for name in names)
+    of_each = (at_equal_error([p for p in found if p.engine == name], target) for name in names)
     return min((ms for ms in of_each if ms is not None), default=np.inf)
 
 
 def row(work: Work, rounds: int, affine: float) -> tuple[list[str], list[str]]:
     ways, missing = work.ways()
     found = points(work, ways, RTOLS, rounds)
-    auto = at_target(found, "auto")
+    auto = at_error(found, TARGET, "auto")
     most = MOST_OF.get(work.law, MOST)
     cells = [work.law, f"{auto:.1f}", f"{auto / affine:.1f}", f"≤ {most:g}"]
     cells.append("met" if auto <= most * affine else "not met")
     for names in (("Adams", "BDF"), (DOP853,), (ADAMS, BDF)):
-        ms = at_target(found, *names)
+        ms = at_error(found, TARGET, *names)
         cells.append(f"{ms / auto:.1f} ({ms:.1f})" if np.isfinite(ms) else "-")
     return cells, missing
 

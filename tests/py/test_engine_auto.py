@@ -11,7 +11,7 @@ import pytest
 from core_machines import core_inputs, core_machine, set_all
 from core_random import RandomMachine
 from dualdrive import _core
-from reference_model import bench, sine
+from reference_model import bench, heavy_table, sine
 
 LAWS = {
     "stribeck": ("table", {"torque": 0.1, "static_ratio": 1.3, "speed": 0.02}),
@@ -56,6 +56,20 @@ def test_the_cheaper_engine_has_the_run_and_keeps_near_the_tolerance(law: str) -
         assert off(auto, truth) < off(bdf, truth)
         assert off(auto, truth) < 30 * rtol
         assert [e[1:] for e in auto.events] == [e[1:] for e in truth.events]
+
+
+def test_an_engine_that_could_not_be_the_cheaper_is_not_tried() -> None:
+    """A replay has a knot each millisecond: two steps of BDF, less than one of the explicit engine;
+    and ticks each half millisecond leave the exponential one half a step."""
+    t = np.linspace(0.0, 3.0, 3001)
+    replay = {"theta_ref": _core.sampled(t, 0.02 * np.sin(np.pi * t), _core.Interpolation.cubic)}
+    table = core_machine(heavy_table(100, dry_friction=False).control(T_ten=10.0))
+    set_all(table, table.add_effect("unbalance", "table"), {"amplitude": 1e3})
+    raw = _core.simulate(table, replay, end=3.0, rtol=1e-6, signals=["theta_m"], energy=False)
+    assert "bdf" not in raw.statistics["method"]
+    table.set("controller.speed_sample", 5e-4)
+    raw = _core.simulate(table, replay, end=3.0, rtol=1e-6, signals=["theta_m"], energy=False)
+    assert "exponential" not in raw.statistics["method"]
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -159,6 +159,21 @@ bool Simulation::steps_may_be_long() const {
     return layout_.clocks.empty() && layout_.delays.empty() && apart > long_step;
 }
 
+// No step passes a tick, or is longer than a delay, s; infinite where there are none.
+double Simulation::longest_stretch() const {
+    double apart = std::numeric_limits<double>::infinity();
+    for (const Clock& c : layout_.clocks) apart = std::min(apart, c.period);
+    for (const auto& d : layout_.delays) apart = std::min(apart, machine_.values()[d.slot]);
+    return apart;
+}
+
+// How long an input takes to come and go, s: a multistep method sees it at the ends of its steps only.
+double Simulation::turning_time() const {
+    double turning = std::numeric_limits<double>::infinity();
+    for (const auto& [name, wave] : inputs_) turning = std::min(turning, wave.turning_time());
+    return turning;
+}
+
 // Slopes it has none.
 bool Simulation::suits_exponential() const {
     return parameters_.empty() && exact::Generator(inputs_).size() + layout_.size() <= most_exact_states;
@@ -246,7 +261,11 @@ void Simulation::choose_solver(int guards, std::span<const double> parameter_sca
         const bool possible_at_all = suits_exponential(), first_choice = possible_at_all && steps_may_be_long();
         const double first = first_choice ? Handover::late : Handover::soon;
         const Handover::Price price = first_choice ? favoured(price_of_exponential) : price_of_exponential;
-        Handover::Candidate smooth{.make = exponential, .price = price, .lone = false};
+        const double apart = longest_stretch();
+        Handover::Candidate smooth{.make = exponential,
+                                   .price = price,
+                                   .lone = false,
+                                   .best = apart / (exponential::intervals * price.rate + price.step)};
         std::vector<Handover::Candidate> candidates;
         if (first_choice) candidates.push_back(smooth);
         candidates.push_back(
@@ -258,7 +277,8 @@ void Simulation::choose_solver(int guards, std::span<const double> parameter_sca
         candidates.push_back({.make = [cvode, rtol] { return cvode(Method::bdf, rtol); },
                               .price = price_of_bdf,
                               .share = share_of_bdf,
-                              .first = first});
+                              .first = first,
+                              .best = std::min(apart, turning_time()) / price_of_bdf.step});
         solver_ = std::make_unique<Handover>(std::move(candidates), size.sensitivities, options_.end);
     } else if (options_.method != Method::automatic)
         solver_ = cvode(options_.method, options_.rtol);

@@ -73,6 +73,8 @@ class Simulation final : public Problem {
     bool suits_exponential() const;
     bool goes_back_by_collocation() const;
     bool steps_may_be_long() const;
+    double longest_stretch() const;
+    double turning_time() const;
     void take_exact_solver(Solver::Size size);
     std::unique_ptr<Exponential> exponential_solver(Solver::Size size);
     void take_exponential_solver(Solver::Size size);

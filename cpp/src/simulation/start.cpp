@@ -126,7 +126,7 @@ void Simulation::start() {
             solver_->sensitivity(static_cast<int>(k))[state] = seed(k, state);
     if (!layout_.encoder_history.empty()) apply(JumpKind::encoders);
     constexpr double unlimited = std::numeric_limits<double>::infinity();
-    double longest = options_.longest_step > 0 ? options_.longest_step : unlimited, turning = unlimited;
+    double longest = options_.longest_step > 0 ? options_.longest_step : unlimited;
     for (const auto& d : layout_.delays) {  // the past must lie behind the step
         const double delay = machine_.values()[d.slot];
         if (delay < 1e-7)
@@ -135,8 +135,7 @@ void Simulation::start() {
         longest = std::min(longest, 0.99 * delay);
     }
     // A machine at rest would stride over a command that comes and goes.
-    for (const auto& [name, w] : inputs_) turning = std::min(turning, w.turning_time());
-    solver_->limit_step(longest, turning);
+    solver_->limit_step(longest, turning_time());
     restart();
     pass_break();
     evaluate(options_.start, solver_->state().data());
