@@ -12,11 +12,13 @@ from dualdrive import _core
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
 
+import cascade
 import case
 import costs
 import dop853
 import ensembles
 import equations
+import laws
 import linear
 import measure
 import ours
@@ -189,6 +191,40 @@ def test_peers_jacobian_is_that_of_their_rates() -> None:
         step[k] = 1e-5
         asked[:, k] = (rates(y + step) - rates(y - step)) / 2e-5
     np.testing.assert_allclose(found, asked, rtol=1e-6, atol=1e-9 * np.abs(asked).max())
+
+
+@pytest.mark.parametrize(
+    "absent",
+    [
+        ("pitch_error", "lugre", "hertzian_stiffness"),
+        ("eccentricity", "stribeck", "angle_dependent_friction", "time_varying_mesh_stiffness"),
+    ],
+)
+def test_peers_have_the_same_laws(absent: tuple[str, ...]) -> None:
+    """All that do not meet: a ring has one error here, a table one friction, a flank one K."""
+    pytest.importorskip("numba", reason=NUMBA)
+    name, end = "heavy-table-550t", 3.0
+    there = [law for law in cascade.LAWS if law not in absent]
+    made, sine = laws.machine(name, *there), laws.MACHINES[name]
+    raw = _core.simulate(
+        made, {"theta_ref": _core.sine(sine.amplitude, sine.frequency)}, end=end, rtol=1e-11,
+        engine="explicit", signals=laws.STATES, energy=False,
+    )  # fmt: skip
+    true = np.asarray(raw.values)
+    switches = len({event[0] for event in raw.events})  # what breaks away at a contact is one
+    problem = cascade.problem(made, sine.amplitude, sine.frequency)
+    ways = {1e-7: dop853.integrator(problem)}
+    try:
+        ways[1e-5] = plain.integrator(problem, "bdf")
+    except measure.Absent:  # no compiler, or no SUNDIALS
+        pass
+    times, peak = np.asarray(raw.t), np.abs(true).max(axis=0)
+    atol = 1e-11 * np.append(peak, np.full(problem.states - len(peak), 1e-4))
+    for error, way in ways.items():
+        y, found, evaluations = way(1e-11, atol, times)
+        assert laws.error(cascade.shown(y), true) < error
+        assert found == switches
+        assert evaluations > 1000
 
 
 def test_cost_over_time_and_switches_is_that_of_the_case() -> None:
