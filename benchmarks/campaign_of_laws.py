@@ -95,7 +95,9 @@ def main() -> None:
                 print("; ".join(differ[-1]), file=sys.stderr, flush=True)  # long before the end
     counts = Counter(row[0] for row in differ)
     told = ", ".join(f"{counts[name]} {name}" for name in ("rounding", "tolerance", "FAILED"))
-    print(f"{machines} machines, {compared} switches that have an answer; runs that differ: {told}.\n")
+    print(
+        f"{machines} machines, {compared} switches that have an answer; runs that differ: {told}.\n"
+    )
     if differ:
         print(report.table(["verdict", "machine", "engine", "elements", "what it is"], differ))
     sys.exit(counts["FAILED"] > 0)

@@ -32,7 +32,7 @@ def integrator(problem: Problem) -> Any:
 
     A, B, C, D = (np.ascontiguousarray(getattr(table, name)) for name in "ABCD")
     E3, E5 = table.E3[:13].copy(), table.E5[:13].copy()
-    STATES, MODES, GUARDS, f, margins, change = problem  # noqa: N806  # constants to the compiler
+    STATES, MODES, GUARDS, f, margins, change = problem  # constants to the compiler
 
     @njit
     def combine(K, weights, n, scale, out):  # type: ignore[no-untyped-def]  # adds to `out`
@@ -127,7 +127,9 @@ def integrator(problem: Problem) -> Any:
         while under - above > LOCATED:
             middle = (above + under) / 2
             # a guard that the step begins on may be a rounding below zero there
-            place = above + (under - above) * v_above / (v_above - v_under) if v_above > 0 else middle
+            place = (
+                above + (under - above) * v_above / (v_above - v_under) if v_above > 0 else middle
+            )
             if not above < place < under:
                 place = middle
             inside(y, F, place, at)

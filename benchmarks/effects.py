@@ -29,7 +29,7 @@ from case import SPAN, Array
 from measure import Point, at_equal_error
 
 import core_machines  # isort: skip  (case.py finds the tests' folder)
-from case import reference
+import reference_model as reference
 from dualdrive import _core
 
 STATES = ["omega_c1", "omega_c2", "mesh_1.twist", "mesh_2.twist", "I_1", "I_2", "theta_m",

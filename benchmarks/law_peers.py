@@ -91,7 +91,10 @@ class Work:
 
             return run
 
-        by_cvode = {ADAMS: plain.integrator(problem, "adams"), BDF: plain.integrator(problem, "bdf")}
+        by_cvode = {
+            ADAMS: plain.integrator(problem, "adams"),
+            BDF: plain.integrator(problem, "bdf"),
+        }
         return {name: way(do) for name, do in ({DOP853: by_numba} | by_cvode).items()}
 
 

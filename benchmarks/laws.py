@@ -132,9 +132,7 @@ def text(name: str, laws: list[str], rtols: list[float], rounds: int) -> str:
     affine = affine_ms(name, rounds)
     head = ["law", "rtol", "switches", *ENGINES, "ratio", "affine", "auto takes", "agreement"]
     found = [row for law in laws for row in rows(name, law, rtols, rounds, affine)]
-    alone = (
-        f"{name} alone, exact engine: {affine:.2f} ms. Below: ms, and in brackets the error."
-    )
+    alone = f"{name} alone, exact engine: {affine:.2f} ms. Below: ms, and in brackets the error."
     return f"{alone}\n\n{report.table(head, found)}"
 
 

@@ -71,8 +71,10 @@ def integrator(problem: Problem, method: str) -> Callable[..., tuple[Array, int,
 
 def compiled(problem: Problem) -> list[Any]:
     """Its three functions with the signatures of compiled.cpp."""
-    from numba import carray, cfunc, types
+    import numba
 
+    untyped: Any = numba
+    carray, cfunc, types = untyped.carray, untyped.cfunc, untyped.types
     n, m, g = problem.states, problem.modes, problem.guards
     rates, margins, change = problem.rates, problem.margins, problem.change
     real, whole = types.CPointer(types.float64), types.CPointer(types.int64)

@@ -26,29 +26,29 @@ import report
 import surroundings
 from measure import Point
 
-CASES = (("bench", "stribeck"), ("heavy-table-550t", "torque_ripple"), ("bench", "lugre"))
+#: title -> machine and law of laws.py
+CASES = {
+    "Stribeck, bench": ("bench", "stribeck"),
+    "torque ripple, heavy-table-550t": ("heavy-table-550t", "torque_ripple"),
+    "LuGre, bench": ("bench", "lugre"),
+}
 
 
 @dataclass(frozen=True)
 class Diagram:
     """One machine with its law; ms of the points over `affine` are the work."""
 
-    machine: str
-    law: str
+    title: str
     affine: float  # ms
     points: list[Point]
     missing: list[str]
 
-    @property
-    def title(self) -> str:
-        return f"{self.law.replace('_', ' ')}, {self.machine}"
 
-
-def measured(machine: str, law: str, rounds: int) -> Diagram:
-    work = law_peers.Work(machine, law)
+def measured(title: str, rounds: int) -> Diagram:
+    work = law_peers.Work(*CASES[title])
     ways, missing = work.ways()
     points = law_peers.points(work, ways, law_peers.RTOLS, rounds)
-    return Diagram(machine, law, laws.affine_ms(machine, rounds), points, missing)
+    return Diagram(title, laws.affine_ms(work.machine, rounds), points, missing)
 
 
 def text(diagram: Diagram) -> str:
@@ -67,7 +67,7 @@ def text(diagram: Diagram) -> str:
 
 def summary(diagrams: Sequence[Diagram]) -> str:
     """Work at two errors, by engine."""
-    targets = (1e-6, 1e-9)
+    targets = (law_peers.TARGET, 1e-8)
     head = ["work", *(f"{d.title}: {t:.0e}" for d in diagrams for t in targets)]
     names = dict.fromkeys(p.engine for d in diagrams for p in d.points)
 
@@ -90,14 +90,12 @@ def main() -> None:
     given = parser.parse_args()
     print(report.surroundings_text(surroundings.describe()), "\n")
     diagrams = []
-    for machine, law in CASES:
-        diagrams.append(measured(machine, law, given.rounds))
+    for title in CASES:
+        diagrams.append(measured(title, given.rounds))
         print(text(diagrams[-1]), "\n", flush=True)
     print(summary(diagrams))
     folder = page.PAGE.parent if given.write else surroundings.ROOT / "build"
-    picture = pictures.work_precision(
-        {d.title: (d.affine, d.points) for d in diagrams}
-    )
+    picture = pictures.work_precision({d.title: (d.affine, d.points) for d in diagrams})
     picture.savefig(folder / "work-precision.svg")
     picture.savefig(surroundings.ROOT / "build" / "work-precision.png")
     if given.write:

@@ -32,8 +32,8 @@ struct Compiled {
 // modes: as they are at the first of the times, changed as the run goes. counts: switches, steps, evaluations of the rates.
 // Returns 0, or 1 where CVODE gave up.
 extern "C" int plain_cvode(Compiled::Values rates, Compiled::Values guards, Compiled::Switch change, int n_states,
-                           int n_guards, long long* modes, int bdf, double rtol, const double* atol, const double* times,
-                           int rows, const double* start, double* out, long* counts) {
+                           int n_guards, long long* modes, int bdf, double rtol, const double* atol,
+                           const double* times, int rows, const double* start, double* out, long* counts) {
     Compiled problem{n_states, n_guards, rates, guards, change, modes};
     const auto n = static_cast<std::size_t>(n_states);
     try {

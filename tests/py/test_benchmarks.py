@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ import cascade
 import case
 import costs
 import dop853
+import effects
 import ensembles
 import equations
 import laws
@@ -208,16 +210,14 @@ def test_peers_have_the_same_laws(absent: tuple[str, ...]) -> None:
     made, sine = laws.machine(name, *there), laws.MACHINES[name]
     raw = _core.simulate(
         made, {"theta_ref": _core.sine(sine.amplitude, sine.frequency)}, end=end, rtol=1e-11,
-        engine="explicit", signals=laws.STATES, energy=False,
+        engine="explicit", signals=effects.STATES, energy=False,
     )  # fmt: skip
     true = np.asarray(raw.values)
     switches = len({event[0] for event in raw.events})  # what breaks away at a contact is one
     problem = cascade.problem(made, sine.amplitude, sine.frequency)
     ways = {1e-7: dop853.integrator(problem)}
-    try:
+    with suppress(measure.Absent):  # no compiler, or no SUNDIALS
         ways[1e-5] = plain.integrator(problem, "bdf")
-    except measure.Absent:  # no compiler, or no SUNDIALS
-        pass
     times, peak = np.asarray(raw.t), np.abs(true).max(axis=0)
     atol = 1e-11 * np.append(peak, np.full(problem.states - len(peak), 1e-4))
     for error, way in ways.items():
@@ -258,7 +258,9 @@ def test_figures_go_between_their_own_markers() -> None:
     assert page.between(written, "x", "new") == written
     with pytest.raises(ValueError, match="z: begin"):
         page.between(text, "z", "new")
-    for name in ("ensembles", "points", "equal-error", "wanted", "costs", "linear", "presets"):
+    of_run = ("ensembles", "points", "equal-error", "wanted", "costs", "linear", "presets")
+    of_laws = (*(f"laws {name}" for name in laws.MACHINES), "law peers", "work-precision")
+    for name in (*of_run, *of_laws):
         assert page.between(page.PAGE.read_text(), name, "").count(f"{name}: begin") == 1
 
 

@@ -152,7 +152,7 @@ class Exponential final : public Solver {
     Vector powers_, power_terms_, begin_work_;  // [node][path], [node][order][path]
     Vector guards_;                             // [node][guard]
 
-    int walk_level_ = 0, finer_ = 0;  // halvings that the walk needs besides
+    int walk_level_ = 0, finer_ = 0;                      // halvings that the walk needs besides
     std::size_t points_ = 0, position_ = 0, looked_ = 0;  // looked_: stretches whose guards are known
     Vector walked_, watched_, doubt_, bends_, bend_terms_;
     std::vector<std::size_t> bent_;      // watched quantities whose bend counts
