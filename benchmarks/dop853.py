@@ -18,6 +18,8 @@ from measure import RTOLS, Engine
 NAME = "DOP853 in Numba, flanks frozen"
 LOOKS = 8  # at the guards within a step, on the dense output
 AHEAD = 1e-3  # of a step: over which a guard's slope is told
+SHORTEST = 1e-15  # s; a step of less, or so many switches, is no headway
+MOST_SWITCHES = 20_000
 LOCATED = 1e-13  # of a step: how closely a mode's end is told
 
 
@@ -25,7 +27,7 @@ def integrator(problem: Problem) -> Any:
     """Compile (rtol, atol, times) -> (states at the times, switches, evaluations of the rates).
 
     The run starts at the first of the times, at rest, in modes 0. Shapes: atol (states,), states
-    (times, states).
+    (times, states). Raises RuntimeError where there is no headway.
     """
     from numba import njit
     from scipy.integrate._ivp import dop853_coefficients as table
@@ -167,6 +169,8 @@ def integrator(problem: Problem) -> Any:
             if not error < 1:
                 h *= max(0.2, 0.9 * error ** (-1 / 8))
                 rejected = True
+                if not h > SHORTEST:
+                    raise RuntimeError("the step size fell to nothing")
                 continue
             done, which, t_new = 1.0, -1, t + h
             calm = quiet(t, h, y, y_new, K, modes, G, at)
@@ -184,6 +188,8 @@ def integrator(problem: Problem) -> Any:
                 inside(y, F, done, y_new)
                 change(which, t_new, y_new, modes)
                 switches += 1
+                if switches > MOST_SWITCHES:
+                    raise RuntimeError("it chatters")
             else:
                 grow = 10.0 if error == 0 else min(10.0, 0.9 * error ** (-1 / 8))
                 h *= min(1.0, grow) if rejected else max(0.2, grow)

@@ -14,6 +14,7 @@ peers can't have, a play in the gearboxes, they are left out of.
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -147,6 +148,7 @@ def texts(name: str, asked: Sequence[str], rounds: int) -> Iterator[str]:
     found, missing = [], set()
     for law in asked:
         cells, absent = row(Work(name, law), rounds, affine)
+        print(name, *cells, sep="; ", file=sys.stderr, flush=True)  # long before the end
         found.append(cells)
         missing |= set(absent)
     yield f"{name} alone, exact engine: {affine:.2f} ms. Below at an error of {TARGET:.0e}."

@@ -26,6 +26,8 @@ struct Counts {
     long switches = 0, steps = 0, rhs = 0;
 };
 
+constexpr long most_switches = 20'000;  // more are no headway
+
 inline void need(bool fine, const char* what) {
     if (!fine) throw std::runtime_error(std::string(what) + " failed");
 }
@@ -93,6 +95,7 @@ Counts integrate(Problem& problem, int method, double rtol, std::span<const doub
             const int changed = problem.switched(crossed.data(), t, data(y));
             if (!changed) continue;
             result.switches += changed;
+            need(result.switches <= most_switches, "headway among switches");
             count();
             CVodeReInit(cvode, t, y);
         }
