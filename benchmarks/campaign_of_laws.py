@@ -48,7 +48,7 @@ def start(m: RandomMachine, moved: int) -> dict[str, float]:
 
 
 def switches(m: RandomMachine, engine: str, rtol: float, moved: int = 0) -> Switches | None:
-    """By element, from what to what; None where the run ends early. moved: which way, 0 for none."""
+    """By element, from what to what; None where the run ends early. moved: 0 for not at all."""
     raw = _core.simulate(m.machine, m.inputs, end=END, initial=start(m, moved), rtol=rtol,
                          engine=engine, signals=["theta_m"], energy=False,
                          max_steps=MOST_STEPS)  # fmt: skip

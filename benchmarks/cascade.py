@@ -90,7 +90,7 @@ def problem(machine: _core.Machine, amplitude: float, frequency: float) -> Probl
 
     @njit
     def mesh(n, y, mode):  # type: ignore[no-untyped-def]
-        """Return how far beyond its flank, the contact's torque, the torques on pinion and table."""
+        """Return how far beyond its flank, the contact's torque, those on pinion and table."""
         theta_c = y[2 + n] + i_m * y[6]
         x, by_pinion, by_table, K, K_slope = y[2 + n], 1.0, -i_m, K_t, 0.0
         if e_ring != 0:

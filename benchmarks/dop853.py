@@ -103,7 +103,7 @@ def integrator(problem: Problem) -> Any:
         margins(t + h, y_new, modes, G[1])
         slopes(t, y, K[0], AHEAD * h, modes, G[0], at, G[2])
         slopes(t + h, y_new, K[12], -AHEAD * h, modes, G[1], at, G[3])
-        for k in range(GUARDS):
+        for k in range(GUARDS):  # noqa: SIM110  # Numba compiles no all()
             if not cannot_fall(G[0, k], G[1, k], h * G[2, k], h * G[3, k]):
                 return False
         return True

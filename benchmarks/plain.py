@@ -57,10 +57,11 @@ def integrator(problem: Problem, method: str) -> Callable[..., tuple[Array, int,
     def run(rtol: float, atol: Array, times: Array) -> tuple[Array, int, int]:
         found, start = np.empty((len(times), problem.states)), np.zeros(problem.states)
         modes, counts = np.zeros(problem.modes, np.int64), np.zeros(3, np.int64)
+        by = [ctypes.c_void_p(f.address) for f in functions]
         at = [ctypes.c_void_p(a.ctypes.data) for a in (modes, atol, times, start, found, counts)]
         failed = library.plain_cvode(
-            *(ctypes.c_void_p(f.address) for f in functions), problem.states, problem.guards, at[0], bdf, ctypes.c_double(rtol), at[1],
-            at[2], len(times), *at[3:],
+            *by, problem.states, problem.guards, at[0], bdf, ctypes.c_double(rtol), at[1], at[2],
+            len(times), *at[3:],
         )  # fmt: skip
         if failed:
             raise RuntimeError(f"{OPTIMISED} {METHODS[method]} gave up at rtol {rtol:g}")
