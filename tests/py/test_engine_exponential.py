@@ -122,6 +122,14 @@ def test_a_fall_that_begins_within_rounding_is_followed_to_its_end() -> None:
     np.testing.assert_allclose(times[0], times[1], rtol=0, atol=1e-6)
 
 
+def test_a_step_that_ends_a_rounding_beyond_its_last_node_ends() -> None:
+    """A stop within 1e-12 s of the last of nine nodes is taken for it."""
+    m = RandomMachine(4548)
+    found = run(m.machine, m.inputs, 0.3, initial=m.initial, rtol=1e-9, engine="exponential",
+                signals=["theta_m"])  # fmt: skip
+    assert found.t[-1] == 0.3
+
+
 def test_a_recorded_command_changes_its_form_within_steps() -> None:
     """Knots of a smooth command at 7 ms, of which nothing else is a multiple."""
     knots = np.arange(0.0, 1.6, 7e-3)

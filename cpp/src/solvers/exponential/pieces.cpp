@@ -23,7 +23,8 @@ constexpr double straight = 0.01;  // of what a guard keeps off zero: a bend of 
 
 // Up to the next suspect, or over it.
 Solver::Outcome Exponential::deliver(double stop) {
-    const auto last = static_cast<std::size_t>(std::ceil((end_ - origin_) / stride() - 1e-9));
+    const auto reached = static_cast<std::size_t>(std::ceil((end_ - origin_) / stride() - 1e-9)),
+               last = std::min(reached, points_);  // the end may lie a rounding beyond the last node
     if (position_ >= looked_ && position_ < last) look_on();
     keeps_off_ = suspects_.empty() || suspects_.back() != position_;
     if (!keeps_off_) {
