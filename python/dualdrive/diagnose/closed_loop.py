@@ -67,12 +67,7 @@ def diagnose_closed_loop(
     warnings: Sequence[str],
     job: Job,
 ) -> Diagnosis:
-    """Diagnose records that can be replayed; see :func:`dualdrive.diagnose.diagnose`.
-
-    Records are taken by name: sums over them do not depend on the order in which they were given.
-    """
-    played = sorted(played, key=lambda r: r.name)
-    traces = dict(sorted(traces.items()))
+    """Diagnose records that can be replayed; see :func:`dualdrive.diagnose.diagnose`."""
     core = core_of(machine)
     counter = Counter(job.stop)
     grey = GreyBox(

@@ -45,7 +45,7 @@ from dualdrive.diagnose.words import paragraph
 from dualdrive.diagnose.work import Clock, Work
 from dualdrive.echo import once
 from dualdrive.estimation.thresholds import threshold
-from dualdrive.identify import Processing, Standstill, refuse_filters, which_mode
+from dualdrive.identify import FitError, Processing, Standstill, refuse_filters, which_mode
 from dualdrive.interrupt import interrupt
 from dualdrive.replay import core_of, named, records
 from dualdrive.traces import Trace
@@ -123,7 +123,8 @@ def diagnose(
         if value not in known:
             raise ValueError(f"{name} = {value!r}; choose one of {', '.join(known)}")
     tell = progress or (lambda _: None)
-    core, recorded = core_of(machine), named(traces)
+    # by name: no sum over records, and no list of warnings, depends on the order they were given in
+    core, recorded = core_of(machine), dict(sorted(named(traces).items()))
     if stray := set(trust) - set(recorded):
         raise ValueError(
             f"trust: no trace {', '.join(sorted(stray))}; there are {', '.join(recorded)}"
@@ -181,18 +182,21 @@ def diagnose(
             if not asked or drives_close(looped) or stop.is_set():
                 return with_time(looped, clock.used)
             tell("the torque balance")
-            balanced = diagnose(
-                machine,
-                recorded,
-                settings=own,
-                mode="balance",
-                tolerance=tolerance,
-                budget=max(budget - clock.used, 1.0),
-                threads=threads,
-                experiment=experiment,
-                checks=False,
-                progress=progress,
-            )
+            try:
+                balanced = diagnose(
+                    machine,
+                    recorded,
+                    settings=own,
+                    mode="balance",
+                    tolerance=tolerance,
+                    budget=max(budget - clock.used, 1.0),
+                    threads=threads,
+                    experiment=experiment,
+                    checks=False,
+                    progress=progress,
+                )
+            except (ValueError, FitError):  # the records allow none: what the loop says stands
+                return with_time(looped, clock.used)
             why = foreign_loop(looped, balanced)
             if not why:
                 return with_time(looped, clock.used)

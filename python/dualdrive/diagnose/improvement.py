@@ -66,6 +66,7 @@ def improve(
     begun = time.monotonic()
     own, held = dict(settings or {}), ""
     whole = {**named(traces), **(named(held_out) if held_out is not None else {})}
+    whole = dict(sorted(whole.items()))  # warnings come in this order
     if stray := set(options.get("trust", ())) - set(whole):
         raise ValueError(
             f"trust: no trace {', '.join(sorted(stray))}; there are {', '.join(whole)}"
