@@ -87,8 +87,8 @@ def test_a_bad_record_is_left_out_and_trust_overrules() -> None:
     assert found.records == ("good",)
     assert any("bad: left out; --trust bad overrules" in line for line in found.warnings)
     kept = diagnose(machine, traces, trust=["bad"], **asked)  # type: ignore[arg-type]
-    assert kept.records == ("good", "bad")
-    with pytest.raises(ValueError, match="trust: no trace other; there are good, bad"):
+    assert kept.records == ("bad", "good")  # by name
+    with pytest.raises(ValueError, match="trust: no trace other; there are bad, good"):
         diagnose(machine, traces, trust=["other"], **asked)  # type: ignore[arg-type]
 
 

@@ -91,7 +91,7 @@ def diagnose(
 
     Args:
         machine: a machine, or the core's.
-        traces: one trace, several, or name -> trace.
+        traces: one trace, several, or name -> trace; taken by name, whatever their order.
         settings: name of a trace -> parameter path -> SI value that held while it was recorded.
         mode: ``closed_loop``, ``balance``, or ``auto``: closed loop where the machine has a
             controller and every trace a commanded motion.
