@@ -11,12 +11,10 @@ of several rounds in which the engines take turns.
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from itertools import product
 from operator import itemgetter
 from typing import Any
 
@@ -26,7 +24,7 @@ import page
 import report
 import surroundings
 from case import SPAN, Array
-from measure import Point, at_equal_error
+from measure import Point, at_equal_error, in_turn
 
 import core_machines  # isort: skip  (case.py finds the tests' folder)
 import reference_model as reference
@@ -176,20 +174,13 @@ def timed(do: Callable[[], Any]) -> tuple[float, Any]:
 
 def points(work: Workload, rounds: int) -> list[Point]:
     """Every engine at every tolerance; what takes too many steps has an infinite error."""
-    best: dict[tuple[str, float], Point] = {}
-    for _ in range(rounds):
-        for engine, rtol in product(ENGINES, RTOLS):
-            old = best.setdefault((engine, rtol), Point(engine, rtol, np.inf, np.inf, 0))
-            if old.note:
-                continue
-            try:
-                ms, run = timed(partial(work.run, engine, rtol))
-            except RuntimeError as failure:
-                best[engine, rtol] = Point(engine, rtol, np.inf, np.inf, 0, str(failure))
-                continue
-            error = old.error if old.events else work.error(run.raw.values)
-            best[engine, rtol] = Point(engine, rtol, min(ms, old.ms), error, len(run.raw.events))
-    return list(best.values())
+
+    def run(engine: str, rtol: float) -> tuple[float, float, int, int]:
+        ms, found = timed(partial(work.run, engine, rtol))
+        raw = found.raw
+        return ms, work.error(raw.values), len(raw.events), int(raw.statistics["rhs"])
+
+    return in_turn(ENGINES, RTOLS, rounds, run)
 
 
 def row_of_runs(work: Workload, rounds: int) -> list[str]:
@@ -253,12 +244,8 @@ def text(rounds: int) -> str:
 
 
 def main() -> None:
-    about, _, rest = str(__doc__).partition("\n\n")
-    parser = argparse.ArgumentParser(
-        description=about, epilog=rest, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = page.command_line(str(__doc__))
     parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--write", action="store_true", help=f"into {page.PAGE.name}")
     given = parser.parse_args()
     print(report.surroundings_text(surroundings.describe()), "\n")
     tables = text(given.rounds)

@@ -245,13 +245,9 @@ def as_json(found: list[Row]) -> str:
 
 
 def main() -> None:
-    about, _, rest = str(__doc__).partition("\n\n")
-    parser = argparse.ArgumentParser(
-        description=about, epilog=rest, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = page.command_line(str(__doc__))
     parser.add_argument("--runs", type=int, default=RUNS)
     parser.add_argument("--json", metavar="FILE|-", help="figures as JSON; - to standard output")
-    parser.add_argument("--write", action="store_true", help=f"into {page.PAGE.name}")
     parser.add_argument("--peak", type=int, nargs=2, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.peak:

@@ -13,11 +13,9 @@ peers can't have, a play in the gearboxes, they are left out of.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -31,7 +29,7 @@ import report
 import surroundings
 from case import Array
 from effects import ENGINES, timed
-from measure import Absent, Point, at_equal_error
+from measure import Absent, Point, at_equal_error, in_turn
 
 from dualdrive import _core  # isort: skip  (case.py finds the tests' folder)
 
@@ -100,24 +98,14 @@ class Work:
 
 
 def points(work: Work, ways: dict[str, Way], rtols: Sequence[float], rounds: int) -> list[Point]:
-    """Every way at every tolerance, in turn; what fails has an infinite error."""
+    """Every way at every tolerance."""
     truth = laws.truth_of(work.machine, work.made())
-    best: dict[tuple[str, float], Point] = {}
-    for _ in range(rounds):
-        for name, rtol in product(ways, rtols):
-            old = best.setdefault((name, rtol), Point(name, rtol, np.inf, np.inf, 0))
-            if old.note:
-                continue
-            try:
-                ms, (values, events, evaluations) = timed(lambda w=ways[name], r=rtol: w(r))
-            except RuntimeError as failure:
-                best[name, rtol] = Point(name, rtol, np.inf, np.inf, 0, str(failure))
-                continue
-            error = laws.error(values, truth)
-            best[name, rtol] = Point(
-                name, rtol, min(ms, old.ms), error, events, evaluations=evaluations
-            )
-    return list(best.values())
+
+    def run(name: str, rtol: float) -> tuple[float, float, int, int]:
+        ms, (values, events, evaluations) = timed(lambda: ways[name](rtol))
+        return ms, laws.error(values, truth), events, evaluations
+
+    return in_turn(ways, rtols, rounds, run)
 
 
 def at_error(found: Sequence[Point], target: float, *names: str) -> float:
@@ -157,14 +145,10 @@ def texts(name: str, asked: Sequence[str], rounds: int) -> Iterator[str]:
 
 
 def main() -> None:
-    about, _, rest = str(__doc__).partition("\n\n")
-    parser = argparse.ArgumentParser(
-        description=about, epilog=rest, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = page.command_line(str(__doc__))
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--machine", nargs="+", choices=MACHINES, default=MACHINES)
     parser.add_argument("--only", nargs="+", choices=cascade.LAWS, default=cascade.LAWS)
-    parser.add_argument("--write", action="store_true", help=f"into {page.PAGE.name}")
     given = parser.parse_args()
     print(report.surroundings_text(surroundings.describe()), "\n")
     tables = []

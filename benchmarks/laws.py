@@ -16,7 +16,6 @@ the effect.
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import product
@@ -137,15 +136,11 @@ def text(name: str, laws: list[str], rtols: list[float], rounds: int) -> str:
 
 
 def main() -> None:
-    about, _, rest = str(__doc__).partition("\n\n")
-    parser = argparse.ArgumentParser(
-        description=about, epilog=rest, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = page.command_line(str(__doc__))
     parser.add_argument("--rounds", type=int, default=2)
     parser.add_argument("--rtols", type=float, nargs="+", default=list(RTOLS))
     parser.add_argument("--machine", nargs="+", choices=list(MACHINES), default=list(MACHINES))
     parser.add_argument("--only", nargs="+", choices=LAWS, default=LAWS)
-    parser.add_argument("--write", action="store_true", help=f"into {page.PAGE.name}")
     given = parser.parse_args()
     print(report.surroundings_text(surroundings.describe()), "\n")
     for name in given.machine:

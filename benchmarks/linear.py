@@ -11,7 +11,6 @@ runs.
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -168,12 +167,8 @@ def draw(lines: Lines) -> Figure:
 
 
 def main() -> None:
-    about, _, rest = str(__doc__).partition("\n\n")
-    parser = argparse.ArgumentParser(
-        description=about, epilog=rest, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = page.command_line(str(__doc__))
     parser.add_argument("--quick", action="store_true", help="shorter runs")
-    parser.add_argument("--write", action="store_true", help=f"into {page.PAGE.name}")
     given = parser.parse_args()
     lines = measure(quick=given.quick)
     print(lines.text())

@@ -7,8 +7,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,39 @@ class Point:
     events: int
     note: str = ""
     evaluations: int = 0
+
+
+def in_turn(
+    names: Iterable[str],
+    rtols: Iterable[float],
+    rounds: int,
+    run: Callable[[str, float], tuple[float, float, int, int]],
+) -> list[Point]:
+    """Every engine at every tolerance, all of them in each round; what fails has an infinite error.
+
+    Args:
+        names: of the engines.
+        rtols: tolerances.
+        rounds: how often each runs; the fastest run counts.
+        run: name, rtol -> ms, error, events, evaluations. Raises RuntimeError where it fails.
+
+    """
+    best = {
+        (name, rtol): Point(name, rtol, np.inf, np.inf, 0) for name, rtol in product(names, rtols)
+    }
+    for _ in range(rounds):
+        for (name, rtol), old in best.items():
+            if old.note:
+                continue
+            try:
+                ms, error, events, evaluations = run(name, rtol)
+            except RuntimeError as failure:
+                best[name, rtol] = replace(old, ms=np.inf, error=np.inf, note=str(failure))
+                continue
+            best[name, rtol] = Point(
+                name, rtol, min(ms, old.ms), error, events, evaluations=evaluations
+            )
+    return list(best.values())
 
 
 @dataclass(frozen=True)

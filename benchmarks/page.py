@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 
+import report
 from surroundings import ROOT
 
 PAGE = ROOT / "docs" / "performance.md"
+
+
+def command_line(doc: str) -> argparse.ArgumentParser:
+    """That of a benchmark which can write into the page."""
+    parser = report.command_line(doc)
+    parser.add_argument("--write", action="store_true", help=f"into {PAGE.name}")
+    return parser
 
 
 def between(text: str, name: str, content: str) -> str:

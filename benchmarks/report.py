@@ -69,12 +69,17 @@ def surroundings_text(facts: dict[str, Any]) -> str:
     return "Taken with " + "; ".join(f"{name} {value}" for name, value in facts.items()) + "."
 
 
-def count_asked(doc: str, option: str, default: int) -> int:
-    """The one count of a command line; prints with what its figures are taken."""
+def command_line(doc: str) -> argparse.ArgumentParser:
+    """What a module's own words say of it."""
     about, _, rest = doc.partition("\n\n")
-    parser = argparse.ArgumentParser(
+    return argparse.ArgumentParser(
         description=about, epilog=rest, formatter_class=argparse.RawDescriptionHelpFormatter
     )
+
+
+def count_asked(doc: str, option: str, default: int) -> int:
+    """The one count of a command line; prints with what its figures are taken."""
+    parser = command_line(doc)
     parser.add_argument(f"--{option}", type=int, default=default)
     given = parser.parse_args()
     print(surroundings_text(surroundings.describe()), "\n")

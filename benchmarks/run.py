@@ -13,7 +13,6 @@ so that other work on the machine disturbs them little.
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
@@ -37,13 +36,9 @@ DOCS = surroundings.ROOT / "docs"
 
 
 def main() -> None:
-    about, _, rest = str(__doc__).partition("\n\n")
-    parser = argparse.ArgumentParser(
-        description=about, epilog=rest, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = page.command_line(str(__doc__))
     parser.add_argument("--quick", action="store_true", help="fewer engines, rounds, seconds")
     parser.add_argument("--only", choices=PARTS, action="append", help="a part; repeat for more")
-    parser.add_argument("--write", action="store_true", help=f"into {page.PAGE.name}")
     given = parser.parse_args()
 
     facts = surroundings.describe()

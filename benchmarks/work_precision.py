@@ -12,7 +12,6 @@ included. Adams and BDF of a peer may gain on those of an engine by having their
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -81,12 +80,8 @@ def summary(diagrams: Sequence[Diagram]) -> str:
 
 
 def main() -> None:
-    about, _, rest = str(__doc__).partition("\n\n")
-    parser = argparse.ArgumentParser(
-        description=about, epilog=rest, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = page.command_line(str(__doc__))
     parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--write", action="store_true", help=f"into {page.PAGE.name}")
     given = parser.parse_args()
     print(report.surroundings_text(surroundings.describe()), "\n")
     diagrams = []
