@@ -8,40 +8,17 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from dualdrive.compare import RecordWarning, check_records, evened
-from dualdrive.diagnose.axis import candidate_on, numbers_on, shape_on
 from dualdrive.diagnose.closed_loop import Job, diagnose_closed_loop, with_time
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.data_sheet import wrong_guesses
-from dualdrive.diagnose.decision import beside_the_data_sheet, objection
 from dualdrive.diagnose.equations import TorqueBalance
-from dualdrive.diagnose.findings import (
-    TOLD,
-    candidate_of,
-    command_for,
-    equation_at,
-    errors_of,
-    groups_of,
-    machine_of,
-    moved_numbers,
-    plan_next,
-    scored_only,
-)
-from dualdrive.diagnose.free_torque import Course, courses_left
-from dualdrive.diagnose.heldout import intervals
-from dualdrive.diagnose.judge import Judgement, judge
 from dualdrive.diagnose.printed import Printed
-from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.result import Diagnosis
-from dualdrive.diagnose.search import search
 from dualdrive.diagnose.selection import EFFORTS
-from dualdrive.diagnose.shape import shapes
-from dualdrive.diagnose.survey import Survey
-from dualdrive.diagnose.words import paragraph
+from dualdrive.diagnose.torque_balance import diagnose_torque_balance
 from dualdrive.diagnose.work import Clock, Work
 from dualdrive.echo import once
 from dualdrive.estimation.thresholds import threshold
@@ -50,13 +27,9 @@ from dualdrive.interrupt import interrupt
 from dualdrive.replay import core_of, named, records
 from dualdrive.traces import Trace
 
-Array = NDArray[np.float64]
-
 MODES = ("auto", "closed_loop", "balance")
 #: warnings that would make any name a guess, though a comparison may live with them
 SPOILT = ("scale", "sign", "swapped", "ratio")
-#: what a current or voltage that stands at an extreme may be called: nothing else, then
-LIMITS = ("current_limit", "voltage_limit", "torque_constant_saturation")
 #: of the simulated loop's error: a machine whose balance leaves less has another loop
 _FOREIGN = 0.5
 
@@ -206,27 +179,9 @@ def diagnose(
         c: Confrontation = TorqueBalance(
             core, recorded, own, processing, standstill, apart=not late, tolerance=tolerance
         )
-        result = search(c, Work(clock, threads or os.cpu_count() or 1, tell))
-        finished = not (clock.cut or clock.stop())
-
-        def beside(refit: Refit) -> list[Course]:
-            what = f"what a torque of any course could still explain, {refit.hypothesis.label}"
-            if not clock.allows(what):
-                return []
-            tell(what)
-            found = courses_left(result.evidence, refit, clock.stop)
-            clock.allows(what)
-            return found
-
-        verdict = judge(result, beside)
-        if clipped and verdict.ranked and verdict.verdict in ("effect", "ambiguous"):
-            [(effect, _), *_] = verdict.ranked[0][0].hypothesis.effects
-            if effect not in LIMITS:
-                verdict = replace(verdict, verdict="unknown", group=(), why="clipped")
-        if not finished:
-            verdict = replace(verdict, verdict="unfinished", group=())
         printed = Printed(recorded, own, processing, standstill)
-        told = _told(machine, c, result, verdict, printed, warnings, clock, experiment, tell)
+        work = Work(clock, threads or os.cpu_count() or 1, tell)
+        told = diagnose_torque_balance(machine, c, printed, warnings, work, clipped, experiment)
         if tolerance is not None or told.verdict != "unknown" or told.cut or clock.stop():
             return told
         tell("the same, the machine file's numbers taken for guesses")
@@ -287,91 +242,6 @@ def _driven(core: Any, trace: Trace) -> bool:
 def unfit(found: Sequence[RecordWarning]) -> set[str]:
     """Names of records in which a check found what would make any name a guess."""
     return {w.trace for w in found if w.fatal or w.code in SPOILT}
-
-
-def _told(
-    machine: Any,
-    c: Confrontation,
-    found: Survey,
-    verdict: Judgement,
-    printed: Printed,
-    warnings: Sequence[str],
-    clock: Clock,
-    experiment: bool,
-    tell: Callable[[str], None],
-) -> Diagnosis:
-    tell("errors of the torque balance")
-    candidates = [candidate_of(machine, c, found, r, p, printed) for r, p in verdict.ranked[:TOLD]]
-    candidates = [candidate_on(machine, one) for one in candidates]
-    candidates += scored_only(found, candidates)
-    groups = groups_of(found, verdict)
-    named_ = verdict.verdict in ("effect", "ambiguous")
-    # where nothing is missing what is left is noise, and the final refit under it is the best
-    stands = found.base if verdict.verdict in ("adequate", "parameters") else found.plain
-    refitted = machine_of(machine, c, stands)
-    best = verdict.ranked[0][0] if verdict.ranked else found.base
-    improved = machine_of(machine, c, best) if named_ else None
-    before = printed.compared(refitted)
-    after = printed.compared(improved) if improved is not None else None
-    error = errors_of(c, found, best if named_ else found.plain, before, after)
-    error["nominal"] = printed.error(machine)
-    verdict = replace(verdict, verdict=beside_the_data_sheet(verdict.verdict, error))
-    if why := objection(verdict.verdict, error):
-        verdict = replace(verdict, verdict="unknown", group=(), why="contradicted")
-        warnings = [*warnings, f"no verdict but unknown can stand: {why}"]
-        groups, named_, improved, after = [], False, None, None
-    every = intervals(found.evidence, best if named_ else stands, found.inflation)
-    known = numbers_on(machine, {p.path: every[p.path] for p in c.nominal})
-    moved = {path: known[path] for path in moved_numbers(c, known)}
-    tell("the shape of what is missing")
-    equation = equation_at(verdict, candidates, refitted, printed.traces, clock)
-    curves = []
-    if clock.allows("which variable the missing torque depends on"):
-        own = shapes(core_of(refitted), printed.traces, printed.settings, printed.processing)
-        curves = [shape_on(machine, s) for s in own]
-    plan = None
-    if experiment and verdict.verdict == "ambiguous" and clock.allows("the next experiment"):
-        tell("planning the next experiment")
-        plan = plan_next(machine, c, found, verdict, clock, tell)
-    command = command_for(candidates[0]) if named_ and candidates else ""
-    said = paragraph(
-        verdict,
-        candidates,
-        groups,
-        error,
-        equation,
-        curves,
-        plan,
-        warnings,
-        command,
-        list(moved),
-    )
-    return Diagnosis(
-        machine=core_of(machine).name,
-        mode=c.mode,
-        records=tuple(printed.traces),
-        verdict=verdict.verdict,
-        candidates=candidates,
-        groups=groups,
-        equation=equation,
-        where=before.where,
-        error=error,
-        shapes=curves,
-        next_experiment=plan,
-        warnings=list(warnings),
-        cut=list(clock.cut),
-        paragraph=said,
-        command=command,
-        seconds=clock.used,
-        refitted=refitted,
-        improved=improved,
-        before=before,
-        after=after,
-        moved=moved,
-        numbers=known,
-        over_floor=verdict.excess[1],
-        course=verdict.course,
-    )
 
 
 def _unfit(

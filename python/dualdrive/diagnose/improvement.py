@@ -65,8 +65,10 @@ def improve(
     """
     begun = time.monotonic()
     own, held = dict(settings or {}), ""
-    whole = {**named(traces), **(named(held_out) if held_out is not None else {})}
-    whole = dict(sorted(whole.items()))  # warnings come in this order
+    # by name, as a diagnosis takes them
+    given = dict(sorted(named(traces).items()))
+    apart = dict(sorted(named(held_out).items())) if held_out is not None else {}
+    whole = dict(sorted({**given, **apart}.items()))
     if stray := set(options.get("trust", ())) - set(whole):
         raise ValueError(
             f"trust: no trace {', '.join(sorted(stray))}; there are {', '.join(whole)}"
@@ -77,7 +79,7 @@ def improve(
         # of whole records: a half shows neither how late a channel is nor a motion that comes back
         (progress or (lambda _: None))("checking the records")
         checked = check_records(machine, whole, likely)
-    fitting = {n: evened(t)[0] for n, t in named(traces).items()}
+    fitting = {n: evened(t)[0] for n, t in given.items()}
     other: dict[str, Trace] = {}
     if held_out is None and not _both_ways(machine, fitting, likely):
         held = "cross-validated over stretches of time (no half holds both directions)"
@@ -87,7 +89,7 @@ def improve(
         other = {name: half[1] for name, half in halves.items()}
         held = "the second half of every trace"
     else:
-        other = {n: evened(t)[0] for n, t in named(held_out).items()}
+        other = {n: evened(t)[0] for n, t in apart.items()}
         held = ", ".join(other)
     if isinstance(checked, list):
         bad = unfit(checked) - set(options.get("trust", ()))
