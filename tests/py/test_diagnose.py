@@ -86,6 +86,20 @@ def unfit(change: str) -> tuple[Machine, Trace]:
     )
 
 
+def test_what_the_loop_says_stands_where_the_records_allow_no_balance() -> None:
+    """A motor's angle that no drive gives, and too short a motion: it ended with an error."""
+    machine, trace = demo()
+    own = trace.between(0.0, 4.0)
+    swing = 0.01 * float(np.std(own["theta_1"])) * np.sin(7.0 * own.t)
+    own = own.with_channel("theta_1", own["theta_1"] + swing)
+    with pytest.raises(ValueError, match="no motion between standstills that outlasts"):
+        diagnose(machine, own, mode="balance", experiment=False)
+    told: list[str] = []
+    found = diagnose(machine, own, effort="quick", experiment=False, progress=told.append)
+    assert told[-1] == "the torque balance"
+    assert (found.verdict, found.mode) == ("unknown", "closed_loop")
+
+
 @pytest.mark.parametrize("change", ["still", "short", "swapped", "flipped", "foreign"])
 def test_a_spoilt_record_gets_words_and_no_name(change: str) -> None:
     machine, trace = unfit(change)
