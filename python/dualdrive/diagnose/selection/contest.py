@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +19,8 @@ from dualdrive.estimation.thresholds import threshold
 from dualdrive.innovations import GreyBox, Place, carried, fit, inflation
 
 Array = NDArray[np.float64]
+
+_Ranked = tuple[float, Place]  # gain under a leader's noise, and where a law came to
 
 
 class Contest:
@@ -58,17 +60,42 @@ class Contest:
         return white(f) and self.suffices(f)
 
     def refitted(
-        self, leader: Fitted, chosen: Sequence[Scored], columns: Sequence[Array], least: float
+        self,
+        leader: Fitted,
+        chosen: Sequence[Scored],
+        columns: Sequence[Array],
+        least: float,
+        parts: Callable[[Sequence[Fitted]], Sequence[Scored]] = lambda _: (),
     ) -> list[Fitted]:
         """Laws refitted under the leader's noise, and the best of them under their own.
+
+        First those that are nearly as good as the best, with what the library declares them to be
+        taken for, which may have come less near. What one of them leaves may be noise; the others
+        need not come near then.
 
         Args:
             leader: beside which they were scored.
             chosen: their scores.
             columns: derivatives of the leader's innovations by all its unknowns.
             least: gain over the inflation, from which the noise is estimated beside a law.
+            parts: which parts are refitted, too, where the first have left this; before the other
+                laws, since a part that is missing leaves room to many that do not describe it.
 
         """
+        tied, rest = _tied(self._ranked(leader, chosen, columns, least))
+        found = self.compared(self._approached(tied, fitted=True))
+        if more := self._ranked(leader, parts(found), columns, least):
+            tied, rest = _tied([*more, *rest])
+            found += self.compared(self._approached(tied, fitted=True), found)
+        others = [place for _, place in rest]
+        if not any(map(self.suffices, found)):
+            others = self._approached(others, fitted=True)
+        return found + self.compared(others, found)
+
+    def _ranked(
+        self, leader: Fitted, chosen: Sequence[Scored], columns: Sequence[Array], least: float
+    ) -> list[_Ranked]:
+        """Laws that gain enough under the leader's noise, best first."""
         grey, point = self.grey, leader.point
         over = inflation(point)
         refits: list[Place] = []
@@ -98,26 +125,7 @@ class Contest:
         ]
         looked.sort(key=lambda x: -x[0])
         best = with_rivals([place for gain, place in looked if gain > least], self.effort.finals)
-        return self._in_turn(best, gains)
-
-    def _in_turn(self, places: Sequence[Place], gains: Mapping[str, float]) -> list[Fitted]:
-        """Laws by their gain: those that are nearly as good as the best, and then the others.
-
-        With the first goes what the library declares them to be taken for: it may have come less
-        near. What one of the first leaves may be noise; the others need not come near then.
-        """
-        most = max((gains[p.variant.key] for p, _ in places), default=0.0)
-        tied = [p for p in places if gains[p[0].variant.key] > threshold("tied") * most]
-        tied += [
-            p
-            for p in places
-            if p not in tied and any(confused(t[0].variant, p[0].variant) for t in tied)
-        ]
-        rest = [p for p in places if p not in tied]
-        found = self.compared(self._approached(tied, fitted=True))
-        if not any(map(self.suffices, found)):
-            rest = self._approached(rest, fitted=True)
-        return found + self.compared(rest, found)
+        return [(gains[place[0].variant.key], place) for place in best]
 
     def from_far(self, leader: Fitted, chosen: Sequence[Scored]) -> list[Fitted]:
         """Laws beside a leader that is far from the records, each on its own way from there.
@@ -201,6 +209,18 @@ class Contest:
             if settled is None and self.suffices(own):
                 settled = own
         return found
+
+
+def _tied(ranked: Sequence[_Ranked]) -> tuple[list[Place], list[_Ranked]]:
+    """What is nearly as good as the best, with what that is taken for; and the rest."""
+    most = max((gain for gain, _ in ranked), default=0.0)
+    first = [own for own in ranked if own[0] > threshold("tied") * most]
+    first += [
+        own
+        for own in ranked
+        if own not in first and any(confused(t[0].variant, own[1][0].variant) for _, t in first)
+    ]
+    return [place for _, place in first], [own for own in ranked if own not in first]
 
 
 def _near(f: Fitted, leader: Fitted) -> bool:

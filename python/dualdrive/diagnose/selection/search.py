@@ -31,7 +31,7 @@ from dualdrive.diagnose.selection.residual_analysis import suffices, white
 from dualdrive.diagnose.simulated_errors import Simulation, noise_floor
 from dualdrive.diagnose.work import Leader
 from dualdrive.estimation.thresholds import threshold
-from dualdrive.innovations import GreyBox, Point, inflation, some
+from dualdrive.innovations import GreyBox, Point, Variant, inflation, some
 
 Array = NDArray[np.float64]
 
@@ -60,6 +60,7 @@ class _Search:
         self.estimator = Estimator(core, grey)
         self.stretches: list[tuple[GreyBox, Fitted, Fitted]] = []  # searched; base and best there
         self._quiet = self._faint = False  # numbers alone leave noise: on all samples; on stretches
+        self._few: GreyBox | None = None  # stretches that tell which laws are hopeless
 
     def tell(self, what: str) -> None:
         """Say what is tried, and what is best so far."""
@@ -116,6 +117,7 @@ class _Search:
         stretches first, since each takes many replays.
         """
         self._faint, self._quiet = True, self._says_all(everywhere)
+        self._few = base.grey
         self._compare_on(self.whole, [everywhere])
         self._forward(everywhere)
         leader = self._leader()
@@ -328,27 +330,43 @@ class _Search:
             most = max((s.gain for s in scores if np.isfinite(s.gain)), default=0.0)
             hopeless = max(threshold("gain"), threshold("runner-up") * most)
         best = worth_refitting(scores, self.effort.refitted, hopeless)
-        found = contest.refitted(leader, best, columns, least)
-        if parts:
-            rest = [s for s in scores if is_part(s.variant) and s not in best]
+
+        def more(found: Sequence[Fitted]) -> list[Scored]:
+            rest = [s for s in scores if parts and is_part(s.variant) and s not in best]
             noise = [f for f in found if contest.leaves_noise(f)]
             if noise:
                 rest = [s for s in rest if any(brings(s.variant, f.variant) for f in noise)]
-            found += contest.refitted(leader, rest, columns, least)
-        return found
+            return rest
+
+        return contest.refitted(leader, best, columns, least, more)
 
     def _scores(self, leader: Fitted) -> tuple[list[Scored], list[Array]]:
-        """Score tests of every law beside the leader, and the derivatives they stand on."""
-        grey, point, gains = self.grey, leader.point, leader.gains
-        columns = grey.columns(point, range(len(point.theta)), gains)
+        """Score tests of every law beside the leader, and the derivatives they stand on.
+
+        On all samples a test costs eight times what it does on stretches: there only of those laws
+        that are not hopeless on these already.
+        """
         variants = self.library.variants(leader.variant, self._everywhere(leader))
-        beside = leader.variant.label
+        if self._few is not None and self._few is not self.grey:
+            [there] = self._few.likelihoods(leader.variant, [(leader.point.theta, leader.noise)])
+            if there is not None:
+                found, _ = self._scored(self._few, *there, variants)
+                variants = [s.variant for s in found if not s.gain < threshold("hopeless")]
+        found, columns = self._scored(self.grey, leader.point, leader.gains, variants)
+        self.screened += [(leader.variant.label, s) for s in found]
+        return found, columns
+
+    def _scored(
+        self, grey: GreyBox, point: Point, gains: Sequence[Any], variants: Sequence[Variant]
+    ) -> tuple[list[Scored], list[Array]]:
+        """Score tests of laws beside a leader at a point of its own on some records."""
+        beside = point.variant.label
         self.tell(f"{len(variants)} laws beside {beside}")
+        columns = grey.columns(point, range(len(point.theta)), gains)
         found = scores(
             grey, point, columns, variants, gains, inflation(point),
             lambda done, of: self.tell(f"score tests beside {beside}: {done} of {of}"),
         )  # fmt: skip
-        self.screened += [(beside, s) for s in found]
         return found, columns
 
     def _everywhere(self, f: Fitted) -> Point:
