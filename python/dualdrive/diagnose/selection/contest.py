@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from dualdrive.diagnose.screening import Scored
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import Effort, Fitted
-from dualdrive.diagnose.selection.parts import is_part
-from dualdrive.diagnose.selection.refits import begin, confused, refitted, with_rivals
+from dualdrive.diagnose.selection.parts import is_joint, is_part, part_score
+from dualdrive.diagnose.selection.refits import begin, confused, refining, refitted, with_rivals
 from dualdrive.diagnose.selection.residual_analysis import suffices, white
 from dualdrive.diagnose.work import Leader
 from dualdrive.estimation.thresholds import threshold
@@ -80,17 +80,34 @@ class Contest:
             least: gain over the inflation, from which the noise is estimated beside a law.
             parts: which parts are refitted, too, where the first have left this; before the other
                 laws, since a part that is missing leaves room to many that do not describe it.
+                Where a law suffices, those that are no joints may only refine it.
 
         """
         tied, rest = _tied(self._ranked(leader, chosen, columns, least))
         found = self.compared(self._approached(tied, fitted=True))
-        if more := self._ranked(leader, parts(found), columns, least):
-            tied, rest = _tied([*more, *rest])
+        settled, more = next(filter(self.suffices, found), None), list(parts(found))
+        refine = [s for s in more if settled and not is_joint(s.variant)]
+        if joined := self._ranked(leader, [s for s in more if s not in refine], columns, least):
+            tied, rest = _tied([*joined, *rest])
             found += self.compared(self._approached(tied, fitted=True), found)
         others = [place for _, place in rest]
         if not any(map(self.suffices, found)):
             others = self._approached(others, fitted=True)
+        if settled:
+            others += self._refining(settled, leader, refine, columns)
         return found + self.compared(others, found)
+
+    def _refining(
+        self, settled: Fitted, leader: Fitted, chosen: Sequence[Scored], columns: Sequence[Array]
+    ) -> list[Place]:
+        """Parts beside a leader, as far as they gain, at the numbers of a law that suffices."""
+        found = list[Place]()
+        for s in chosen:
+            gain = part_score(self.grey, leader.point, columns, s.variant, leader.noise)
+            if gain > threshold("hopeless") and not self.grey.counter.stop():
+                theta = refining(self.grey, settled, s)
+                found.append((replace(leader.point, variant=s.variant, theta=theta), leader.noise))
+        return found
 
     def _ranked(
         self, leader: Fitted, chosen: Sequence[Scored], columns: Sequence[Array], least: float

@@ -14,7 +14,7 @@ from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.diagnose.selection.fitted import Fitted
 from dualdrive.diagnose.selection.parts import is_part, part_refitted, part_score
 from dualdrive.estimation.thresholds import threshold
-from dualdrive.innovations import GreyBox, Place, Point, Variant, coordinates, fit
+from dualdrive.innovations import GreyBox, Place, Point, Variant, coordinates, fit, values
 
 Array = NDArray[np.float64]
 
@@ -52,6 +52,33 @@ def begin(grey: GreyBox, point: Point, s: Scored) -> Array:
     asked = {p.path: min(max(s.start[p.path], p.low), p.high) for p in own if p.path in s.start}
     start: Array = np.r_[point.theta, coordinates(own, asked)]
     return start
+
+
+def refining(grey: GreyBox, known: Fitted, s: Scored) -> Array:
+    """Where a part begins that may refine a law that suffices already, shape (unknowns,).
+
+    What it is taken for has its numbers, too: bristles slide at Coulomb's level.
+
+    Args:
+        grey: the records.
+        known: the law, beside the leader that the part was scored beside.
+        s: the part's score.
+
+    """
+    effect, place = known.variant.effects[-1]
+    told = values(known.variant.extra, known.point.theta[grey.shared :])
+    alike = {
+        path.rpartition(".")[2]: x
+        for path, x in told.items()
+        if path.startswith(f"{effect}@{place}.") and confused(s.variant, known.variant)
+    }
+    asked = dict(s.start)
+    for p in s.variant.extra:
+        name = p.path.rpartition(".")[2]
+        if p.path in told or name in alike:
+            asked[p.path] = min(max(told.get(p.path, alike.get(name, p.low)), p.low), p.high)
+    begun: Array = np.r_[known.point.theta[: grey.shared], coordinates(s.variant.extra, asked)]
+    return begun
 
 
 def refitted(
