@@ -42,6 +42,7 @@ def test_a_search_of_a_balance_that_was_cut_is_no_answer_either() -> None:
     assert "stopped before every law had its turn" in cut.paragraph
 
 
+@pytest.mark.long
 def test_no_search_reads_a_clock_unless_it_is_told_to(monkeypatch: pytest.MonkeyPatch) -> None:
     """A computer on which every look at the clock takes an hour finds the very same."""
     machine, trace = clean_axis()
@@ -110,6 +111,7 @@ def test_a_spoilt_record_gets_words_and_no_name(change: str) -> None:
     assert not judged.command
 
 
+@pytest.mark.long
 def test_a_clipped_channel_is_told_and_counts_for_little() -> None:
     """What the other channels show is still named: 12 kN*m of dry friction."""
     machine, trace = unfit("clipped")

@@ -109,6 +109,7 @@ def followed(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     return np.array(angle), np.array(speed)
 
 
+@pytest.mark.long
 def test_a_record_that_allows_two_names_is_as_it_says() -> None:
     case = preloaded.alike("medium", "coulomb@table", "coulomb@motors", 0)
     assert case.seen > preloaded.SEEN

@@ -68,6 +68,7 @@ def test_an_elimination_that_is_stopped_ends() -> None:
     assert search.backward.eliminated(leader, proven=1) is leader
 
 
+@pytest.mark.long
 def test_what_came_last_is_taken_out_where_it_has_not_proved_itself() -> None:
     own = grey(0.4).on(grey(0.4).records)
     search = _Search(own.core, own, EFFORTS["quick"], lambda _: None)

@@ -232,6 +232,7 @@ def test_slopes_that_explode_are_an_error_not_a_crash(
 # --- where a fit begins ---------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_four_drives_are_fitted_from_afar() -> None:
     """A simulated error alone leads to 1.39 kg*m^2 and 3.27 N*m: what predicts leads on."""
     true, guess = four_drives.machine(), four_drives.machine()

@@ -38,6 +38,7 @@ def free_port() -> int:
         return int(one.getsockname()[1])
 
 
+@pytest.mark.long
 def test_the_page_runs_as_printed(tmp_path: Path) -> None:
     for name in ("machine.toml", "fit.csv"):
         shutil.copy(DEMO / name, tmp_path)

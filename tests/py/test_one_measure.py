@@ -55,6 +55,7 @@ def found(which: str) -> Diagnosis:
     return diagnose(*lorenz(), mode="balance", experiment=False)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("which", ["lorenz", "pulses"])
 def test_diagnose_prints_the_errors_and_the_floor_of_compare(which: str) -> None:
     machine, trace = {"lorenz": lorenz, "pulses": first_pulses}[which]()
@@ -139,6 +140,7 @@ def test_pulses_of_force_diagnose_and_improve_agree() -> None:
     assert "noise" not in ladder.stopped, "6.9 % is left, where the sensors leave 2.9 %"
 
 
+@pytest.mark.long
 def test_where_the_loop_is_not_the_recorded_one_the_balance_judges() -> None:
     machine, trace = pulses()
     short = trace.between(0.0, 5.0)
@@ -149,6 +151,7 @@ def test_where_the_loop_is_not_the_recorded_one_the_balance_judges() -> None:
     assert "the controller or the command is not the one that was recorded" in d.warnings[-1]
 
 
+@pytest.mark.long
 def test_dry_friction_of_a_robot_axis_has_its_name() -> None:
     """Its arm's inertia is a round guess, three times too large: the record says so unasked."""
     path = measured_file("kuka_kr300/derived_rec_B.csv")

@@ -206,6 +206,7 @@ def test_tension_of_figure_5_is_capped_by_the_equaliser_s_limit() -> None:
 # ------------------------------------------------------------------------------------ figure 6
 
 
+@pytest.mark.long
 def test_figure_6_vibrates_under_tension_and_is_smooth_when_adjusted() -> None:
     """A late equaliser at g_E 2: a quarter of its 333 Hz; adjusted, nothing."""
     found = table(exhibit("fig6"), "Before and after")

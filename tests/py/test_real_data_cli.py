@@ -17,6 +17,8 @@ from dualdrive import Machine
 from dualdrive_cli.main import main
 from measured import EXAMPLES, measured_file
 
+pytestmark = pytest.mark.long
+
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "howto" / "real-data.md"
 TEXT = PAGE.read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", TEXT, re.DOTALL | re.MULTILINE)

@@ -218,6 +218,7 @@ def test_the_servo_gain_is_formed_and_held_against_the_paper_s() -> None:
     assert "SOFT" in words
 
 
+@pytest.mark.long
 def test_dsc_is_told_by_what_it_would_change() -> None:
     slow = heavy("550t", controller__position_sample=8e-3, controller__speed_sample=125e-6)
     (said,) = [x for x in tune(slow, until=6).steps[5].done if x.startswith("DSC")]
