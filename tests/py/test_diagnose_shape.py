@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dualdrive.demo import records, sheet
-from dualdrive.diagnose.shape import shapes
+from dualdrive.diagnose.shape import of_the_balance, shapes
 from dualdrive.replay import deflections
 from dualdrive.traces import Trace
 
@@ -22,7 +22,8 @@ def test_a_torque_that_follows_a_deflection_is_a_line_along_it() -> None:
         name: recorded[name] + (SLOPE / per_ampere * (twist - twist[-1]) if name == "I_1" else 0.0)
         for name in recorded
     }
-    found = shapes(core, {"fit": Trace(t=recorded.t, channels=pushed, name="fit")}, {"fit": {}})
+    pushed_trace = Trace(t=recorded.t, channels=pushed, name="fit")
+    found = shapes(of_the_balance(core, {"fit": pushed_trace}, {"fit": {}}))
     every = {(s.equation, s.coordinate): s for s in found}
     told = every["table", "deflection x_1"]
     assert told.explained > 0.8  # as a staircase of five steps can
@@ -34,7 +35,7 @@ def test_a_torque_that_follows_a_deflection_is_a_line_along_it() -> None:
 
 def test_the_best_curve_along_every_coordinate_is_kept() -> None:
     """One that explains nothing says so."""
-    found = shapes(sheet().core, {"fit": records()[0]}, {"fit": {}}, count=1)
+    found = shapes(of_the_balance(sheet().core, {"fit": records()[0]}, {"fit": {}}), count=1)
     assert [found[0].coordinate, found[-1].explained] == ["direction", 0.0]
     several = ["direction", "speed", "angle", "time", "drive torque"]
     assert sorted(s.coordinate for s in found) == sorted(

@@ -97,7 +97,7 @@ def likeliest(own: GreyBox) -> tuple[Point, Noise, list[Any]]:
 def missing(own: GreyBox, point: Point, gains: list[Any]) -> float:
     """Largest share of a torque of unknown course in the drives' own."""
     scale = drive_torque(own.core, own.records)
-    [torques] = own.torques(point, gains)
+    torques = own.filtered(point, gains)[0].torques
     return max(float(np.sqrt(np.mean(x**2))) / scale[body] for body, x in torques.items())
 
 

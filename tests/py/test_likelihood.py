@@ -17,6 +17,7 @@ from scipy.signal import lfilter
 from bench_record import grey_box
 from dualdrive import Machine
 from dualdrive.diagnose.screening import Library, scores
+from dualdrive.diagnose.shape import of_the_filter, shapes
 from dualdrive.innovations import (
     GreyBox,
     Noise,
@@ -87,6 +88,17 @@ def test_a_missing_law_is_borne_by_the_unknown_torque_and_not_by_the_sensors() -
     for kind, (drive, _, _) in TRUTH.items():
         assert without.drive[kind] == pytest.approx(drive, rel=0.15), kind
     assert without.torque["table"] > 10.0 * with_it.torque["table"]
+
+
+def test_the_torque_that_bears_it_is_a_curve_along_the_speed() -> None:
+    own = grey(FRICTION)
+    point, _, gains = likeliest(FRICTION)
+    best, *_ = shapes(of_the_filter(own, point, gains))
+    assert (best.equation, best.coordinate, best.unit) == ("table", "direction", "N*m")
+    assert best.explained > 0.5
+    backward, forward = best.value
+    share = (backward - forward) / (2.0 * FRICTION)
+    assert 0.6 < share < 1.0, "less by what the filter takes to learn of a reversal"
 
 
 def test_the_law_that_is_missing_is_likelier_and_has_its_size() -> None:

@@ -27,7 +27,7 @@ from dualdrive.diagnose.findings import equation_of
 from dualdrive.diagnose.result import Candidate, Diagnosis, Experiment, Interval
 from dualdrive.diagnose.selection import EFFORTS, Fitted, Selection, select
 from dualdrive.diagnose.sentences import paragraph
-from dualdrive.diagnose.shape import shapes
+from dualdrive.diagnose.shape import of_the_filter, shapes
 from dualdrive.diagnose.simulated_errors import Simulation, noise_floor, of_the_data_sheet
 from dualdrive.diagnose.uncertainty import Uncertainty
 from dualdrive.estimation.unknowns import Unknown, default_free, default_tolerances, unknowns
@@ -187,8 +187,8 @@ def _told(
     curves = []
     if decision.verdict not in ("adequate", "parameters") and not job.stop():
         job.tell("the shape of what is missing")
-        own = shapes(core_of(refitted), traces, job.settings)
-        curves = [shape_on(machine, s) for s in own]
+        courses = of_the_filter(grey, found.base.point, found.base.gains)
+        curves = [shape_on(machine, s) for s in shapes(courses)]
     plan = None
     if job.experiment and decision.verdict == "ambiguous" and not job.stop():
         job.tell("planning the next experiment")

@@ -1,13 +1,14 @@
 """What shape the missing torque has: along which coordinate it is a curve, with bands.
 
-The torque balance of the refitted machine leaves a torque at every sample. Its mean in bins of a
-coordinate is a curve; the share of its mean square that the curve takes tells whether the
-coordinate is the one. Neighbouring samples are alike, so that a band counts effective samples.
+What a refitted machine lacks is a torque at every sample. Its mean in bins of a coordinate is a
+curve; the share of its mean square that the curve takes tells whether the coordinate is the one.
+Neighbouring samples are alike, so that a band counts effective samples.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,8 @@ from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.result import Shape
 from dualdrive.identify import Processing
 from dualdrive.identify.coloured import correlation_time
-from dualdrive.replay import deflections
+from dualdrive.innovations import Filtered, GreyBox, Point, Predictable
+from dualdrive.replay import deflections, ratio_to_table
 from dualdrive.traces import Trace
 
 Array = NDArray[np.float64]
@@ -33,24 +35,126 @@ _FEWEST = 6  # samples of a bin
 _Z = 1.96
 
 
-def shapes(
-    machine: Any,
-    traces: Mapping[str, Trace],
-    settings: Mapping[str, Mapping[str, float]],
-    processing: Processing | None = None,
-    count: int = 6,
-) -> list[Shape]:
+@dataclass(frozen=True, eq=False)
+class Course:
+    """What an equation of motion lacks, sample by sample over all records; arrays of shape (n,).
+
+    equation:    its name, as it is told
+    torque:      N*m in the frame of its body
+    coordinates: (name, unit, values) of what the torque may depend on
+    """
+
+    equation: str
+    torque: Array
+    coordinates: Sequence[tuple[str, str, Array]]
+
+
+def shapes(courses: Sequence[Course], count: int = 6) -> list[Shape]:
     """Curves of the missing torque, those that explain most first.
 
     The few that explain most of all, and the best along every coordinate: what a torque does not
     depend on is told by a flat curve too.
 
     Args:
+        courses: one of every equation.
+        count: how many of those that explain most of all.
+
+    """
+    found: list[Shape] = []
+    for own in courses:
+        if len(own.torque) < 4 * BINS:
+            continue
+        torque = own.torque - np.mean(own.torque)
+        for coordinate, unit, values in own.coordinates:
+            shape = _curve(own.equation, coordinate, unit, values, torque)
+            if shape is not None:
+                found.append(shape)
+    found.sort(key=lambda s: -s.explained)
+    best = {s.coordinate: s for s in reversed(found)}
+    return [s for k, s in enumerate(found) if k < count or best[s.coordinate] is s]
+
+
+def of_the_filter(grey: GreyBox, point: Point, gains: Sequence[Any]) -> list[Course]:
+    """The torques of unknown course that a filter of a refitted machine asks for.
+
+    Args:
+        grey: whole records.
+        point: the machine.
+        gains: Kalman gains there, per record.
+
+    """
+    ways = grey.filtered(point, gains)
+    found = []
+    for body in ways[0].torques:
+        where = [_where(grey.core, r, own, body) for r, own in zip(grey.records, ways, strict=True)]
+        found.append(
+            Course(
+                body.replace("_", " "),
+                np.concatenate([own.torques[body] for own in ways]),
+                [
+                    (name, unit, np.concatenate([own[name][1] for own in where]))
+                    for name, (unit, _) in where[0].items()
+                    if all(name in own for own in where)
+                ],
+            )
+        )
+    return found
+
+
+def _where(
+    core: Any, record: Predictable, way: Filtered, body: str
+) -> dict[str, tuple[str, Array]]:
+    """Coordinate -> (unit, values at the samples of a record) of what a body's torque may feel.
+
+    A drive's torque may depend on the deflection of its own mesh, the table's on those of all.
+    """
+    drive = body.rpartition("_")[2] if body in core.motors else ""
+    states = way.states
+    read = dict(zip(record.channels, record.measured.T, strict=True))
+    found: dict[str, tuple[str, Array]] = {}
+    speeds = (f"omega_{drive}", f"omega_c{drive}", "omega_m")
+    if speed := next((name for name in speeds if name in states), ""):
+        found["speed"] = "rad/s", states[speed]
+        found["direction"] = "", np.sign(states[speed])
+    if "theta_m" in states:
+        found["angle"] = "rad", states["theta_m"]
+    for twist in deflections(core, read):
+        if not drive or twist.name.endswith(drive):
+            found[f"deflection {twist.name}"] = twist.unit, twist.measured
+    given = [
+        (1.0 if drive else ratio_to_table(core, motor), _given(core, motor, read))
+        for motor in core.motors
+        if motor == body or not drive
+    ]
+    known = [ratio * torque for ratio, torque in given if torque is not None]
+    if known and len(known) == len(given):
+        found["drive torque"] = "N*m", np.sum(known, axis=0)
+    found["time"] = "s", np.asarray(record.record.t)
+    return found
+
+
+def _given(core: Any, motor: str, read: Mapping[str, Array]) -> Array | None:
+    """A motor's torque as it was recorded, N*m; None where it was not."""
+    n = motor.rpartition("_")[2]
+    if f"I_{n}" in read:
+        given: Array = core.get(f"{motor}.K_d") * read[f"I_{n}"]
+        return given
+    return read.get(f"T_{n}")
+
+
+def of_the_balance(
+    machine: Any,
+    traces: Mapping[str, Trace],
+    settings: Mapping[str, Mapping[str, float]],
+    processing: Processing | None = None,
+) -> list[Course]:
+    """What the torque balance of a refitted machine leaves; none without torques and angles.
+
+    Args:
         machine: the core's machine, its nominal numbers refitted.
-        traces: with torques or currents and angles; without them there is no curve.
+        traces: with torques or currents and angles.
         settings: of each trace.
         processing: filters of the torque balance.
-        count: how many of those that explain most of all.
 
     """
     try:
@@ -60,20 +164,14 @@ def shapes(
     left = balance.left(machine, balance.levelled(machine, balance.start))
     if left is None:
         return []
-    found: list[Shape] = []
+    found = []
     for e, name in enumerate(balance.equations):
         rows = range(e, len(left), len(balance.equations))
         torque = np.concatenate([left[k][balance.series[k].keep] for k in rows])
-        if len(torque) < 4 * BINS:
-            continue
-        torque = torque - np.mean(torque)
-        for coordinate, unit, values in _coordinates(machine, balance, e):
-            shape = _curve(EQUATIONS.get(name, name), coordinate, unit, values, torque)
-            if shape is not None:
-                found.append(shape)
-    found.sort(key=lambda s: -s.explained)
-    best = {s.coordinate: s for s in reversed(found)}
-    return [s for k, s in enumerate(found) if k < count or best[s.coordinate] is s]
+        if len(torque):
+            where = _coordinates(machine, balance, e)
+            found.append(Course(EQUATIONS.get(name, name), torque, where))
+    return found
 
 
 def _coordinates(core: Any, balance: TorqueBalance, equation: int) -> list[tuple[str, str, Array]]:

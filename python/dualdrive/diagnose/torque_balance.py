@@ -28,7 +28,7 @@ from dualdrive.diagnose.printed import Printed
 from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.result import Diagnosis
 from dualdrive.diagnose.search import search
-from dualdrive.diagnose.shape import shapes
+from dualdrive.diagnose.shape import of_the_balance, shapes
 from dualdrive.diagnose.survey import Survey
 from dualdrive.diagnose.words import paragraph
 from dualdrive.diagnose.work import Clock, Work
@@ -119,8 +119,10 @@ def _told(
     equation = equation_at(verdict, candidates, refitted, printed.traces, clock)
     curves = []
     if clock.allows("which variable the missing torque depends on"):
-        own = shapes(core_of(refitted), printed.traces, printed.settings, printed.processing)
-        curves = [shape_on(machine, s) for s in own]
+        courses = of_the_balance(
+            core_of(refitted), printed.traces, printed.settings, printed.processing
+        )
+        curves = [shape_on(machine, s) for s in shapes(courses)]
     plan = None
     if experiment and verdict.verdict == "ambiguous" and clock.allows("the next experiment"):
         tell("planning the next experiment")

@@ -7,7 +7,7 @@ Sources: Kristensen, Madsen, Jørgensen, Automatica 40 (2004) 225-237; Ljung, Sy
 
 from __future__ import annotations
 
-from dualdrive.innovations.greybox import Counter, GreyBox
+from dualdrive.innovations.greybox import Counter, Filtered, GreyBox
 from dualdrive.innovations.harmonics import coordinates, deviations, values, waves
 from dualdrive.innovations.homotopy import Place, followed, levels
 from dualdrive.innovations.levenberg_marquardt import fit, inflation
@@ -20,6 +20,7 @@ from dualdrive.innovations.whole_record import Simulated, simulated
 
 __all__ = [
     "Counter",
+    "Filtered",
     "GreyBox",
     "Noise",
     "Place",

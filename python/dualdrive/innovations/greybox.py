@@ -11,6 +11,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,18 @@ _ZERO_ANGLE, _ZERO_CURRENT = 1e-3, 0.02
 _DIFFERENCE, _LEAST, _SCATTER, _TOO_LONG = 1e-3, 1e-8, 1.0, 3.0
 _FIRST = 0.1  # of the drives' torque: what may have acted before the first sample
 _FILTERED = 0.01  # the same where a filter had followed the record till then
+
+
+@dataclass(frozen=True, eq=False)
+class Filtered:
+    """What a filter has of a record at its samples, shape (n,) each.
+
+    torques: body -> torque of unknown course, N*m
+    states: state -> value, SI
+    """
+
+    torques: Mapping[str, Array]
+    states: Mapping[str, Array]
 
 
 class Counter:
@@ -265,15 +278,18 @@ class GreyBox:
             points.append(self._point(variant, theta, own))
         return points
 
-    def torques(self, point: Point, gains: Sequence[Any]) -> list[dict[str, Array]]:
-        """Per record: body -> torque of unknown course as the filter has it, N*m, shape (n,)."""
+    def filtered(self, point: Point, gains: Sequence[Any]) -> list[Filtered]:
+        """What the filter has of every record."""
         core, offsets = self.machine(point.variant, point.theta), self.constants(point.theta)
         self.counter.replays += len(self.records)
 
-        def one(job: tuple[Predictable, Any]) -> dict[str, Array]:
+        def one(job: tuple[Predictable, Any]) -> Filtered:
             record, own = job
             found = predicted(core, offsets, record, own, states=True)
-            return dict(zip(found["bodies"], found["torques"].T, strict=True))
+            return Filtered(
+                dict(zip(found["bodies"], found["torques"].T, strict=True)),
+                dict(zip(found["states"], found["trajectory"].T, strict=True)),
+            )
 
         return list(self.pool.map(one, zip(self.records, gains, strict=True)))
 

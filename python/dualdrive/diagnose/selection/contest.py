@@ -16,7 +16,7 @@ from dualdrive.diagnose.selection.refits import begin, confused, refining, refit
 from dualdrive.diagnose.selection.residual_analysis import suffices, white
 from dualdrive.diagnose.work import Leader
 from dualdrive.estimation.thresholds import threshold
-from dualdrive.innovations import GreyBox, Place, carried, fit, inflation
+from dualdrive.innovations import GreyBox, Place, carried, fit, inflation, some
 
 Array = NDArray[np.float64]
 
@@ -160,13 +160,20 @@ class Contest:
         return self.compared(self._approached(starts, fitted=False))
 
     def on_these(self, found: Sequence[Fitted]) -> list[Fitted]:
-        """What was found on stretches of these records, on all of them."""
-        near, far = list[Place](), list[Place]()
+        """What was found on stretches of these records, on all of them.
+
+        What fails elsewhere is refitted on stretches where it does first.
+        """
+        places = list[Place]()
         for f in found:
             there = on_all_samples(self.grey, f)
-            known = there.inflation < threshold("inflation")
-            (near if known else far).append((there.point, f.noise))
-        return self.compared(near + self._approached(far, fitted=False))
+            if there.inflation > threshold("inflation"):
+                self.tell(f"stretches where {f.variant.key} fails")
+                few = some(self.grey, there.point, there.gains, int(threshold("stretches")))
+                own = self.estimator.likeliest(few, f.variant, f.point.theta, f.noise, roughly=True)
+                there = on_all_samples(self.grey, own) if own else there
+            places.append((there.point, there.noise))
+        return self.compared(places)
 
     def _approached(self, starts: Sequence[Place], *, fitted: bool) -> list[Place]:
         """Where laws come near their best, each under less unknown torque than it begins with.

@@ -8,13 +8,16 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dualdrive.diagnose.screening import Library
 from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.diagnose.selection.fitted import Fitted
 from dualdrive.diagnose.selection.ranking import Ranking
 from dualdrive.estimation.thresholds import threshold
-from dualdrive.innovations import GreyBox, carried
+from dualdrive.innovations import GreyBox, Variant, carried
+
+Array = NDArray[np.float64]
 
 
 class Elimination:
@@ -26,6 +29,7 @@ class Elimination:
         grey: the records.
         ranking: what is known on them; what is found without an effect is kept there.
         tell: progress.
+        few: stretches of the records: what is far behind on them is so on all samples.
 
     """
 
@@ -36,9 +40,10 @@ class Elimination:
         grey: GreyBox,
         ranking: Ranking,
         tell: Callable[[str], None],
+        few: GreyBox | None = None,
     ) -> None:
         self.estimator, self.library = estimator, library
-        self.grey, self.ranking, self.tell = grey, ranking, tell
+        self.grey, self.ranking, self.tell, self.few = grey, ranking, tell, few
 
     def eliminated(self, leader: Fitted, proven: int = 0) -> Fitted:
         """The leader without what it does not need.
@@ -58,6 +63,8 @@ class Elimination:
                 self.tell(f"{variant.key} from the numbers of {leader.variant.key}")
                 nothing = np.zeros(self.grey.shared + len(variant.extra))
                 theta = carried(leader.point, variant, nothing)
+                if self.few and self._needed_on(self.few, variant, theta, leader):
+                    continue
                 there = self.estimator.under(self.grey, variant, [theta], leader.noise)
                 if there is None or self._far_behind(there, leader):
                     continue
@@ -70,6 +77,16 @@ class Elimination:
                 break
             leader = self.ranking[best.variant.key]
         return leader
+
+    def _needed_on(self, few: GreyBox, fewer: Variant, theta: Array, leader: Fitted) -> bool:
+        """Whether what a leader lacks without an effect is more than chance on few samples."""
+        [own] = few.likelihoods(leader.variant, [(leader.point.theta, leader.noise)])
+        there = self.estimator.under(few, fewer, [theta], leader.noise)
+        if own is None or there is None:
+            return False
+        behind = (there.point.minus_two_log - own[0].minus_two_log) / leader.inflation
+        more = len(leader.variant.extra) - len(fewer.extra)
+        return behind - more * self.ranking.price() > threshold("beyond")
 
     def _far_behind(self, f: Fitted, leader: Fitted) -> bool:
         """Whether it would not come up to the leader under a noise of its own."""

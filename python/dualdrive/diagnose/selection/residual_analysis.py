@@ -31,10 +31,10 @@ class MissingTorque:
 def missing_torque(core: Any, grey: GreyBox, f: Fitted) -> dict[str, MissingTorque]:
     """Equation -> torque of unknown course that a fitted machine still asks for."""
     drives = drive_torque(core, grey.records)
-    records = grey.torques(f.point, f.gains)
+    records = grey.filtered(f.point, f.gains)
     found = {}
     for body in f.noise.torque:
-        course = np.concatenate([r[body] for r in records])
+        course = np.concatenate([r.torques[body] for r in records])
         rms = float(np.sqrt(np.mean(course**2)))
         scale = drives.get(body, 0.0)
         found[body] = MissingTorque(rms, rms / scale if scale > 0.0 else 0.0)

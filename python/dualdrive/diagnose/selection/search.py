@@ -102,13 +102,17 @@ class _Search:
         left, floor = loop.error(out), noise_floor(self.whole, f, out)
         return left < threshold("beyond the floor") * floor
 
-    def _compare_on(self, grey: GreyBox, found: Sequence[Fitted]) -> None:
-        """On these records from now on, this being known there."""
+    def _compare_on(
+        self, grey: GreyBox, found: Sequence[Fitted], few: GreyBox | None = None
+    ) -> None:
+        """On these records from now on, this being known there; few: stretches of them."""
         self.grey, self.ranking = grey, Ranking(grey.samples, found)
         self.contest = Contest(
             self.estimator, grey, self.effort, self.leader, self.tell, self.tried
         )
-        self.backward = Elimination(self.estimator, self.library, grey, self.ranking, self.tell)
+        self.backward = Elimination(
+            self.estimator, self.library, grey, self.ranking, self.tell, few
+        )
 
     def _on_all_samples_at_once(self, base: Base, everywhere: Fitted) -> None:
         """Laws beside numbers that leave noise on stretches: all samples are needed to see them.
@@ -176,7 +180,7 @@ class _Search:
                 found += self._step(leader, self._scores(leader), parts)
             self.ranking.keep(found)
             if not any(map(self.contest.suffices, [*found, *([leader] if named else [])])):
-                self.ranking.keep(self._beside_the_runner_up(leader))
+                self.ranking.keep(self._beside_the_runner_up(leader, found))
             if found:
                 richer = min(found, key=self.ranking.criterion)
                 self.ranking.keep(self.backward.simpler(richer, leader))
@@ -206,10 +210,15 @@ class _Search:
         best = worth_refitting(scores, self.effort.finals, threshold("hopeless"))
         return self.contest.from_far(sheet, best)
 
-    def _beside_the_runner_up(self, leader: Fitted) -> list[Fitted]:
+    def _beside_the_runner_up(self, leader: Fitted, pairs: Sequence[Fitted]) -> list[Fitted]:
         """Pairs with the second-best law, where it is nearly as good alone as the leader.
 
         Of two laws that are both missing, what each takes of the other's share decides which leads.
+
+        Args:
+            leader: the best law.
+            pairs: found with it; where the best of them holds the second-best law, that is the one.
+
         """
         singles = [f for f in self.ranking if len(f.variant.effects) == 1]
         if leader not in singles or self.grey.counter.stop():
@@ -222,6 +231,9 @@ class _Search:
         if not rivals:
             return []
         second = min(rivals, key=self.ranking.criterion)
+        best = min(pairs, key=self.ranking.criterion, default=leader)
+        if set(second.variant.effects) <= set(best.variant.effects):
+            return []
         return self._step(second, self._scores(second), parts=False)
 
     def _swapped(self, leader: Fitted) -> Fitted:
@@ -248,7 +260,7 @@ class _Search:
             near = laws[: int(threshold("contenders"))]
         there = self.ranking.base
         self.stretches = [(self.grey, there, self.ranking.best)]
-        self._compare_on(self.whole, [])
+        self._compare_on(self.whole, [], self.grey)
         found = self.contest.on_these(near)
         nothing = base.everywhere or self._everywhere_refitted(there, bool(found))
         self.ranking.keep([nothing, *found])
