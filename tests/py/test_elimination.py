@@ -9,7 +9,7 @@ from dualdrive.diagnose.screening import Library
 from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.diagnose.selection.fitted import EFFORTS, Fitted
 from dualdrive.diagnose.selection.search import _Search
-from dualdrive.innovations import Point, Variant, first_noise
+from dualdrive.innovations import Point, Variant, first_noise, some
 from dualdrive.innovations.greybox import Counter
 from test_likelihood import grey
 
@@ -80,4 +80,8 @@ def test_what_came_last_is_taken_out_where_it_has_not_proved_itself() -> None:
     base, leader = (f for f in fits if f is not None)
     search._compare_on(own, [base, leader])
     assert search.backward.eliminated(leader, proven=1) is leader
+    assert search.backward.eliminated(leader).variant.label == "coulomb@table"
+    # and where a quarter of the samples tells already which of them is needed
+    few = some(own, leader.point, leader.gains, own.samples // 4)
+    search._compare_on(own, [base, leader], few)
     assert search.backward.eliminated(leader).variant.label == "coulomb@table"

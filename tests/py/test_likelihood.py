@@ -16,7 +16,9 @@ from scipy.signal import lfilter
 
 from bench_record import grey_box
 from dualdrive import Machine
-from dualdrive.diagnose.screening import Library, scores
+from dualdrive.diagnose.screening import Library, Scored, scores
+from dualdrive.diagnose.selection.fitted import Fitted
+from dualdrive.diagnose.selection.refits import refining
 from dualdrive.diagnose.shape import of_the_filter, shapes
 from dualdrive.innovations import (
     GreyBox,
@@ -108,6 +110,25 @@ def test_the_law_that_is_missing_is_likelier_and_has_its_size() -> None:
     [torque, *_] = law.variant.extra
     found = torque.value(float(law.theta[grey(FRICTION).shared]))
     assert found == pytest.approx(FRICTION, rel=0.02)
+
+
+def test_a_part_that_refines_a_law_begins_at_its_numbers() -> None:
+    own = grey(FRICTION)
+    point, noise, gains = likeliest(FRICTION, "coulomb@table")
+    known = Fitted(point, noise, inflation(point), 0.0, gains)
+    nothing = likeliest(FRICTION)[0]
+    beside = Library(own.core, own).variants(nothing.variant, nothing)
+    bristles, limit = (
+        next(v for v in beside if v.label == label)
+        for label in ("lugre@table", "current_limit@motors")
+    )
+    begun = own.machine(bristles, refining(own, known, Scored(bristles, 5.0, {})))
+    level = own.machine(point.variant, point.theta).get("coulomb@table.torque")
+    assert begun.get("lugre@table.torque") == pytest.approx(level, rel=1e-9)
+    assert begun.get("table.J") == pytest.approx(HEAVIER * own.core.get("table.J"), rel=0.01)
+    alone = own.machine(limit, refining(own, known, Scored(limit, 5.0, {})))
+    start = own.machine(limit, own.start(limit))
+    assert alone.get("current_limit@motors.T_max") == start.get("current_limit@motors.T_max")
 
 
 def test_the_score_points_at_the_law() -> None:
