@@ -5,13 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bench_record import grey_box
+from dualdrive import Machine
 from dualdrive.diagnose.screening import Library
+from dualdrive.diagnose.selection.elimination import Elimination
 from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.diagnose.selection.fitted import EFFORTS, Fitted
+from dualdrive.diagnose.selection.ranking import Ranking
 from dualdrive.diagnose.selection.search import _Search
 from dualdrive.innovations import Point, Variant, first_noise, some
 from dualdrive.innovations.greybox import Counter
-from test_likelihood import grey
+from test_innovations import bench
+from test_likelihood import SAMPLES, grey
 
 
 def blank(variant: Variant) -> Point:
@@ -85,3 +90,32 @@ def test_what_came_last_is_taken_out_where_it_has_not_proved_itself() -> None:
     few = some(own, leader.point, leader.gains, own.samples // 4)
     search._compare_on(own, [base, leader], few)
     assert search.backward.eliminated(leader).variant.label == "coulomb@table"
+
+
+@pytest.mark.parametrize(("second", "label"), [(0.0, "motor_1"), (0.05, "motors")])
+def test_an_effect_stands_at_one_member_where_the_others_have_none_of_it(
+    second: float, label: str
+) -> None:
+    ripple = {"order": 6.0, "phase": 0.4}
+    true = bench(
+        {
+            "torque_ripple@motor_1": {"amplitude": 0.06, **ripple},
+            "torque_ripple@motor_2": {"amplitude": second, **ripple},
+        }
+    )
+    own = grey_box(Machine.load("bench"), true, SAMPLES, 5)
+    library, estimator = Library(own.core, own), Estimator(own.core, own)
+    noise = first_noise(own.core, own.records, 0.1)
+    nothing = Variant(own.core)
+    base = estimator.likeliest(own, nothing, own.start(nothing), noise)
+    assert base is not None
+    every = library.variants(nothing, base.point)
+    both = next(v for v in every if v.key == "torque_ripple@motors (6)")
+    leader = estimator.likeliest(own, both, own.start(both), noise)
+    assert leader is not None
+    ranking = Ranking(own.samples, [base, leader])
+    found = Elimination(estimator, library, own, ranking, lambda _: None).narrowed(leader)
+    assert found.variant.label == f"torque_ripple@{label}"
+    sizes = own.machine(found.variant, found.point.theta)
+    assert sizes.get("torque_ripple@motor_1.amplitude") == pytest.approx(0.06, rel=0.05)
+    assert ranking.best is found

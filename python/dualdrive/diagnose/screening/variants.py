@@ -52,15 +52,23 @@ class Library:
         for own in variant.effects:
             if own == effect or found is None:
                 continue
-            counted = _counted(own[0])
-            paths = [path for path in variant.fixed if path.endswith(f".{counted}")]
-            members = {own[1], *parts_of(self.core, own[1])}
-            order = next(
-                (variant.fixed[path] for path in paths if _place(path, own[0]) in members), None
-            )
-            [h] = [h for h in self.hypotheses if h.effects == (own,)]
-            found = self._beside(found, h, order if counted else None)
+            known = (h for h in self.hypotheses if h.effects == (own,))
+            found = self._beside(found, next(known, Hypothesis((own,))), self._order(variant, own))
         return found
+
+    def at_one(self, variant: Variant, effect: tuple[str, str], member: str) -> Variant | None:
+        """A variant with an effect of a group at one member only, last; None where it can't be."""
+        rest = self.without(variant, effect)
+        alone = Hypothesis(((effect[0], member),))
+        return None if rest is None else self._beside(rest, alone, self._order(variant, effect))
+
+    def _order(self, variant: Variant, own: tuple[str, str]) -> float | None:
+        """What is counted of an effect of a variant; None where nothing is."""
+        counted = _counted(own[0])
+        members = {own[1], *parts_of(self.core, own[1])}
+        paths = [path for path in variant.fixed if path.endswith(f".{counted}")]
+        orders = (variant.fixed[path] for path in paths if _place(path, own[0]) in members)
+        return next(orders, None) if counted else None
 
     def _orders(
         self, h: Hypothesis, point: Point, known: dict[tuple[str, str], list[int]]

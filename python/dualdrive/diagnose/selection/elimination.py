@@ -10,12 +10,13 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.diagnose.hypotheses import is_strength
 from dualdrive.diagnose.screening import Library
 from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.diagnose.selection.fitted import Fitted
 from dualdrive.diagnose.selection.ranking import Ranking
 from dualdrive.estimation.thresholds import threshold
-from dualdrive.innovations import GreyBox, Variant, carried
+from dualdrive.innovations import GreyBox, Variant, carried, values
 
 Array = NDArray[np.float64]
 
@@ -93,6 +94,32 @@ class Elimination:
         behind = self.ranking.criterion(f) - self.ranking.criterion(leader)
         return behind > threshold("beyond")
 
+    def narrowed(self, leader: Fitted) -> Fitted:
+        """The leader with its effects at one member of a group where that is all it takes.
+
+        Where every member of a group has numbers of its own they may be nought but for one.
+        """
+        for effect in leader.variant.effects:
+            member = _strongest(leader, effect)
+            variant = member and self.library.at_one(leader.variant, effect, member)
+            if not variant or self.grey.counter.stop():
+                continue
+            self.tell(f"{variant.key} from the numbers of {leader.variant.key}")
+            nothing = np.zeros(self.grey.shared + len(variant.extra))
+            theta = carried(leader.point, variant, nothing)
+            if self.few and self._needed_on(self.few, variant, theta, leader):
+                continue
+            there = self.estimator.under(self.grey, variant, [theta], leader.noise)
+            if there is None or self._far_behind(there, leader):
+                continue
+            found = self.estimator.likeliest(self.grey, variant, there.point.theta, leader.noise)
+            if found is None:
+                continue
+            self.ranking.keep([found])
+            if self.ranking.criterion(found) < self.ranking.criterion(leader):
+                leader = found
+        return leader
+
     def simpler(self, richer: Fitted, simpler: Fitted) -> list[Fitted]:
         """The simpler one from the numbers found with more effects, where it is likelier there.
 
@@ -110,6 +137,19 @@ class Elimination:
             return []
         found = self.estimator.likeliest(self.grey, simpler.variant, there.point.theta, there.noise)
         return [found] if found else []
+
+
+def _strongest(f: Fitted, effect: tuple[str, str]) -> str:
+    """Of a group, the member at which an effect is strongest; empty where all have the same."""
+    name, place = effect
+    shared = len(f.point.theta) - len(f.variant.extra)
+    sizes: dict[str, float] = {}
+    for path, size in values(f.variant.extra, f.point.theta[shared:]).items():
+        label = path.rpartition(".")[0]
+        member = label.removeprefix(f"{name}@")
+        if member not in (label, place) and is_strength(f.variant.grown, path):
+            sizes[member] = max(sizes.get(member, 0.0), abs(size))
+    return max(sizes, key=lambda member: sizes[member]) if len(sizes) > 1 else ""
 
 
 def _clearly(f: Fitted, other: Fitted) -> bool:

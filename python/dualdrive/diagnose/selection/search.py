@@ -80,6 +80,7 @@ class _Search:
                 if deceptive and not self.contest.leaves_noise(self.ranking.best):
                     self._search_where_it_fails(base)
                 self.backward.eliminated(self.ranking.best)  # what all samples need no longer
+        self.backward.narrowed(self.ranking.best)
         self._forget_faint()
         self._weigh_drifting_zeros()
         own = (replace(f, criterion=self.ranking.criterion(f)) for f in self.ranking)
