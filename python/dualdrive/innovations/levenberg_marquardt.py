@@ -45,6 +45,7 @@ def fit(
     *,
     steps: int = 6,
     shared_columns: Sequence[Array] | None = None,
+    rival: float = -np.inf,
 ) -> Point:
     """Refit a variant from a point, gains held.
 
@@ -55,6 +56,8 @@ def fit(
         gains: of `GreyBox.gains`.
         steps: most iterations.
         shared_columns: derivatives by the shared unknowns to begin with (a chord).
+        rival: sum of squares and priors of what leads: a fit that would not come up to it at its
+            present rate within the steps that it has left ends at once.
 
     """
     low, high = grey.bounds(variant)
@@ -65,7 +68,7 @@ def fit(
     centre = np.r_[grey.centre, np.zeros(n - m)]
     columns = list(shared_columns) if shared_columns is not None else None
     history, chord = [now.chi2], columns is not None
-    for _ in range(steps):
+    for left in reversed(range(steps)):
         if grey.counter.stop():
             break
         s = 1.0 / inflation(now)
@@ -101,11 +104,13 @@ def fit(
                 break
             columns = None
             continue
+        gained = now.chi2 + now.prior - best[0].chi2 - best[0].prior
         now, cost = best
         chord = as_foretold(objective - cost, g, H, d)
         columns = columns if chord else None
         history.append(now.chi2)
-        if objective - cost < _ENOUGH:
+        behind = now.chi2 + now.prior - left * gained > rival > -np.inf
+        if objective - cost < _ENOUGH or behind:
             break
     return replace(now, history=tuple(history))
 

@@ -219,8 +219,9 @@ class Contest:
                     settled.point, range(self.grey.shared), settled.gains
                 )
                 begins = [theta, carried(settled.point, point.variant, theta)]
+                far = settled.point.minus_two_log + threshold("beyond") * settled.inflation
                 there = self.estimator.under(
-                    self.grey, point.variant, begins, settled.noise, columns
+                    self.grey, point.variant, begins, settled.noise, columns, rival=far
                 )
                 if there is not None and not _near(there, settled):
                     continue

@@ -55,44 +55,16 @@ class Elimination:
 
         """
         while len(leader.variant.effects) > 1:
-            fewer = []
             count = len(leader.variant.effects) - proven
-            for effect in leader.variant.effects[:count]:
-                variant = self.library.without(leader.variant, effect)
-                if variant is None or self.grey.counter.stop():
-                    continue
-                self.tell(f"{variant.key} from the numbers of {leader.variant.key}")
-                nothing = np.zeros(self.grey.shared + len(variant.extra))
-                theta = carried(leader.point, variant, nothing)
-                if self.few and self._needed_on(self.few, variant, theta, leader):
-                    continue
-                there = self.estimator.under(self.grey, variant, [theta], leader.noise)
-                if there is None or self._far_behind(there, leader):
-                    continue
-                theta = there.point.theta
-                found = self.estimator.likeliest(self.grey, variant, theta, leader.noise)
-                fewer += [found] if found else []
+            rest = (self.library.without(leader.variant, e) for e in leader.variant.effects[:count])
+            found = (self._from(leader, variant) for variant in rest if variant is not None)
+            fewer = [f for f in found if f is not None]
             self.ranking.keep(fewer)
             best = min(fewer, key=self.ranking.criterion, default=None)
             if best is None or self.ranking.criterion(best) > self.ranking.criterion(leader):
                 break
             leader = self.ranking[best.variant.key]
         return leader
-
-    def _needed_on(self, few: GreyBox, fewer: Variant, theta: Array, leader: Fitted) -> bool:
-        """Whether what a leader lacks without an effect is more than chance on few samples."""
-        [own] = few.likelihoods(leader.variant, [(leader.point.theta, leader.noise)])
-        there = self.estimator.under(few, fewer, [theta], leader.noise)
-        if own is None or there is None:
-            return False
-        behind = (there.point.minus_two_log - own[0].minus_two_log) / leader.inflation
-        more = len(leader.variant.extra) - len(fewer.extra)
-        return behind - more * self.ranking.price() > threshold("beyond")
-
-    def _far_behind(self, f: Fitted, leader: Fitted) -> bool:
-        """Whether it would not come up to the leader under a noise of its own."""
-        behind = self.ranking.criterion(f) - self.ranking.criterion(leader)
-        return behind > threshold("beyond")
 
     def narrowed(self, leader: Fitted) -> Fitted:
         """The leader with its effects at one member of a group where that is all it takes.
@@ -101,24 +73,36 @@ class Elimination:
         """
         for effect in leader.variant.effects:
             member = _strongest(leader, effect)
-            variant = member and self.library.at_one(leader.variant, effect, member)
-            if not variant or self.grey.counter.stop():
-                continue
-            self.tell(f"{variant.key} from the numbers of {leader.variant.key}")
-            nothing = np.zeros(self.grey.shared + len(variant.extra))
-            theta = carried(leader.point, variant, nothing)
-            if self.few and self._needed_on(self.few, variant, theta, leader):
-                continue
-            there = self.estimator.under(self.grey, variant, [theta], leader.noise)
-            if there is None or self._far_behind(there, leader):
-                continue
-            found = self.estimator.likeliest(self.grey, variant, there.point.theta, leader.noise)
+            variant = self.library.at_one(leader.variant, effect, member) if member else None
+            found = self._from(leader, variant) if variant else None
             if found is None:
                 continue
             self.ranking.keep([found])
             if self.ranking.criterion(found) < self.ranking.criterion(leader):
                 leader = found
         return leader
+
+    def _from(self, leader: Fitted, variant: Variant) -> Fitted | None:
+        """A variant with less in it, from the numbers of a leader; None where it is far behind.
+
+        What would not come up to the leader under its noise would not under a noise of its own.
+        """
+        self.tell(f"{variant.key} from the numbers of {leader.variant.key}")
+        more = len(leader.variant.extra) - len(variant.extra)
+        allowed = (threshold("beyond") + more * self.ranking.price()) * leader.inflation
+        theta = carried(leader.point, variant, np.zeros(self.grey.shared + len(variant.extra)))
+        for grey in [self.few, self.grey] if self.few else [self.grey]:
+            if grey.counter.stop():
+                return None
+            [own] = grey.likelihoods(leader.variant, [(leader.point.theta, leader.noise)])
+            if own is None:
+                continue
+            rival = own[0].minus_two_log + allowed
+            there = self.estimator.under(grey, variant, [theta], leader.noise, rival=rival)
+            if there is None or there.point.minus_two_log > rival:
+                return None
+            theta = there.point.theta
+        return self.estimator.likeliest(self.grey, variant, theta, leader.noise)
 
     def simpler(self, richer: Fitted, simpler: Fitted) -> list[Fitted]:
         """The simpler one from the numbers found with more effects, where it is likelier there.

@@ -119,6 +119,7 @@ class Estimator:
         thetas: Sequence[Array],
         noise: Noise,
         columns: Sequence[Array] | None = None,
+        rival: float = -np.inf,
     ) -> Fitted | None:
         """A variant refitted under a given noise; None where it can't be followed.
 
@@ -128,13 +129,15 @@ class Estimator:
             thetas: points, from the likeliest of which it begins, shape (unknowns,) each.
             noise: the noise.
             columns: derivatives by the shared unknowns to begin with (a chord).
+            rival: -2 log L under it, from which on what does not come up to it is not followed.
 
         """
         seen = grey.likelihoods(variant, [(theta, noise) for theta in thetas])
         begin = min((f for f in seen if f), key=lambda f: f[0].minus_two_log, default=None)
         if begin is None:
             return None
-        near = fit(grey, variant, begin[0].theta, begin[1], shared_columns=columns)
+        least = rival - begin[0].log_det
+        near = fit(grey, variant, begin[0].theta, begin[1], shared_columns=columns, rival=least)
         [found] = grey.likelihoods(variant, [(near.theta, noise)])
         return Fitted(found[0], noise, inflation(found[0]), 0.0, found[1]) if found else None
 
