@@ -149,7 +149,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--machine", nargs="+", choices=MACHINES, default=MACHINES)
     parser.add_argument("--only", nargs="+", choices=cascade.LAWS, default=cascade.LAWS)
-    given = parser.parse_args()
+    given = page.told(parser, "machine", "only")
     print(report.surroundings_text(surroundings.describe()), "\n")
     tables = []
     for name in given.machine:

@@ -141,7 +141,7 @@ def main() -> None:
     parser.add_argument("--rtols", type=float, nargs="+", default=list(RTOLS))
     parser.add_argument("--machine", nargs="+", choices=list(MACHINES), default=list(MACHINES))
     parser.add_argument("--only", nargs="+", choices=LAWS, default=LAWS)
-    given = parser.parse_args()
+    given = page.told(parser, "machine", "only")
     print(report.surroundings_text(surroundings.describe()), "\n")
     for name in given.machine:
         tables = text(name, given.only, given.rtols, given.rounds)

@@ -18,6 +18,18 @@ def command_line(doc: str) -> argparse.ArgumentParser:
     return parser
 
 
+def told(parser: argparse.ArgumentParser, *parts: str) -> argparse.Namespace:
+    """What was asked for; an error where a part of a table would go into the page for all of it.
+
+    parts: options that choose some of the rows
+    """
+    given = parser.parse_args()
+    chosen = [f"--{name}" for name in parts if getattr(given, name) != parser.get_default(name)]
+    if given.write and chosen:
+        parser.error(f"--write puts whole tables into {PAGE.name}: leave out {', '.join(chosen)}")
+    return given
+
+
 def between(text: str, name: str, content: str) -> str:
     """The text with other content between the markers of that name; raises ValueError if none."""
     begin, end = (f"<!-- {name}: {where} -->" for where in ("begin", "end"))

@@ -264,6 +264,19 @@ def test_figures_go_between_their_own_markers() -> None:
         assert page.between(page.PAGE.read_text(), name, "").count(f"{name}: begin") == 1
 
 
+def test_a_part_of_a_table_does_not_go_into_the_page(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parser = page.command_line("Some.")
+    parser.add_argument("--only", nargs="+", default=["a", "b"])
+    monkeypatch.setattr("sys.argv", ["some.py", "--write", "--only", "a", "b"])
+    assert page.told(parser, "only").write
+    monkeypatch.setattr("sys.argv", ["some.py", "--write", "--only", "a"])
+    with pytest.raises(SystemExit):
+        page.told(parser, "only")
+    assert "leave out --only" in capsys.readouterr().err
+
+
 def test_the_ensemble_has_the_case_in_its_middle() -> None:
     runs = ensembles.begin(3, 1, keep=["theta_m", "I_2"], energy=False)
     assert runs.parameters["meshes.gap"][1] == pytest.approx(case.machine().drives[0].gap)
