@@ -5,6 +5,7 @@ On the demo's, whose answer is known: test_demo_story.py.
 
 from __future__ import annotations
 
+import re
 import time
 from importlib.resources import files
 from pathlib import Path
@@ -98,6 +99,11 @@ def test_what_the_loop_says_stands_where_the_records_allow_no_balance() -> None:
     told: list[str] = []
     found = diagnose(machine, own, effort="quick", experiment=False, progress=told.append)
     assert told[-1] == "the torque balance"
+    counts = [int(m[1]) for m in (re.search(r", (\d+) replays", line) for line in told) if m]
+    assert counts == sorted(set(counts))
+    steps = np.diff(counts)
+    assert np.all(steps >= 20)
+    assert counts[-1] <= found.effort["replays"]
     assert (found.verdict, found.mode) == ("unknown", "closed_loop")
 
 

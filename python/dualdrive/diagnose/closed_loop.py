@@ -37,7 +37,7 @@ from dualdrive.replay import (
     Record,
     core_of,
 )
-from dualdrive.said import Said
+from dualdrive.said import Counted, Said
 from dualdrive.traces import Trace
 
 Array = NDArray[np.float64]
@@ -68,8 +68,9 @@ def diagnose_closed_loop(
     job: Job,
 ) -> Diagnosis:
     """Diagnose records that can be replayed; see :func:`dualdrive.diagnose.diagnose`."""
-    core = core_of(machine)
-    counter = Counter(job.stop)
+    core, tell = core_of(machine), Counted(job.tell)
+    job = replace(job, tell=tell)
+    counter = Counter(job.stop, tell.replays)
     grey = GreyBox(
         core,
         predictable(core, played),

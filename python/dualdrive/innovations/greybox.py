@@ -50,10 +50,23 @@ class Filtered:
 
 
 class Counter:
-    """Replays done; a stop is asked between them."""
+    """Replays done; a stop is asked between them.
 
-    def __init__(self, stop: Callable[[], bool] = lambda: False) -> None:
-        self.replays, self.stop = 0, stop
+    stop: whether none should begin any more
+    told: how many are done, after each lot of them
+    """
+
+    def __init__(
+        self,
+        stop: Callable[[], bool] = lambda: False,
+        told: Callable[[int], None] = lambda _: None,
+    ) -> None:
+        self.replays, self.stop, self._told = 0, stop, told
+
+    def add(self, replays: int) -> None:
+        """So many more."""
+        self.replays += replays
+        self._told(self.replays)
 
 
 class GreyBox:
@@ -206,7 +219,7 @@ class GreyBox:
                         gains[r].begin_as(gains[first[k][r]])
                     batch.append((core, offsets, record, gains[r], True))
                     owners.append((k, r))
-            self.counter.replays += len(batch)
+            self.counter.add(len(batch))
             found.update(zip(owners, self.pool.map(replayed, batch), strict=True))
         return [[found[k, r] for r in range(len(self.records))] for k in range(len(jobs))]
 
@@ -271,7 +284,7 @@ class GreyBox:
                 jobs.append((core, offsets, r, g, False))
                 owners.append(k)
         found = list(self.pool.map(replayed, jobs))
-        self.counter.replays += len(jobs)
+        self.counter.add(len(jobs))
         points = []
         for k, (variant, theta) in enumerate(zip(variants, thetas, strict=True)):
             own = [f for f, owner in zip(found, owners, strict=True) if owner == k]
@@ -281,7 +294,7 @@ class GreyBox:
     def filtered(self, point: Point, gains: Sequence[Any]) -> list[Filtered]:
         """What the filter has of every record."""
         core, offsets = self.machine(point.variant, point.theta), self.constants(point.theta)
-        self.counter.replays += len(self.records)
+        self.counter.add(len(self.records))
 
         def one(job: tuple[Predictable, Any]) -> Filtered:
             record, own = job

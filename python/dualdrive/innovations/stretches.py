@@ -105,7 +105,7 @@ def some(grey: GreyBox, point: Point, gains: Sequence[Any], most: int) -> GreyBo
         ]
         return record.stretches(which, begins)
 
-    grey.counter.replays += len(grey.records)
+    grey.counter.add(len(grey.records))
     which = chosen(point.residuals, most, [own.phases for own in gains])
     jobs = zip(grey.records, gains, which, strict=True)
     return grey.on(list(grey.pool.map(one, jobs)))

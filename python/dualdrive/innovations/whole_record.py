@@ -171,7 +171,7 @@ class _Loop:
         return found
 
     def _runs(self, jobs: Sequence[tuple[int, Array]]) -> list[Array | None]:
-        self.grey.counter.replays += len(jobs)
+        self.grey.counter.add(len(jobs))
         return list(self.grey.pool.map(lambda job: self._run(*job), jobs))
 
     def _run(self, k: int, x: Array) -> Array | None:
