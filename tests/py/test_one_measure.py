@@ -55,8 +55,7 @@ def found(which: str) -> Diagnosis:
     return diagnose(*lorenz(), mode="balance", experiment=False)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("which", ["lorenz", "pulses"])
+@pytest.mark.parametrize("which", ["lorenz", pytest.param("pulses", marks=pytest.mark.long)])
 def test_diagnose_prints_the_errors_and_the_floor_of_compare(which: str) -> None:
     machine, trace = {"lorenz": lorenz, "pulses": first_pulses}[which]()
     d = found(which)
@@ -127,6 +126,7 @@ def test_the_filter_knows_what_the_encoder_bears() -> None:
     assert for_records(Processing(cutoff=30.0), {"r": noisy}).cutoff == 30.0
 
 
+@pytest.mark.long
 def test_pulses_of_force_diagnose_and_improve_agree() -> None:
     """Published: 17.9 % without dry friction, 5.99 % with it; its force some 20 N."""
     d, ladder = found("pulses"), climbed()

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from dualdrive.compare.comparison import EQUATIONS
 from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.result import Shape
-from dualdrive.identify import Processing
+from dualdrive.identify import Processing, with_torques
 from dualdrive.identify.coloured import correlation_time
-from dualdrive.innovations import Filtered, GreyBox, Point, Predictable
+from dualdrive.innovations import GreyBox, Point
 from dualdrive.replay import deflections, ratio_to_table
 from dualdrive.traces import Trace
 
@@ -83,63 +83,17 @@ def of_the_filter(grey: GreyBox, point: Point, gains: Sequence[Any]) -> list[Cou
         gains: Kalman gains there, per record.
 
     """
-    ways = grey.filtered(point, gains)
+    core, ways = grey.core, grey.filtered(point, gains)
     found = []
     for body in ways[0].torques:
-        where = [_where(grey.core, r, own, body) for r, own in zip(grey.records, ways, strict=True)]
-        found.append(
-            Course(
-                body.replace("_", " "),
-                np.concatenate([own.torques[body] for own in ways]),
-                [
-                    (name, unit, np.concatenate([own[name][1] for own in where]))
-                    for name, (unit, _) in where[0].items()
-                    if all(name in own for own in where)
-                ],
-            )
-        )
+        drive = body.rpartition("_")[2] if body in core.motors else ""
+        where = []
+        for record, way in zip(grey.records, ways, strict=True):
+            read = dict(zip(record.channels, record.measured.T, strict=True))
+            given = _given(core, with_torques(core, record.record.trace), drive)
+            where.append(_where(core, {**way.states, **read}, drive, given, record.record.t))
+        found.append(_course(body.replace("_", " "), [own.torques[body] for own in ways], where))
     return found
-
-
-def _where(
-    core: Any, record: Predictable, way: Filtered, body: str
-) -> dict[str, tuple[str, Array]]:
-    """Coordinate -> (unit, values at the samples of a record) of what a body's torque may feel.
-
-    A drive's torque may depend on the deflection of its own mesh, the table's on those of all.
-    """
-    drive = body.rpartition("_")[2] if body in core.motors else ""
-    states = way.states
-    read = dict(zip(record.channels, record.measured.T, strict=True))
-    found: dict[str, tuple[str, Array]] = {}
-    speeds = (f"omega_{drive}", f"omega_c{drive}", "omega_m")
-    if speed := next((name for name in speeds if name in states), ""):
-        found["speed"] = "rad/s", states[speed]
-        found["direction"] = "", np.sign(states[speed])
-    if "theta_m" in states:
-        found["angle"] = "rad", states["theta_m"]
-    for twist in deflections(core, read):
-        if not drive or twist.name.endswith(drive):
-            found[f"deflection {twist.name}"] = twist.unit, twist.measured
-    given = [
-        (1.0 if drive else ratio_to_table(core, motor), _given(core, motor, read))
-        for motor in core.motors
-        if motor == body or not drive
-    ]
-    known = [ratio * torque for ratio, torque in given if torque is not None]
-    if known and len(known) == len(given):
-        found["drive torque"] = "N*m", np.sum(known, axis=0)
-    found["time"] = "s", np.asarray(record.record.t)
-    return found
-
-
-def _given(core: Any, motor: str, read: Mapping[str, Array]) -> Array | None:
-    """A motor's torque as it was recorded, N*m; None where it was not."""
-    n = motor.rpartition("_")[2]
-    if f"I_{n}" in read:
-        given: Array = core.get(f"{motor}.K_d") * read[f"I_{n}"]
-        return given
-    return read.get(f"T_{n}")
 
 
 def of_the_balance(
@@ -164,58 +118,83 @@ def of_the_balance(
     left = balance.left(machine, balance.levelled(machine, balance.start))
     if left is None:
         return []
-    found = []
+    count, found = len(balance.equations), []
     for e, name in enumerate(balance.equations):
-        rows = range(e, len(left), len(balance.equations))
-        torque = np.concatenate([left[k][balance.series[k].keep] for k in rows])
-        if len(torque):
-            where = _coordinates(machine, balance, e)
-            found.append(Course(EQUATIONS.get(name, name), torque, where))
+        drive = name.lstrip("c")
+        torques, where = [], []
+        for held, series, own in zip(
+            balance.held, balance.series[e::count], left[e::count], strict=True
+        ):
+            keep = series.keep
+            samples = {channel: held.samples[channel][keep] for channel in held.samples}
+            torques.append(own[keep])
+            where.append(
+                _where(
+                    machine, samples, drive if drive.isdecimal() else "", series.measured[keep],
+                    held.t[keep],
+                )
+            )  # fmt: skip
+        found.append(_course(EQUATIONS.get(name, name), torques, where))
     return found
 
 
-def _coordinates(core: Any, balance: TorqueBalance, equation: int) -> list[tuple[str, str, Array]]:
-    """(name, unit, values at the counted samples) of what the torque may depend on.
+#: coordinate -> its unit, and values at the samples of a record
+_Where = dict[str, tuple[str, Array]]
+
+
+def _course(equation: str, torques: Sequence[Array], where: Sequence[_Where]) -> Course:
+    """Records end to end, along the coordinates that all of them have."""
+    coordinates = [
+        (name, unit, np.concatenate([own[name][1] for own in where]))
+        for name, (unit, _) in where[0].items()
+        if all(name in own for own in where)
+    ]
+    return Course(equation, np.concatenate(torques), coordinates)
+
+
+def _where(
+    core: Any, samples: Mapping[str, Array], drive: str, given: Array | None, t: Array
+) -> _Where:
+    """What a torque may depend on, at the samples of a record.
 
     A drive's torque may depend on the deflection of its own mesh, the table's on those of all.
+
+    Args:
+        core: the machine.
+        samples: angles and speeds, by channel.
+        drive: number of the drive on which it acts; empty: on the table.
+        given: what the drives gave there, N*m; None where that was not recorded.
+        t: s.
+
     """
-    count = len(balance.equations)
-    rows = range(equation, len(balance.series), count)
-    held = [balance.held[k // count] for k in rows]
-    keep = [balance.series[k].keep for k in rows]
-
-    def joined(name: str) -> Array | None:
-        if not all(name in h.samples for h in held):
-            return None
-        return np.concatenate([h.samples[name][own] for h, own in zip(held, keep, strict=True)])
-
-    speed = next(
-        (s for n in ("omega_m", "omega_1", "omega_c1") if (s := joined(n)) is not None), None
-    )
-    angle = next(
-        (s for n in ("theta_m", "theta_1", "theta_c1") if (s := joined(n)) is not None), None
-    )
-    found = []
-    if speed is not None:
-        found += [("speed", "rad/s", speed), ("direction", "", np.sign(speed))]
-    if angle is not None:
-        found.append(("angle", "rad", angle))
-    drive = balance.equations[equation].lstrip("c")
-    twists = [deflections(core, h.samples) for h in held]
-    for twist in twists[0]:
-        if drive.isdecimal() and not twist.name.endswith(drive):
-            continue
-        same = [t.measured for own in twists for t in own if t.name == twist.name]
-        if len(same) == len(held):
-            values = np.concatenate([x[own] for x, own in zip(same, keep, strict=True)])
-            found.append((f"deflection {twist.name}", twist.unit, values))
-    measured = np.concatenate(
-        [balance.series[k].measured[own] for k, own in zip(rows, keep, strict=True)]
-    )
-    found.append(("drive torque", "N*m", measured))
-    time = np.concatenate([h.t[own] for h, own in zip(held, keep, strict=True)])
-    found.append(("time", "s", time))
+    found: _Where = {}
+    own = (f"omega_{drive}", f"omega_c{drive}") if drive else ()
+    speeds, angles = (*own, "omega_m", "omega_1", "omega_c1"), ("theta_m", "theta_1", "theta_c1")
+    if speed := next((name for name in speeds if name in samples), ""):
+        found["speed"] = "rad/s", samples[speed]
+        found["direction"] = "", np.sign(samples[speed])
+    if angle := next((name for name in angles if name in samples), ""):
+        found["angle"] = "rad", samples[angle]
+    for twist in deflections(core, samples):
+        if not drive or twist.name.endswith(drive):
+            found[f"deflection {twist.name}"] = twist.unit, twist.measured
+    if given is not None:
+        found["drive torque"] = "N*m", given
+    found["time"] = "s", t
     return found
+
+
+def _given(core: Any, trace: Trace, drive: str) -> Array | None:
+    """What a drive gave, or all of them at the table, N*m; None where that was not recorded."""
+    ratios = {
+        f"T_{motor.rpartition('_')[2]}": 1.0 if drive else ratio_to_table(core, motor)
+        for motor in core.motors
+    }
+    wanted = [f"T_{drive}"] if drive else list(ratios)
+    if not all(name in trace for name in wanted):
+        return None
+    given: Array = np.sum([ratios[name] * trace[name] for name in wanted], axis=0)
+    return given
 
 
 def _curve(equation: str, coordinate: str, unit: str, values: Array, torque: Array) -> Shape | None:

@@ -102,9 +102,12 @@ class Contest:
     ) -> list[Place]:
         """Parts beside a leader, as far as they gain, at the numbers of a law that suffices."""
         found = list[Place]()
-        for s in chosen:
+        for k, s in enumerate(chosen, 1):
+            if self.grey.counter.stop():
+                break
+            self.tell(f"score test of {s.variant.key} ({k} of {len(chosen)})")
             gain = part_score(self.grey, leader.point, columns, s.variant, leader.noise)
-            if gain > threshold("hopeless") and not self.grey.counter.stop():
+            if gain > threshold("hopeless"):
                 theta = refining(self.grey, settled, s)
                 found.append((replace(leader.point, variant=s.variant, theta=theta), leader.noise))
         return found

@@ -60,7 +60,6 @@ class _Search:
         self.estimator = Estimator(core, grey)
         self.stretches: list[tuple[GreyBox, Fitted, Fitted]] = []  # searched; base and best there
         self._quiet = self._faint = False  # numbers alone leave noise: on all samples; on stretches
-        self._few: GreyBox | None = None  # stretches that tell which laws are hopeless
 
     def tell(self, what: str) -> None:
         """Say what is tried, and what is best so far."""
@@ -106,13 +105,17 @@ class _Search:
     def _compare_on(
         self, grey: GreyBox, found: Sequence[Fitted], few: GreyBox | None = None
     ) -> None:
-        """On these records from now on, this being known there; few: stretches of them."""
+        """On these records from now on, this being known there.
+
+        few: stretches of them, on which it is looked first
+        """
         self.grey, self.ranking = grey, Ranking(grey.samples, found)
+        self.few = few if few is not grey else None
         self.contest = Contest(
             self.estimator, grey, self.effort, self.leader, self.tell, self.tried
         )
         self.backward = Elimination(
-            self.estimator, self.library, grey, self.ranking, self.tell, few
+            self.estimator, self.library, grey, self.ranking, self.tell, self.few
         )
 
     def _on_all_samples_at_once(self, base: Base, everywhere: Fitted) -> None:
@@ -122,8 +125,7 @@ class _Search:
         stretches first, since each takes many replays.
         """
         self._faint, self._quiet = True, self._says_all(everywhere)
-        self._few = base.grey
-        self._compare_on(self.whole, [everywhere])
+        self._compare_on(self.whole, [everywhere], base.grey)
         self._forward(everywhere)
         leader = self._leader()
         parts = self._parts(base, leader)
@@ -181,7 +183,7 @@ class _Search:
                 found += self._step(leader, self._scores(leader), parts)
             self.ranking.keep(found)
             if not any(map(self.contest.suffices, [*found, *([leader] if named else [])])):
-                self.ranking.keep(self._beside_the_runner_up(leader, found))
+                self.ranking.keep(self._beside_the_runner_up(leader))
             if found:
                 richer = min(found, key=self.ranking.criterion)
                 self.ranking.keep(self.backward.simpler(richer, leader))
@@ -211,15 +213,10 @@ class _Search:
         best = worth_refitting(scores, self.effort.finals, threshold("hopeless"))
         return self.contest.from_far(sheet, best)
 
-    def _beside_the_runner_up(self, leader: Fitted, pairs: Sequence[Fitted]) -> list[Fitted]:
+    def _beside_the_runner_up(self, leader: Fitted) -> list[Fitted]:
         """Pairs with the second-best law, where it is nearly as good alone as the leader.
 
         Of two laws that are both missing, what each takes of the other's share decides which leads.
-
-        Args:
-            leader: the best law.
-            pairs: found with it; where the best of them holds the second-best law, that is the one.
-
         """
         singles = [f for f in self.ranking if len(f.variant.effects) == 1]
         if leader not in singles or self.grey.counter.stop():
@@ -232,9 +229,6 @@ class _Search:
         if not rivals:
             return []
         second = min(rivals, key=self.ranking.criterion)
-        best = min(pairs, key=self.ranking.criterion, default=leader)
-        if set(second.variant.effects) <= set(best.variant.effects):
-            return []
         return self._step(second, self._scores(second), parts=False)
 
     def _swapped(self, leader: Fitted) -> Fitted:
@@ -356,14 +350,14 @@ class _Search:
     def _scores(self, leader: Fitted) -> tuple[list[Scored], list[Array]]:
         """Score tests of every law beside the leader, and the derivatives they stand on.
 
-        On all samples a test costs eight times what it does on stretches: there only of those laws
+        On all samples a test costs many times what it does on stretches: there only of those laws
         that are not hopeless on these already.
         """
         variants = self.library.variants(leader.variant, self._everywhere(leader))
-        if self._few is not None and self._few is not self.grey:
-            [there] = self._few.likelihoods(leader.variant, [(leader.point.theta, leader.noise)])
+        if self.few:
+            [there] = self.few.likelihoods(leader.variant, [(leader.point.theta, leader.noise)])
             if there is not None:
-                found, _ = self._scored(self._few, *there, variants)
+                found, _ = self._scored(self.few, *there, variants)
                 variants = [s.variant for s in found if not s.gain < threshold("hopeless")]
         found, columns = self._scored(self.grey, leader.point, leader.gains, variants)
         self.screened += [(leader.variant.label, s) for s in found]
