@@ -16,7 +16,7 @@ from dualdrive.diagnose.selection.search import _Search
 from dualdrive.innovations import Point, Variant, first_noise, some
 from dualdrive.innovations.greybox import Counter
 from test_innovations import bench
-from test_likelihood import SAMPLES, grey
+from test_likelihood import SAMPLES, grey, likeliest
 
 
 def blank(variant: Variant) -> Point:
@@ -86,10 +86,36 @@ def test_what_came_last_is_taken_out_where_it_has_not_proved_itself() -> None:
     search._compare_on(own, [base, leader])
     assert search.backward.eliminated(leader, proven=1) is leader
     assert search.backward.eliminated(leader).variant.label == "coulomb@table"
-    # and where a quarter of the samples tells already which of them is needed
-    few = some(own, leader.point, leader.gains, own.samples // 4)
-    search._compare_on(own, [base, leader], few)
-    assert search.backward.eliminated(leader).variant.label == "coulomb@table"
+
+
+def test_what_few_samples_need_is_not_refitted_without_it_on_all() -> None:
+    own = grey(0.4).on(grey(0.4).records)
+    nothing, noise, _ = likeliest(0.4)
+    friction, quiet, gains = likeliest(0.4, "coulomb@table")
+    base, leader = Fitted(nothing, noise, 1.0, 0.0, []), Fitted(friction, quiet, 1.0, 0.0, gains)
+    few = some(own, friction, gains, own.samples // 4)
+    few.counter, own.counter = Counter(), Counter()
+    library, estimator = Library(own.core, own), Estimator(own.core, own)
+    ranking = Ranking(own.samples, [base, leader])
+    backward = Elimination(estimator, library, own, ranking, lambda _: None, few)
+    assert backward._from(leader, Variant(own.core)) is None
+    assert few.counter.replays > own.counter.replays == 0
+
+
+def test_scores_on_all_samples_are_of_laws_that_stretches_leave_a_hope() -> None:
+    own = grey(0.4).on(grey(0.4).records)
+    search = _Search(own.core, own, EFFORTS["quick"], lambda _: None)
+    point, noise, gains = likeliest(0.4)
+    base = Fitted(point, noise, 1.0, 0.0, gains)
+    found: list[dict[str, float]] = []
+    for few in (None, some(own, point, gains, own.samples // 4)):
+        search._compare_on(own, [base], few)
+        scored = {s.variant.key: s.gain for s in search._scores(base)[0]}
+        found.append({key: gain for key, gain in scored.items() if np.isfinite(gain)})
+    every, hopeful = found
+    assert set(hopeful) < set(every)
+    assert hopeful["coulomb@table"] == every["coulomb@table"], "counted on all samples"
+    assert len(hopeful) < 0.8 * len(every)
 
 
 @pytest.mark.parametrize(("second", "label"), [(0.0, "motor_1"), (0.05, "motors")])
