@@ -114,7 +114,8 @@ def test_scores_on_all_samples_are_of_laws_that_stretches_leave_a_hope() -> None
         found.append({key: gain for key, gain in scored.items() if np.isfinite(gain)})
     every, hopeful = found
     assert set(hopeful) < set(every)
-    assert hopeful["coulomb@table"] == every["coulomb@table"], "counted on all samples"
+    on_all = pytest.approx(every["coulomb@table"], rel=1e-3)  # steps of differences are remembered
+    assert hopeful["coulomb@table"] == on_all
     assert len(hopeful) < 0.8 * len(every)
 
 
