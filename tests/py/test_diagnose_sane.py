@@ -154,6 +154,14 @@ def test_no_verdict_stands_against_the_errors_beside_it(
     assert words in objection(verdict, {**SOUND, **error})
 
 
+@pytest.mark.parametrize("verdict", ["adequate", "parameters"])
+def test_of_faint_motions_the_sensors_alone_may_leave_a_large_share(verdict: Verdict) -> None:
+    faint = {"nominal": 0.68, "refitted": 0.55, "held_out_refitted": 0.70, "noise_floor": 0.56}
+    assert objection(verdict, faint) == ""
+    assert "still leaves 55%" in objection(verdict, {**faint, "noise_floor": 0.4})
+    assert "leaves 77%" in objection(verdict, {**faint, "held_out_refitted": 0.77})
+
+
 def test_a_law_is_not_to_blame_for_what_numbers_alone_do_no_better() -> None:
     short = {**SOUND, "held_out_refitted": 0.44, "held_out_best": 0.42}
     assert objection("effect", short) == ""

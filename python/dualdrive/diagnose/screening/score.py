@@ -29,6 +29,7 @@ _WITHIN = 0.3  # of a sample
 _BATCH = 16  # probes whose innovations are kept at a time
 _ROOT = math.sqrt(2.0)
 _SMALLEST = 0.1  # of its usual size: a strength that the score has smaller begins there
+_WIDTHS = (0.2, 0.06)  # of the period of a wheel: ranges that a local fault is tried over
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +54,7 @@ class _Probe:
     opposite: path of the spacing by which the next pinion meets the wheel half a period later, in
         this probe and the one before; a law that two pinions meet has its phase at each
     signed: whether the coefficient may be negative, too
+    instead: whether it is one of several places, of which the best counts alone
     """
 
     setting: Mapping[str, float]
@@ -61,6 +63,7 @@ class _Probe:
     turned: bool = False
     opposite: str = ""
     signed: bool = True
+    instead: bool = False
 
 
 def scores(
@@ -137,6 +140,7 @@ def residual_maker(
 def _probes(core: Any, free: Sequence[Unknown]) -> list[_Probe]:
     """Every strength by itself, at two phases where it has one; other laws at usual values.
 
+    A local fault is tried all around its wheel, as far apart as it is wide.
     Of a wheel that two pinions meet each phase is tried at two spacings of theirs, alike and in
     turn: the four waves span every spacing.
     """
@@ -148,6 +152,8 @@ def _probes(core: Any, free: Sequence[Unknown]) -> list[_Probe]:
     found = []
     for p in strengths:
         on = {**off, p.path: p.scale}
+        if spots := _spots(core, p.path.rpartition(".")[0], free):
+            return [_Probe({**on, **spot}, p.path, signed=False, instead=True) for spot in spots]
         phase = phases.get(p.path.rpartition(".")[0])
         if phase is None:
             found.append(_Probe(on, p.path, signed=p.low < 0.0))
@@ -170,7 +176,21 @@ def _probes(core: Any, free: Sequence[Unknown]) -> list[_Probe]:
 def _periods(core: Any, label: str) -> float:
     """Of a law, per turn of its wheel."""
     [own] = [e for e in core.effects if e["label"] == label]
-    return float(core.get(f"{label}.order")) if "order" in own["parameters"] else 1.0
+    counted = [name for name in ("order", "places") if name in own["parameters"]]
+    return float(core.get(f"{label}.{counted[0]}")) if counted else 1.0
+
+
+def _spots(core: Any, label: str, free: Sequence[Unknown]) -> list[dict[str, float]]:
+    """Where a local fault may sit and how far it may reach; empty for what is none."""
+    centre, width = f"{label}.centre", f"{label}.width"
+    if not {centre, width} <= {p.path for p in free}:
+        return []
+    period = 2.0 * math.pi / _periods(core, label)
+    return [
+        {centre: period * k * share, width: period * share}
+        for share in _WIDTHS
+        for k in range(round(1.0 / share))
+    ]
 
 
 def _scored(
@@ -178,6 +198,8 @@ def _scored(
 ) -> Scored:
     if not found:
         return Scored(variant, float("nan"), {})
+    if found[0][0].instead:
+        return _best_of(variant, found, rest, inflation)
     from scipy.optimize import lsq_linear
 
     C = np.stack([change for _, change in found])
@@ -190,6 +212,22 @@ def _scored(
     size = np.asarray(lsq_linear(root.T, -b, (least, np.inf)).x, dtype=np.float64)
     gain = float(b @ b - np.sum((root.T @ size + b) ** 2))
     return Scored(variant, gain / inflation, _start(found, size / scale))
+
+
+def _best_of(
+    variant: Variant, found: Sequence[tuple[_Probe, Array]], rest: Array, inflation: float
+) -> Scored:
+    """Of a law that is tried at several places, each alone."""
+    squares = [max(float(change @ change), 1e-300) for _, change in found]
+    sizes = [
+        max(-float(change @ rest) / s, 0.0) for (_, change), s in zip(found, squares, strict=True)
+    ]
+    k = int(np.argmax([x**2 * s for x, s in zip(sizes, squares, strict=True)]))
+    probe = found[k][0]
+    strength = probe.setting[probe.strength] * max(sizes[k], _SMALLEST)
+    return Scored(
+        variant, sizes[k] ** 2 * squares[k] / inflation, {**probe.setting, probe.strength: strength}
+    )
 
 
 def _start(found: Sequence[tuple[_Probe, Array]], sizes: Array) -> dict[str, float]:
