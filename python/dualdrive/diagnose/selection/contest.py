@@ -117,13 +117,14 @@ class Contest:
     ) -> list[_Ranked]:
         """Laws that gain enough under the leader's noise, best first."""
         grey, point = self.grey, leader.point
-        over = inflation(point)
+        over, believed = inflation(point), self.leaves_noise(leader)
         refits: list[Place] = []
         for k, s in enumerate(chosen, 1):
             if grey.counter.stop():
                 break
             self.tell(f"refitting {s.variant.key} ({k} of {len(chosen)})")
-            if own := refitted(self.estimator, grey, leader, s, columns):
+            own = refitted(self.estimator, grey, leader, s, columns, believed=believed)
+            if own:
                 refits.append(own)
                 gain = point.minus_two_log - own[0].minus_two_log
                 self.leader.meets(s.variant.key, own[0].minus_two_log, f"gain {gain / over:.3g}")
@@ -156,7 +157,7 @@ class Contest:
 
         """
         starts = [
-            (replace(leader.point, variant=s.variant, theta=begin(self.grey, leader.point, s)),
+            (replace(leader.point, variant=s.variant, theta=begin(leader.point, s)),
              leader.noise)
             for s in chosen
         ]  # fmt: skip

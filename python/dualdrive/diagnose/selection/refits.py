@@ -18,6 +18,9 @@ from dualdrive.innovations import GreyBox, Place, Point, Variant, coordinates, f
 
 Array = NDArray[np.float64]
 
+_SIZES = (0.5, 1.0, 2.0)  # times that of its score: where a law begins beside the data sheet
+
+
 
 def worth_refitting(found: Sequence[Scored], most: int, hopeless: float) -> list[Scored]:
     """The best scores, and what they may be taken for.
@@ -45,11 +48,22 @@ def worth_refitting(found: Sequence[Scored], most: int, hopeless: float) -> list
     return best + rivals[: most // 2]
 
 
-def begin(grey: GreyBox, point: Point, s: Scored) -> Array:
-    """Where a law begins: a leader's numbers, and its own as its score has them."""
+def begin(point: Point, s: Scored, times: float = 1.0) -> Array:
+    """Where a law begins: a leader's numbers, and its own as its score has them.
+
+    Args:
+        point: the leader.
+        s: the law's score.
+        times: what its strengths are multiplied by.
+
+    """
     variant, known = s.variant, len(point.variant.extra)
     own = variant.extra[known:]
-    asked = {p.path: min(max(s.start[p.path], p.low), p.high) for p in own if p.path in s.start}
+    asked = {
+        p.path: min(max(s.start[p.path] * (times if p.strength else 1.0), p.low), p.high)
+        for p in own
+        if p.path in s.start
+    }
     start: Array = np.r_[point.theta, coordinates(own, asked)]
     return start
 
@@ -82,7 +96,13 @@ def refining(grey: GreyBox, known: Fitted, s: Scored) -> Array:
 
 
 def refitted(
-    estimator: Estimator, grey: GreyBox, leader: Fitted, s: Scored, columns: Sequence[Array]
+    estimator: Estimator,
+    grey: GreyBox,
+    leader: Fitted,
+    s: Scored,
+    columns: Sequence[Array],
+    *,
+    believed: bool = False,
 ) -> Place | None:
     """A law refitted under its leader's noise, a part near its best; None where that is nowhere.
 
@@ -92,19 +112,28 @@ def refitted(
         leader: beside which the law was scored.
         s: its score.
         columns: derivatives of the leader's innovations by all its unknowns.
+        believed: whether the leader's numbers are: they leave noise.
 
     """
-    point, variant = leader.point, s.variant
-    start = begin(grey, point, s)
-    if not is_part(variant):
-        shared = columns[: grey.shared]
-        found = fit(grey, variant, start, leader.gains, steps=5, shared_columns=shared)
-        return None if found.lost else (found, leader.noise)
-    if not part_score(grey, point, columns, variant, leader.noise) > threshold("hopeless"):
-        return None
-    # from the data sheet: the part may stand for what the numbers had stood for
-    start[: grey.shared] = grey.start(Variant(estimator.core))
-    return part_refitted(estimator, grey, variant, start, point.variant, leader.noise)
+    point, variant, noise = leader.point, s.variant, leader.noise
+    start, sheet = begin(point, s), grey.start(Variant(estimator.core))
+    if is_part(variant):
+        if not part_score(grey, point, columns, variant, noise) > threshold("hopeless"):
+            return None
+        # from the data sheet: the part may stand for what the numbers had stood for
+        start[: grey.shared] = sheet
+        return part_refitted(estimator, grey, variant, start, point.variant, noise)
+    shared: Sequence[Array] | None = columns[: grey.shared]
+    gains = leader.gains
+    if not believed:
+        # so may any law, and its score, beside numbers that did, is that of another size
+        begins = [np.r_[sheet, begin(point, s, k)[grey.shared :]] for k in _SIZES]
+        seen = grey.likelihoods(variant, [(x, noise) for x in (start, *begins)])
+        near = [f for f in seen if f]
+        if near and (best := min(near, key=lambda f: f[0].minus_two_log)) is not seen[0]:
+            start, gains, shared = best[0].theta, best[1], None
+    found = fit(grey, variant, start, gains, steps=5, shared_columns=shared)
+    return None if found.lost else (found, noise)
 
 
 def with_rivals(ranked: Sequence[Place], most: int) -> list[Place]:
