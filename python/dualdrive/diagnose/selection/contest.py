@@ -203,7 +203,8 @@ class Contest:
         """Laws near their best, each under the noise that it leaves itself.
 
         Once one suffices, the others are fitted under its noise: what is far from it there does not
-        come near by more unknown torque.
+        come near by more unknown torque. Unless the library declares it to be what that one is
+        taken for: under so little torque a fit may get stuck on its way.
 
         Args:
             places: of every law, where it comes near its best.
@@ -227,9 +228,10 @@ class Contest:
                 there = self.estimator.under(
                     self.grey, point.variant, begins, settled.noise, columns, rival=far
                 )
-                if there is not None and not _near(there, settled):
+                if there is not None and _near(there, settled):
+                    theta = there.point.theta
+                elif there is not None and not confused(settled.variant, point.variant):
                     continue
-                theta = there.point.theta if there else theta
             lead = min((f.point.minus_two_log for f in [*known, *found]), default=-np.inf)
             own = self.estimator.likeliest(self.grey, point.variant, theta, noise, rival=lead)
             if own is None:
