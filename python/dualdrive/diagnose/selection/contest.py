@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from dualdrive.diagnose.screening import Scored
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import Effort, Fitted
 from dualdrive.diagnose.selection.parts import is_joint, is_part, part_score
-from dualdrive.diagnose.selection.refits import begin, confused, refining, refitted, with_rivals
+from dualdrive.diagnose.selection.refits import confused, refining, refitted, with_rivals
 from dualdrive.diagnose.selection.residual_analysis import suffices, white
 from dualdrive.diagnose.work import Leader
 from dualdrive.estimation.thresholds import threshold
@@ -66,6 +66,7 @@ class Contest:
         columns: Sequence[Array],
         least: float,
         parts: Callable[[Sequence[Fitted]], Sequence[Scored]] = lambda _: (),
+        sheet: Mapping[str, Scored] | None = None,
     ) -> list[Fitted]:
         """Laws refitted under the leader's noise, and the best of them under their own.
 
@@ -81,18 +82,20 @@ class Contest:
             parts: which parts are refitted, too, where the first have left this; before the other
                 laws, since a part that is missing leaves room to many that do not describe it.
                 Where a law suffices, those that are no joints may only refine it.
+            sheet: key -> score beside the data sheet's numbers.
 
         """
-        tied, rest = _tied(self._ranked(leader, chosen, columns, least))
-        found = self.compared(self._approached(tied, fitted=True))
+        tied, rest = _tied(self._ranked(leader, chosen, columns, least, sheet or {}))
+        found = self.compared(self._approached(tied))
         settled, more = next(filter(self.suffices, found), None), list(parts(found))
         refine = [s for s in more if settled and not is_joint(s.variant)]
-        if joined := self._ranked(leader, [s for s in more if s not in refine], columns, least):
+        joins = [s for s in more if s not in refine]
+        if joined := self._ranked(leader, joins, columns, least, {}):
             tied, rest = _tied([*joined, *rest])
-            found += self.compared(self._approached(tied, fitted=True), found)
+            found += self.compared(self._approached(tied), found)
         others = [place for _, place in rest]
         if not any(map(self.suffices, found)):
-            others = self._approached(others, fitted=True)
+            others = self._approached(others)
         if settled:
             others += self._refining(settled, leader, refine, columns)
         return found + self.compared(others, found)
@@ -113,7 +116,12 @@ class Contest:
         return found
 
     def _ranked(
-        self, leader: Fitted, chosen: Sequence[Scored], columns: Sequence[Array], least: float
+        self,
+        leader: Fitted,
+        chosen: Sequence[Scored],
+        columns: Sequence[Array],
+        least: float,
+        sheet: Mapping[str, Scored],
     ) -> list[_Ranked]:
         """Laws that gain enough under the leader's noise, best first."""
         grey, point = self.grey, leader.point
@@ -123,8 +131,8 @@ class Contest:
             if grey.counter.stop():
                 break
             self.tell(f"refitting {s.variant.key} ({k} of {len(chosen)})")
-            own = refitted(self.estimator, grey, leader, s, columns, believed=believed)
-            if own:
+            far = None if believed else sheet.get(s.variant.key, s)
+            if own := refitted(self.estimator, grey, leader, s, columns, far):
                 refits.append(own)
                 gain = point.minus_two_log - own[0].minus_two_log
                 self.leader.meets(s.variant.key, own[0].minus_two_log, f"gain {gain / over:.3g}")
@@ -148,21 +156,6 @@ class Contest:
         best = with_rivals([place for gain, place in looked if gain > least], self.effort.finals)
         return [(gains[place[0].variant.key], place) for place in best]
 
-    def from_far(self, leader: Fitted, chosen: Sequence[Scored]) -> list[Fitted]:
-        """Laws beside a leader that is far from the records, each on its own way from there.
-
-        Args:
-            leader: beside which they were scored.
-            chosen: their scores.
-
-        """
-        starts = [
-            (replace(leader.point, variant=s.variant, theta=begin(leader.point, s)),
-             leader.noise)
-            for s in chosen
-        ]  # fmt: skip
-        return self.compared(self._approached(starts, fitted=False))
-
     def on_these(self, found: Sequence[Fitted]) -> list[Fitted]:
         """What was found on stretches of these records, on all of them.
 
@@ -179,22 +172,22 @@ class Contest:
             places.append((there.point, there.noise))
         return self.compared(places)
 
-    def _approached(self, starts: Sequence[Place], *, fitted: bool) -> list[Place]:
+    def _approached(self, starts: Sequence[Place]) -> list[Place]:
         """Where laws come near their best, each under less unknown torque than it begins with.
 
         From the leader's noise, since no law, of size nought at first, can come out less likely
         than it; and on under less torque of unknown course, which had stood for what the law does.
-        Parts have come near already where they are fitted.
+        Parts have come near already.
         """
         near = []
         for k, (point, noise) in enumerate(starts, 1):
             if self.grey.counter.stop():
                 break
             place: Place | None = point, noise
-            if not (fitted and is_part(point.variant)):
+            if not is_part(point.variant):
                 self.tell(f"{point.variant.key} under less unknown torque ({k} of {len(starts)})")
                 place = self.estimator.approach(
-                    self.grey, point.variant, point.theta, noise, fitted=fitted
+                    self.grey, point.variant, point.theta, noise, fitted=True
                 )
             near += [place] if place else []
         return near

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,9 @@ from dualdrive.innovations import GreyBox, Place, Point, Variant, coordinates, f
 
 Array = NDArray[np.float64]
 
-_SIZES = (0.5, 1.0, 2.0)  # times that of its score: where a law begins beside the data sheet
+#: where a law begins beside the data sheet, times its score's size, and a delay, times its usual one
+_SIZES = (0.5, 1.0, 2.0)
+_DELAYS = tuple(1.5**k for k in range(-4, 7))
 
 
 
@@ -68,6 +71,19 @@ def begin(point: Point, s: Scored, times: float = 1.0) -> Array:
     return start
 
 
+def _other_sizes(point: Point, s: Scored) -> list[Array]:
+    """Where a law may begin whose score, beside numbers that stand in for it, is of another size.
+
+    What a delay does is no multiple of what it does within a sample: its likelihood has a valley.
+    """
+    own = s.variant.extra[len(point.variant.extra) :]
+    late = [p for p in own if p.strength and p.unit == "s"]
+    if not late:
+        return [begin(point, s, k) for k in _SIZES]
+    started = [{p.path: k * p.scale for p in late} for k in _DELAYS]
+    return [begin(point, replace(s, start={**s.start, **x})) for x in started]
+
+
 def refining(grey: GreyBox, known: Fitted, s: Scored) -> Array:
     """Where a part begins that may refine a law that suffices already, shape (unknowns,).
 
@@ -101,8 +117,7 @@ def refitted(
     leader: Fitted,
     s: Scored,
     columns: Sequence[Array],
-    *,
-    believed: bool = False,
+    far: Scored | None = None,
 ) -> Place | None:
     """A law refitted under its leader's noise, a part near its best; None where that is nowhere.
 
@@ -112,7 +127,7 @@ def refitted(
         leader: beside which the law was scored.
         s: its score.
         columns: derivatives of the leader's innovations by all its unknowns.
-        believed: whether the leader's numbers are: they leave noise.
+        far: its score where the law may begin beside the data sheet's numbers, too.
 
     """
     point, variant, noise = leader.point, s.variant, leader.noise
@@ -125,9 +140,9 @@ def refitted(
         return part_refitted(estimator, grey, variant, start, point.variant, noise)
     shared: Sequence[Array] | None = columns[: grey.shared]
     gains = leader.gains
-    if not believed:
-        # so may any law, and its score, beside numbers that did, is that of another size
-        begins = [np.r_[sheet, begin(point, s, k)[grey.shared :]] for k in _SIZES]
+    if far:
+        # so may any law
+        begins = [np.r_[sheet, own[grey.shared :]] for own in _other_sizes(point, far)]
         seen = grey.likelihoods(variant, [(x, noise) for x in (start, *begins)])
         near = [f for f in seen if f]
         if near and (best := min(near, key=lambda f: f[0].minus_two_log)) is not seen[0]:

@@ -11,8 +11,9 @@ Long records are searched on stretches of them. What stands there is held agains
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,7 @@ from dualdrive.innovations import GreyBox, Point, Variant, inflation, some
 
 Array = NDArray[np.float64]
 
+_NONE = MappingProxyType(dict[str, Scored]())
 _PAIR = 2  # effects, of which the first was chosen by what both leave together
 
 
@@ -175,12 +177,9 @@ class _Search:
             done = named and not self._faint and self.contest.leaves_noise(leader)
             if self.grey.counter.stop() or done:
                 break
-            found = list[Fitted]()
-            if not named and self._strained(leader):
-                found += self._beside_the_data_sheet()
-            if not any(map(self.contest.suffices, found)):
-                parts = count == 0 and not self._faint
-                found += self._step(leader, self._scores(leader), parts)
+            parts = count == 0 and not self._faint
+            sheet = {} if named or self._faint else self._beside_the_data_sheet()
+            found = self._step(leader, self._scores(leader), parts, sheet)
             self.ranking.keep(found)
             if not any(map(self.contest.suffices, [*found, *([leader] if named else [])])):
                 self.ranking.keep(self._beside_the_runner_up(leader))
@@ -197,21 +196,16 @@ class _Search:
             if len(leader.variant.effects) == _PAIR and not self.contest.leaves_noise(leader):
                 leader = self._swapped(leader)
 
-    def _strained(self, f: Fitted) -> bool:
-        """Whether its numbers are, all in all, beyond what a data sheet can mean."""
-        return f.point.prior > threshold("strained") ** 2 * len(self.grey.nominal)
+    def _beside_the_data_sheet(self) -> dict[str, Scored]:
+        """Key -> score of every law beside the data sheet's numbers, under much unknown torque.
 
-    def _beside_the_data_sheet(self) -> list[Fitted]:
-        """Laws beside the data sheet's numbers, each on its own way from there.
-
-        Numbers that stand in for a law far from what they mean hide it from its score.
+        Numbers that stand in for a law hide it from its score, and may turn that score's sign.
         """
         sheet = self.estimator.of_the_data_sheet(self.grey)
         if sheet is None:
-            return []
+            return {}
         scores, _ = self._scores(sheet)
-        best = worth_refitting(scores, self.effort.finals, threshold("hopeless"))
-        return self.contest.from_far(sheet, best)
+        return {s.variant.key: s for s in scores}
 
     def _beside_the_runner_up(self, leader: Fitted) -> list[Fitted]:
         """Pairs with the second-best law, where it is nearly as good alone as the leader.
@@ -321,10 +315,15 @@ class _Search:
             self.ranking.keep([alone])
 
     def _step(
-        self, leader: Fitted, scored: tuple[list[Scored], list[Array]], parts: bool
+        self,
+        leader: Fitted,
+        scored: tuple[list[Scored], list[Array]],
+        parts: bool,
+        sheet: Mapping[str, Scored] = _NONE,
     ) -> list[Fitted]:
         """Every law beside the leader: the best scores refitted, and their noise estimated.
 
+        The best beside the data sheet's numbers, too, if they were scored there.
         Parts, too, if asked for, where no law leaves noise, and joints where one does that comes
         with them: whatever their scores, since these say little of what they do at their size.
         """
@@ -337,6 +336,9 @@ class _Search:
             most = max((s.gain for s in scores if np.isfinite(s.gain)), default=0.0)
             hopeless = max(threshold("gain"), threshold("runner-up") * most)
         best = worth_refitting(scores, self.effort.refitted, hopeless)
+        others = {s.variant.key: s for s in scores if s not in best}
+        far = worth_refitting(list(sheet.values()), self.effort.finals, hopeless)
+        best += [others[s.variant.key] for s in far if s.variant.key in others]
 
         def more(found: Sequence[Fitted]) -> list[Scored]:
             rest = [s for s in scores if parts and is_part(s.variant) and s not in best]
@@ -345,7 +347,7 @@ class _Search:
                 rest = [s for s in rest if any(brings(s.variant, f.variant) for f in noise)]
             return rest
 
-        return contest.refitted(leader, best, columns, least, more)
+        return contest.refitted(leader, best, columns, least, more, sheet)
 
     def _scores(self, leader: Fitted) -> tuple[list[Scored], list[Array]]:
         """Score tests of every law beside the leader, and the derivatives they stand on.
