@@ -232,7 +232,19 @@ class Contest:
             found.append(own)
             if settled is None and self.suffices(own):
                 settled = own
-        return found
+        enough = filter(self.suffices, [*known, *found])
+        best = min(enough, key=lambda f: f.point.minus_two_log, default=None)
+        return [self._at_its_best(f, best) for f in found] if best else found
+
+    def _at_its_best(self, f: Fitted, best: Fitted) -> Fitted:
+        """What a law that suffices is taken for, once more from its numbers if it stayed behind."""
+        if f is best or _near(f, best) or not confused(best.variant, f.variant):
+            return f
+        self.tell(f"{f.variant.key} from the numbers of {best.variant.key}")
+        theta = carried(best.point, f.variant, f.point.theta)
+        lead = best.point.minus_two_log
+        own = self.estimator.likeliest(self.grey, f.variant, theta, best.noise, rival=lead)
+        return own if own and own.point.minus_two_log < f.point.minus_two_log else f
 
 
 def _tied(ranked: Sequence[_Ranked]) -> tuple[list[Place], list[_Ranked]]:

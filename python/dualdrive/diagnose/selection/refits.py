@@ -19,10 +19,10 @@ from dualdrive.innovations import GreyBox, Place, Point, Variant, coordinates, f
 
 Array = NDArray[np.float64]
 
-#: where a law begins beside the data sheet, times its score's size, and a delay, times its usual one
-_SIZES = (0.5, 1.0, 2.0)
+#: where a law begins beside the data sheet: times its score's size, most of which unknown torque
+#: bears there; and a delay, times its usual one
+_SIZES = tuple(1.5**k for k in range(-2, 5))
 _DELAYS = tuple(1.5**k for k in range(-4, 7))
-
 
 
 def worth_refitting(found: Sequence[Scored], most: int, hopeless: float) -> list[Scored]:
@@ -138,17 +138,18 @@ def refitted(
         # from the data sheet: the part may stand for what the numbers had stood for
         start[: grey.shared] = sheet
         return part_refitted(estimator, grey, variant, start, point.variant, noise)
-    shared: Sequence[Array] | None = columns[: grey.shared]
-    gains = leader.gains
+    shared = columns[: grey.shared]
+    found = [fit(grey, variant, start, leader.gains, steps=5, shared_columns=shared)]
     if far:
-        # so may any law
+        # so may any law: with it the data sheet's machine is likelier than the leader
         begins = [np.r_[sheet, own[grey.shared :]] for own in _other_sizes(point, far)]
-        seen = grey.likelihoods(variant, [(x, noise) for x in (start, *begins)])
-        near = [f for f in seen if f]
-        if near and (best := min(near, key=lambda f: f[0].minus_two_log)) is not seen[0]:
-            start, gains, shared = best[0].theta, best[1], None
-    found = fit(grey, variant, start, gains, steps=5, shared_columns=shared)
-    return None if found.lost else (found, noise)
+        seen = [f for f in grey.likelihoods(variant, [(x, noise) for x in begins]) if f]
+        best = min(seen, key=lambda f: f[0].minus_two_log, default=None)
+        if best and best[0].minus_two_log < point.minus_two_log:
+            found.append(fit(grey, variant, best[0].theta, best[1], steps=5))
+    followed = [p for p in found if not p.lost]
+    nearest = min(followed, key=lambda p: p.minus_two_log, default=None)
+    return (nearest, noise) if nearest else None
 
 
 def with_rivals(ranked: Sequence[Place], most: int) -> list[Place]:

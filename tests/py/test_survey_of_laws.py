@@ -1,0 +1,37 @@
+"""Laws that refitted numbers had hidden from a search, or that another law was taken for.
+
+Rows of `benchmarks/survey_of_laws.py`: the motions of measured records, the machine this program's.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from dualdrive import Machine
+from dualdrive.diagnose import diagnose
+from measured import measured_file
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks"))
+import survey_of_laws as survey
+from independent_bench import SLACK
+
+DRAW = 7
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("row", ["delay_motors", "encoder"])
+def test_the_law_that_was_hidden_is_named_with_its_size(row: str) -> None:
+    sheet = measured_file("independent_bench/nominal.toml")
+    true, numbers, rng = survey.hidden(row, DRAW)
+    effect, place, _ = survey.LAWS[row]
+    found = diagnose(
+        Machine.load(sheet), survey.records(true, rng), settings=SLACK, experiment=False
+    )
+    assert found.verdict == "effect"
+    best = found.candidates[0]
+    assert best.label == f"{effect}@{place}"
+    for name, value in numbers.items():
+        assert best.parameters[f"{best.label}.{name}"].value == pytest.approx(value, rel=0.01)
