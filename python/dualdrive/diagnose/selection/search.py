@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -36,7 +35,6 @@ from dualdrive.innovations import GreyBox, Point, Variant, inflation, some
 
 Array = NDArray[np.float64]
 
-_NONE = MappingProxyType(dict[str, Scored]())
 _PAIR = 2  # effects, of which the first was chosen by what both leave together
 
 
@@ -178,7 +176,7 @@ class _Search:
             if self.grey.counter.stop() or done:
                 break
             parts = count == 0 and not self._faint
-            sheet = {} if named or self._faint else self._beside_the_data_sheet()
+            sheet = None if named or self._faint else self._beside_the_data_sheet()
             found = self._step(leader, self._scores(leader), parts, sheet)
             self.ranking.keep(found)
             if not any(map(self.contest.suffices, [*found, *([leader] if named else [])])):
@@ -319,11 +317,11 @@ class _Search:
         leader: Fitted,
         scored: tuple[list[Scored], list[Array]],
         parts: bool,
-        sheet: Mapping[str, Scored] = _NONE,
+        sheet: Mapping[str, Scored] | None = None,
     ) -> list[Fitted]:
         """Every law beside the leader: the best scores refitted, and their noise estimated.
 
-        The best beside the data sheet's numbers, too, if they were scored there.
+        The best beside the data sheet's numbers (key -> score), too, where those are given.
         Parts, too, if asked for, where no law leaves noise, and joints where one does that comes
         with them: whatever their scores, since these say little of what they do at their size.
         """
@@ -337,7 +335,7 @@ class _Search:
             hopeless = max(threshold("gain"), threshold("runner-up") * most)
         best = worth_refitting(scores, self.effort.refitted, hopeless)
         others = {s.variant.key: s for s in scores if s not in best}
-        far = worth_refitting(list(sheet.values()), self.effort.finals, hopeless)
+        far = worth_refitting(list((sheet or {}).values()), self.effort.finals, hopeless)
         best += [others[s.variant.key] for s in far if s.variant.key in others]
 
         def more(found: Sequence[Fitted]) -> list[Scored]:
