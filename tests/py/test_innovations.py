@@ -79,8 +79,10 @@ def predicted(
         ({"torque_ripple@motors": {"amplitude": 0.03}}, 2e-4),
         ({"stribeck@table": {"torque": 0.5}}, 2e-4),
         ({"eccentricity@table": {"amplitude": 1e-4}}, 2e-5),
+        # rings at 2.4 kHz where it carries: it opens and closes between two samples
+        ({"gearbox_backlash@gearboxes": {"gap": 1e-3, "stiffness": 4e4}}, 5e-3),
     ],
-    ids=["plain", "coulomb", "ripple", "stribeck", "eccentricity"],
+    ids=["plain", "coulomb", "ripple", "stribeck", "eccentricity", "play"],
 )
 def test_without_unknown_torque_it_is_a_simulation(
     effects: dict[str, dict[str, float]], error: float

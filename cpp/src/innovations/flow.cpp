@@ -200,6 +200,12 @@ void Flow::at(double fraction, double* y) const {
 bool Flow::advance(double t, double length) {
     at_end_ = false;
     if (!relaxing_.empty() && octaves() != octaves_) now_ = &frozen();
+    if (const int pieces = pieces_for(length); pieces > 1) {
+        const double piece = length / pieces;
+        for (int k = 0; k < pieces; ++k)
+            if (!advance(t + k * piece, piece)) return false;
+        return true;
+    }
     const Step* const step = step_of(*now_, length);
     if (!step) {
         rest_of_ = along_ = nullptr;

@@ -25,6 +25,12 @@ struct Step {
     std::vector<double> flow;
 };
 
+// A contact that rings faster than a step is long: its guard g, ġ and g̈ along the tangent, and its angular frequency.
+struct Ring {
+    std::vector<double> rows;  // of g, ġ, g̈, one after the other
+    double frequency = 0.0;    // rad/s
+};
+
 // One set of modes, prepared. y = (states, generator of the inputs, 1, torques of unknown course).
 struct Frozen {
     Eigen::MatrixXd A, outputs, guards;
@@ -33,6 +39,7 @@ struct Frozen {
     std::vector<std::vector<double>> onward;  // e^{A δ} − 1 of every delay δ, likewise
     std::vector<double> felt;                 // rates and guards that laws act on: of the tangent; likewise
     double bound = 0.0;                       // on the spectral radius of A, 1/s
+    std::vector<Ring> rings;                  // of its contacts
     Step whole;                               // a substep
     std::vector<Step> parts;                  // most_lengths at most
     unsigned contacts = 0;                    // bit c: connection c carries
@@ -113,6 +120,8 @@ class Flow final {
     void remainder(double t, const double* y, double* n);
     void enter(std::size_t sample);  // the inputs from a sample on
     bool advance(double t, double length);
+    std::vector<Ring> rings_of(const Frozen& frozen, const Modes& modes) const;
+    int pieces_for(double length) const;
     std::vector<int> driven_rows() const;
     std::vector<int> watching_guards() const;
     std::vector<double> felt(const exact::Laws<double>& laws) const;

@@ -121,6 +121,7 @@ Frozen Flow::prepared() {
     Frozen own = prepare(laws, modes_);
     if (!affine_)
         own.felt = felt(scope_ == Scope::whole ? laws : reader_.tangent(modes_, cell_.low, z.data(), Scope::plant));
+    own.rings = rings_of(own, modes_);
     own.pattern = pattern_of(modes_);
     own.contacts = contacts_of(modes_);
     return own;

@@ -19,8 +19,51 @@ constexpr int most_secants = 8;
 constexpr int most_pieces = 1000;        // of a way, each as long as one series serves: beyond, the machine is none
 constexpr double longest_series = 16.0;  // times the spectral radius: beyond, its terms cancel
 constexpr double found = 1e-9;           // of the step: a switch is located
+constexpr double most_turn = 0.5;        // rad, of a contact's ring over a step: between its ends hardly more opens
 
 }  // namespace
+
+// Contacts whose ring goes through more than a part of its turn in a step: their guards may fall and rise again within. Only of
+// a simulation, which has its state from nowhere else: under torques of unknown course such a contact is one without rebound,
+// since a rebound that is shorter than a sample is none that a correction could follow.
+std::vector<Ring> Flow::rings_of(const Frozen& frozen, const Modes& modes) const {
+    std::vector<Ring> rings;
+    if (!bodies_.empty()) return rings;
+    for (const int element : contacts_) {
+        const auto e = static_cast<std::size_t>(element);
+        if (!flank::carries(modes[e])) continue;
+        const auto twist = layout_.twist[static_cast<std::size_t>(layout_.switches[e].index)];
+        const double squared = -frozen.A.row(twist).head(states()).dot(frozen.A.col(twist).head(states()));
+        if (!(squared > std::pow(most_turn / h_, 2))) continue;
+        for (int which = 0; which < guards_per_switch; ++which) {
+            const Eigen::RowVectorXd g = frozen.guards.row(element * guards_per_switch + which);
+            if (g.head(states()).isZero(0)) continue;
+            const Eigen::RowVectorXd rate = g * frozen.A, second = rate * frozen.A;
+            Ring ring;
+            ring.frequency = std::sqrt(squared);
+            for (const auto* row : {&g, &rate, &second}) ring.rows.insert(ring.rows.end(), row->begin(), row->end());
+            rings.push_back(std::move(ring));
+        }
+    }
+    return rings;
+}
+
+// Into how many pieces a step goes so that no contact opens and closes again within one unseen; 1 where none could: its guard
+// swings about g + g̈/ω² by what is there now.
+int Flow::pieces_for(double length) const {
+    double turn = 0.0;
+    for (const Ring& ring : now_->rings) {
+        const double along = ring.frequency * length;
+        if (!(along > std::max(most_turn, turn))) continue;
+        double g[3] = {0.0, 0.0, 0.0};
+        for (int k = 0; k < 3; ++k)
+            for (int j = 0; j < n_; ++j)
+                g[k] += ring.rows[static_cast<std::size_t>(k * n_ + j)] * y_[static_cast<std::size_t>(j)];
+        const double off = g[2] / (ring.frequency * ring.frequency);
+        if (g[0] + off < std::hypot(off, g[1] / ring.frequency)) turn = along;
+    }
+    return turn > 0.0 ? static_cast<int>(std::ceil(turn / most_turn)) : 1;
+}
 
 void Flow::all_guards(double t, const double* y, double* g) {
     if (affine_) {
@@ -97,7 +140,7 @@ bool Flow::through_switches(double t, double length) {
     double left = length;
     for (int count = 0, pieces = 0; left > found * length;) {
         if (++pieces > most_pieces + most_switches) return false;
-        const double piece = std::min(left, longest_series / now_->bound);
+        const double piece = std::min(left / pieces_for(left), longest_series / now_->bound);
         const double* n0 = affine_ ? nullptr : n0_.data();
         if (n0) remainder(t, y_.data(), n0_.data());
         expand(y_.data(), n0, nullptr, piece);

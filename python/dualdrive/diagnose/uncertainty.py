@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +12,10 @@ from numpy.typing import NDArray
 from dualdrive.diagnose.result import Interval
 from dualdrive.diagnose.selection import Fitted
 from dualdrive.estimation.unknowns import Unknown
-from dualdrive.innovations import GreyBox, deviations, flat, values, waves
+from dualdrive.innovations import GreyBox, Point, deviations, flat, inflation, values, waves
 
 Array = NDArray[np.float64]
+Place = tuple[Point, Sequence[Any]]
 
 _BLOCKS = 8  # of cross-validation
 _FAR = 3.0  # standard errors that a number may move where a block is left out
@@ -59,6 +61,7 @@ class Uncertainty:
     def __init__(self, grey: GreyBox) -> None:
         self.grey = grey
         self._known: dict[Fitted, NormalEquations] = {}
+        self._places: dict[Fitted, Place] = {}
 
     def about(self, f: Fitted) -> NormalEquations:
         """The normal equations about a fit."""
@@ -66,9 +69,17 @@ class Uncertainty:
             self._known[f] = self._taken(f)
         return self._known[f]
 
+    def _place(self, f: Fitted) -> Place:
+        """Its innovations and gains, under the noise by which its derivatives are taken."""
+        if f not in self._places:
+            noise, own = f.told_under, (f.point, f.gains)
+            [there] = self.grey.likelihoods(f.variant, [(f.point.theta, noise)]) if noise else [own]
+            self._places[f] = there or own
+        return self._places[f]
+
     def _taken(self, f: Fitted) -> NormalEquations:
-        point, grey = f.point, self.grey
-        columns = np.stack(grey.columns(point, range(len(point.theta)), f.gains))
+        grey, (point, gains) = self.grey, self._place(f)
+        columns = np.stack(grey.columns(point, range(len(point.theta)), gains))
         r, blocks = flat(point.residuals), _blocks(point.residuals)
         weight = np.zeros(len(point.theta))
         weight[: grey.shared] = 1.0 / grey.sigma**2
@@ -78,7 +89,7 @@ class Uncertainty:
             np.stack([J @ left for J, left in own]),
             np.array([left @ left for _, left in own]),
             weight,
-            1.0 / f.inflation,
+            1.0 / inflation(point),
         )
 
     def cross_validated(self, f: Fitted) -> float:
@@ -87,7 +98,7 @@ class Uncertainty:
         One Gauss-Newton step takes each block out of the fit, and a replay with the numbers found
         so tells the block's error (Ljung, System Identification, 16.4).
         """
-        point, grey, normal = f.point, self.grey, self.about(f)
+        (point, gains), grey, normal = self._place(f), self.grey, self.about(f)
         deviation = np.sqrt(np.diag(normal.covariance).clip(0.0) + 1e-300)
         # a linear step says nothing far away, where only one block tells a number
         H = normal.information + np.diag(1.0 / (_FAR * deviation) ** 2)
@@ -98,7 +109,7 @@ class Uncertainty:
             step = np.clip(step, -_FAR * deviation, _FAR * deviation)
             places.append(np.clip(point.theta + step, low, high))
         blocks, total = _blocks(point.residuals), 0.0
-        for b, found in enumerate(grey.points([f.variant] * _BLOCKS, places, f.gains)):
+        for b, found in enumerate(grey.points([f.variant] * _BLOCKS, places, gains)):
             total += float(np.sum(flat(found.residuals)[blocks == b] ** 2))
         return float(np.sqrt(total / max(float(normal.squares.sum()), 1e-300)))
 

@@ -54,7 +54,7 @@ class Elimination:
             proven: of them, how many that came last have just proved themselves.
 
         """
-        while len(leader.variant.effects) > 1:
+        while len(leader.variant.effects) > proven:
             count = len(leader.variant.effects) - proven
             rest = (self.library.without(leader.variant, e) for e in leader.variant.effects[:count])
             found = (self._from(leader, variant) for variant in rest if variant is not None)

@@ -36,6 +36,8 @@ class Fitted:
     """A variant at its best, under the noise that it leaves itself.
 
     criterion: -2 log L over the inflation, plus the price of every number, plus what was searched
+    told_under: the noise under which derivatives tell how sure its numbers are; None: its own. A
+        simulation that bounces goes another way at the least change, and would seem sure of all
     """
 
     point: Point
@@ -43,6 +45,7 @@ class Fitted:
     inflation: float
     criterion: float
     gains: Sequence[Any] = field(repr=False)
+    told_under: Noise | None = None
 
     @property
     def variant(self) -> Variant:

@@ -24,6 +24,7 @@ from dualdrive.diagnose.selection.contest import Contest
 from dualdrive.diagnose.selection.elimination import Elimination
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selection
+from dualdrive.diagnose.selection.output_error import by_simulation, opens
 from dualdrive.diagnose.selection.parts import brings, is_joint, is_part
 from dualdrive.diagnose.selection.ranking import Ranking
 from dualdrive.diagnose.selection.refits import worth_refitting
@@ -60,6 +61,7 @@ class _Search:
         self.estimator = Estimator(core, grey)
         self.stretches: list[tuple[GreyBox, Fitted, Fitted]] = []  # searched; base and best there
         self._quiet = self._faint = False  # numbers alone leave noise: on all samples; on stretches
+        self._simulated: Fitted | None = None  # likelier without any torque of unknown course
 
     def tell(self, what: str) -> None:
         """Say what is tried, and what is best so far."""
@@ -73,15 +75,18 @@ class _Search:
             self._on_all_samples_at_once(base, base.everywhere)
         else:
             self._forward(base.there)
-            if base.grey is not self.whole:
+            if self._simulated:
+                self._keep_simulated(base, self._simulated)
+            elif base.grey is not self.whole:
                 deceptive = self.contest.leaves_noise(self.ranking.best)
                 self._on_all_samples(base)
                 if deceptive and not self.contest.leaves_noise(self.ranking.best):
                     self._search_where_it_fails(base)
                 self.backward.eliminated(self.ranking.best)  # what all samples need no longer
-        self.backward.narrowed(self.ranking.best)
-        self._forget_faint()
-        self._weigh_drifting_zeros()
+        if not self._simulated:
+            self.backward.narrowed(self.ranking.best)
+            self._forget_faint()
+            self._weigh_drifting_zeros()
         own = (replace(f, criterion=self.ranking.criterion(f)) for f in self.ranking)
         every = sorted(own, key=lambda f: f.criterion)
         order = sorted(self.screened, key=lambda s: -np.nan_to_num(s[1].gain, nan=-np.inf))
@@ -191,8 +196,27 @@ class _Search:
                 break
             leader = self.backward.eliminated(best, proven=1)
             self.leader.judged(leader.variant.key, f"gain {gained:.3g}")
+            self._simulated = self._without_unknown_torque(leader)
+            if self._simulated:
+                break
             if len(leader.variant.effects) == _PAIR and not self.contest.leaves_noise(leader):
                 leader = self._swapped(leader)
+
+    def _without_unknown_torque(self, leader: Fitted) -> Fitted | None:
+        """A joint that opens, by its simulation, if that is likelier than any filter of it."""
+        if not opens(leader.variant) or self.contest.suffices(leader):
+            return None
+        self.tell(f"simulating {leader.variant.key}")
+        own = by_simulation(self.estimator, self.whole, leader)
+        if own is None or own.inflation > threshold("inflation"):
+            return None
+        there = on_all_samples(self.whole, leader)
+        return own if own.point.minus_two_log < there.point.minus_two_log else None
+
+    def _keep_simulated(self, base: Base, own: Fitted) -> None:
+        """It and the numbers alone, on all samples."""
+        nothing = base.everywhere or self._everywhere_refitted(self.ranking.base, beaten=True)
+        self._compare_on(self.whole, [nothing, own])
 
     def _beside_the_data_sheet(self) -> dict[str, Scored]:
         """Key -> score of every law beside the data sheet's numbers, under much unknown torque.

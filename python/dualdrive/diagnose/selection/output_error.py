@@ -1,0 +1,75 @@
+"""A joint that opens, by its simulated error: where no filter comes to its best.
+
+A pinion in its play has no sensor, and a Kalman filter, which has one flank at a time and a normal
+distribution about it, asks for torque wherever the flank is another one. A simulation goes through
+every flank. Without any torque of unknown course the likelihood is that of the simulated error
+(output-error method: Ljung, System Identification, 2nd ed., section 4.3), and may be compared with
+that of a filter under its own torque.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from dualdrive.diagnose.selection.estimation import Estimator
+from dualdrive.diagnose.selection.fitted import Fitted
+from dualdrive.diagnose.selection.parts import is_joint
+from dualdrive.identify.closed_loop import FitError, Problem, channels_to_fit
+from dualdrive.identify.search import Search
+from dualdrive.innovations import GreyBox, Variant, coordinates, values
+from dualdrive.mapper import Threads
+
+_SIMULATIONS = 4000  # of single records, at most
+
+
+def opens(variant: Variant) -> bool:
+    """Whether a joint is in the machine that has a play."""
+    return is_joint(variant) and any(p.path.endswith(".gap") for p in variant.extra)
+
+
+def by_simulation(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted | None:
+    """A machine refitted by its simulated error; None where it can't be simulated.
+
+    Args:
+        estimator: of the machine.
+        grey: whole records: a simulation begins where they do.
+        f: where its numbers begin.
+
+    """
+    variant, played = f.variant, [r.record for r in grey.records]
+    parameters, n = [*grey.nominal, *variant.extra], len(grey.nominal)
+    own = values(variant.extra, f.point.theta[grey.shared :])
+    start = [*f.point.theta[:n], *(p.coordinate(own[p.path]) for p in variant.extra)]
+    mapper = Threads(grey.threads)
+    channels = channels_to_fit(played, None)
+    problem = Problem(variant.grown, played, parameters, [], channels=channels, mapper=mapper)
+
+    counted = 0
+
+    def told(_: Any) -> None:
+        nonlocal counted
+        grey.counter.add(problem.runs - counted)
+        counted = problem.runs
+        if grey.counter.stop():
+            raise KeyboardInterrupt
+
+    search = Search(problem, _SIMULATIONS, told)
+    low, high = problem.bounds
+    search.first = np.clip(np.r_[start, problem.start[len(parameters) :]], low, high)
+    try:
+        search.run()
+    except (FitError, KeyboardInterrupt):
+        return None
+    if grey.counter.stop():
+        return None
+    found = problem.values(search.best)
+    theta = f.point.theta.copy()
+    theta[:n] = search.best[:n]
+    theta[grey.shared :] = coordinates(
+        variant.extra, {p.path: found[p.path] for p in variant.extra}
+    )
+    best = estimator.likeliest(grey, variant, theta, replace(estimator.wide, torque={}))
+    return replace(best, told_under=f.noise) if best else None
