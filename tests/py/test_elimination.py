@@ -88,6 +88,21 @@ def test_what_came_last_is_taken_out_where_it_has_not_proved_itself() -> None:
     assert search.backward.eliminated(leader).variant.label == "coulomb@table"
 
 
+def test_a_single_law_is_told_against_the_numbers_alone_at_their_best() -> None:
+    """Nothing is missing; the numbers alone had been left far from what they can do."""
+    own = grey(0.0).on(grey(0.0).records)
+    search = _Search(own.core, own, EFFORTS["quick"], lambda _: None)
+    friction = beside(search.library, Variant(own.core), ("coulomb", "table"))
+    sheet = search.estimator.of_the_data_sheet(own)
+    found = search.estimator.likeliest(own, friction, own.start(friction), search.estimator.wide)
+    assert sheet is not None
+    assert found is not None
+    search._compare_on(own, [sheet, found])
+    assert search.ranking.best is found
+    assert not search.backward.eliminated(found).variant.effects
+    assert not search.ranking.best.variant.effects
+
+
 def test_what_few_samples_need_is_not_refitted_without_it_on_all() -> None:
     own = grey(0.4).on(grey(0.4).records)
     nothing, noise, _ = likeliest(0.4)

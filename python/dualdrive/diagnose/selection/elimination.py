@@ -50,7 +50,7 @@ class Elimination:
         """The leader without what it does not need.
 
         Args:
-            leader: several effects.
+            leader: what stands so far.
             proven: of them, how many that came last have just proved themselves.
 
         """
