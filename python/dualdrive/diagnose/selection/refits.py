@@ -141,11 +141,15 @@ def refitted(
     shared = columns[: grey.shared]
     found = [fit(grey, variant, start, leader.gains, steps=5, shared_columns=shared)]
     if far:
-        # so may any law: with it the data sheet's machine is likelier than the leader
+        # so may any law: it does for the data sheet's machine nearly what the leader's numbers do
         begins = [np.r_[sheet, own[grey.shared :]] for own in _other_sizes(point, far)]
         seen = [f for f in grey.likelihoods(variant, [(x, noise) for x in begins]) if f]
         best = min(seen, key=lambda f: f[0].minus_two_log, default=None)
-        if best and best[0].minus_two_log < point.minus_two_log:
+        alone = np.r_[sheet, point.theta[grey.shared :]]
+        [without] = grey.likelihoods(point.variant, [(alone, noise)])
+        worst = without[0].minus_two_log if without else point.minus_two_log
+        share = threshold("tied") * (worst - point.minus_two_log)
+        if best and worst - best[0].minus_two_log > share:
             found.append(fit(grey, variant, best[0].theta, best[1], steps=5))
     followed = [p for p in found if not p.lost]
     nearest = min(followed, key=lambda p: p.minus_two_log, default=None)
