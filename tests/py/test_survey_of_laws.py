@@ -22,7 +22,7 @@ DRAW = 7
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("row", ["delay_motors", "encoder"])
+@pytest.mark.parametrize("row", ["delay_motors", "encoder", "wear", "shafts"])
 def test_the_law_that_was_hidden_is_named_with_its_size(row: str) -> None:
     sheet = measured_file("independent_bench/nominal.toml")
     true, numbers, rng = survey.hidden(row, DRAW)

@@ -126,12 +126,12 @@ class _Search:
     def _on_all_samples_at_once(self, base: Base, everywhere: Fitted) -> None:
         """Laws beside numbers that leave noise on stretches: all samples are needed to see them.
 
-        Parts are tried where none is found, and joints where one is that comes with them; on
-        stretches first, since each takes many replays.
+        Parts are tried where none is found, and joints where one is that comes with them, before a
+        second law; on stretches first, since each takes many replays.
         """
         self._faint, self._quiet = True, self._says_all(everywhere)
         self._compare_on(self.whole, [everywhere], base.grey)
-        self._forward(everywhere)
+        self._forward(everywhere, most=1)
         leader = self._leader()
         parts = self._parts(base, leader)
         if parts:
@@ -140,7 +140,7 @@ class _Search:
             if base.grey is not self.whole:
                 self._on_all_samples(base)
             self.ranking.keep(known)
-        if is_joint(self._leader().variant):
+        if self._leader().variant.effects:
             self._forward(self._leader())
         self.backward.eliminated(self.ranking.best)
 
@@ -169,13 +169,18 @@ class _Search:
         found = contest.refitted(there, joints, columns, least=0.0)
         return found + contest.refitted(there, others, columns, threshold("gain"))
 
-    def _forward(self, leader: Fitted) -> None:
+    def _forward(self, leader: Fitted, most: int | None = None) -> None:
         """Law by law, while they bring enough and what is left is no noise.
 
         Where hardly anything is missing, scores alone say whether a law is: their test is far
         sharper than that of the residuals as a whole.
+
+        Args:
+            leader: beside which the first is sought.
+            most: laws in all; as many as the effort allows unless given.
+
         """
-        for count in range(self.effort.most - len(leader.variant.effects)):
+        for count in range((most or self.effort.most) - len(leader.variant.effects)):
             named = bool(leader.variant.effects)
             done = named and not self._faint and self.contest.leaves_noise(leader)
             if self.grey.counter.stop() or done:
