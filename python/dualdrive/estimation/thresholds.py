@@ -64,9 +64,9 @@ THRESHOLDS = {
     "tied": Threshold(
         0.9,
         "of the best law's gain under a leader's noise, from which another one is as good until "
-        "less unknown torque tells; and of what refitted numbers gain over the data sheet's, that a "
-        "law must gain beside these to be refitted from there. By hand: five laws of friction came "
-        "within 0.93, strangers to 0.74",
+        "less unknown torque tells; and of what refitted numbers gain over the data sheet's, that "
+        "a law must gain beside these to be refitted from there. By hand: five laws of friction "
+        "came within 0.93, strangers to 0.74",
     ),
     "clearly": Threshold(
         2.0,

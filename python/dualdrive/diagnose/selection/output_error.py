@@ -16,7 +16,6 @@ import numpy as np
 
 from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.diagnose.selection.fitted import Fitted
-from dualdrive.diagnose.selection.parts import is_joint
 from dualdrive.identify.closed_loop import FitError, Problem, channels_to_fit
 from dualdrive.identify.search import Search
 from dualdrive.innovations import GreyBox, Variant, coordinates, values
@@ -26,8 +25,8 @@ _SIMULATIONS = 4000  # of single records, at most
 
 
 def opens(variant: Variant) -> bool:
-    """Whether a joint is in the machine that has a play."""
-    return is_joint(variant) and any(p.path.endswith(".gap") for p in variant.extra)
+    """Whether a joint with a play has been put into the machine."""
+    return any(p.path.endswith(".gap") for p in variant.extra)
 
 
 def by_simulation(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted | None:
