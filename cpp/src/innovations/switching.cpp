@@ -17,6 +17,7 @@ constexpr int most_switches = 12;
 constexpr int most_passes = 8;  // over the modes, until they stand
 constexpr int most_secants = 8;
 constexpr int most_pieces = 1000;        // of a way, each as long as one series serves: beyond, the machine is none
+constexpr int most_parts = 500;          // of a step, for a contact that rings: an end of all rings
 constexpr double longest_series = 16.0;  // times the spectral radius: beyond, its terms cancel
 constexpr double found = 1e-9;           // of the step: a switch is located
 constexpr double most_turn = 0.5;        // rad, of a contact's ring over a step: between its ends hardly more opens
@@ -62,7 +63,7 @@ int Flow::pieces_for(double length) const {
         const double off = g[2] / (ring.frequency * ring.frequency);
         if (g[0] + off < std::hypot(off, g[1] / ring.frequency)) turn = along;
     }
-    return turn > 0.0 ? static_cast<int>(std::ceil(turn / most_turn)) : 1;
+    return turn > 0.0 ? static_cast<int>(std::min(std::ceil(turn / most_turn), double{most_parts})) : 1;
 }
 
 void Flow::all_guards(double t, const double* y, double* g) {
