@@ -13,13 +13,13 @@ from dualdrive import Machine
 from dualdrive.diagnose.screening import Library
 from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.diagnose.selection.fitted import Fitted
-from dualdrive.diagnose.selection.output_error import by_simulation, opens
+from dualdrive.diagnose.selection.output_error import by_simulation, opens, without_unknown_torque
 from dualdrive.diagnose.uncertainty import Uncertainty
 from dualdrive.innovations import GreyBox, Point, Variant, coordinates, values
 from dualdrive.innovations.greybox import Counter
 from test_elimination import blank
 from test_innovations import bench
-from test_likelihood import SAMPLES
+from test_likelihood import SAMPLES, grey
 
 GAP = 1e-3
 #: 700 Hz: between two samples it closes and opens again
@@ -63,6 +63,13 @@ def test_its_play_is_found_and_nothing_unknown_is_asked_for() -> None:
     sure = Uncertainty(own).intervals(found)["gearbox_backlash@gearboxes.gap"]
     assert sure.high - sure.low > 1e-3 * GAP, "told under the filter's noise"
     assert sure.low < GAP < sure.high
+
+
+def test_it_stands_only_where_it_is_likelier_than_its_filter() -> None:
+    """Of a play that is there; not of one that a friction was taken for."""
+    for own, stands in ((recorded(), True), (grey(0.4), False)):
+        estimator, first = begun(own, 0.85 * GAP)
+        assert (without_unknown_torque(estimator, own, first) is not None) is stands
 
 
 def test_it_ends_where_it_is_stopped() -> None:

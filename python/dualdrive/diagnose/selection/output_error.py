@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from dualdrive.diagnose.selection.estimation import Estimator
+from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import Fitted
+from dualdrive.estimation.thresholds import threshold
 from dualdrive.identify.closed_loop import FitError, Problem, channels_to_fit
 from dualdrive.identify.search import Search
 from dualdrive.innovations import GreyBox, Variant, coordinates, values
@@ -27,6 +28,15 @@ _SIMULATIONS = 4000  # of single records, at most
 def opens(variant: Variant) -> bool:
     """Whether a joint with a play has been put into the machine."""
     return any(p.path.endswith(".gap") for p in variant.extra)
+
+
+def without_unknown_torque(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted | None:
+    """A machine by its simulation, if that is likelier than its filter; see `by_simulation`."""
+    own = by_simulation(estimator, grey, f)
+    if own is None or own.inflation > threshold("inflation"):
+        return None
+    there = on_all_samples(grey, f)
+    return own if own.point.minus_two_log < there.point.minus_two_log else None
 
 
 def by_simulation(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted | None:

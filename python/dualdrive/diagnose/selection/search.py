@@ -24,7 +24,7 @@ from dualdrive.diagnose.selection.contest import Contest
 from dualdrive.diagnose.selection.elimination import Elimination
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selection
-from dualdrive.diagnose.selection.output_error import by_simulation, opens
+from dualdrive.diagnose.selection.output_error import opens, without_unknown_torque
 from dualdrive.diagnose.selection.parts import brings, is_joint, is_part
 from dualdrive.diagnose.selection.ranking import Ranking
 from dualdrive.diagnose.selection.refits import worth_refitting
@@ -75,15 +75,15 @@ class _Search:
             self._on_all_samples_at_once(base, base.everywhere)
         else:
             self._forward(base.there)
-            if self._simulated:
-                self._keep_simulated(base, self._simulated)
-            elif base.grey is not self.whole:
+            if base.grey is not self.whole and not self._simulated:
                 deceptive = self.contest.leaves_noise(self.ranking.best)
                 self._on_all_samples(base)
                 if deceptive and not self.contest.leaves_noise(self.ranking.best):
                     self._search_where_it_fails(base)
                 self.backward.eliminated(self.ranking.best)  # what all samples need no longer
-        if not self._simulated:
+        if self._simulated:
+            self._keep_simulated(base, self._simulated)
+        else:
             self.backward.narrowed(self.ranking.best)
             self._forget_faint()
             self._weigh_drifting_zeros()
@@ -132,6 +132,8 @@ class _Search:
         self._faint, self._quiet = True, self._says_all(everywhere)
         self._compare_on(self.whole, [everywhere], base.grey)
         self._forward(everywhere, most=1)
+        if self._simulated:
+            return
         leader = self._leader()
         parts = self._parts(base, leader)
         if parts:
@@ -212,16 +214,13 @@ class _Search:
         if not opens(leader.variant) or self.contest.suffices(leader):
             return None
         self.tell(f"simulating {leader.variant.key}")
-        own = by_simulation(self.estimator, self.whole, leader)
-        if own is None or own.inflation > threshold("inflation"):
-            return None
-        there = on_all_samples(self.whole, leader)
-        return own if own.point.minus_two_log < there.point.minus_two_log else None
+        return without_unknown_torque(self.estimator, self.whole, leader)
 
     def _keep_simulated(self, base: Base, own: Fitted) -> None:
-        """It and the numbers alone, on all samples."""
+        """It beside the numbers alone, and what else is known on all samples."""
+        known = list(self.ranking) if self.grey is self.whole else []
         nothing = base.everywhere or self._everywhere_refitted(self.ranking.base, beaten=True)
-        self._compare_on(self.whole, [nothing, own])
+        self._compare_on(self.whole, [nothing, own, *known])
 
     def _beside_the_data_sheet(self) -> dict[str, Scored]:
         """Key -> score of every law beside the data sheet's numbers, under much unknown torque.
