@@ -2,11 +2,12 @@
 
     python benchmarks/survey_of_laws.py                        every law
     python benchmarks/survey_of_laws.py cogging stribeck --jobs 2
-    python benchmarks/survey_of_laws.py --draw 3               other sizes, numbers and noise
+    python benchmarks/survey_of_laws.py --draw 3               other sizes and numbers
+    python benchmarks/survey_of_laws.py --noise 1              sensors of another size and colour
 
 The motions are those of the independent bench (`DUALDRIVE_DATA`), its sensors' coloured noise and
-rounding as well; the machine behind them is this program's own. So the survey shows what a search
-misses, and nothing of what the physics lacks.
+rounding as well unless drawn; the machine behind them is this program's own. So the survey shows
+what a search misses, and nothing of what the physics lacks.
 """
 
 from __future__ import annotations
@@ -101,6 +102,8 @@ NOISE = {
     "I_2": (5e-3, 0.0),
 }
 MEMORY = 0.9
+#: factors of the sizes and roundings, and memories, of which noise is drawn, each channel's own
+LOUDER, MEMORIES = (0.3, 4.0), (0.0, 0.97)
 UNITS = {"t": "s", "theta_ref": "rad", "omega_ref": "rad/s"}
 #: number of the data sheet -> one-sigma of the logarithm of what it is really
 OFF = {"table.J": 0.04, "motors.R": 0.03, "table.b": 0.1}
@@ -130,8 +133,30 @@ def hidden(name: str, draw: int) -> tuple[dd.Machine, dict[str, float], np.rando
     return machine, numbers, rng
 
 
+#: channel -> one-sigma, rounding, memory over 1 ms
+Sensors = dict[str, tuple[float, float, float]]
+
+
+def sensors(draw: int) -> Sensors:
+    """The bench's, or others: those of the motors alike, as are those of the currents."""
+    rng, found = np.random.default_rng([draw, 1]), Sensors()
+    for channel, (sigma, step) in NOISE.items():
+        if channel.endswith("_2"):
+            found[channel] = found[channel[:-1] + "1"]
+        elif draw:
+            louder, coarser = np.exp(rng.uniform(math.log(LOUDER[0]), math.log(LOUDER[1]), 2))
+            memory = float(rng.uniform(*MEMORIES))
+            found[channel] = (sigma * float(louder), step * float(coarser), memory)
+        else:
+            found[channel] = (sigma, step, MEMORY)
+    return found
+
+
 def records(
-    machine: dd.Machine, rng: np.random.Generator, which: Sequence[str] = ()
+    machine: dd.Machine,
+    rng: np.random.Generator,
+    which: Sequence[str] = (),
+    noise: Sensors | None = None,
 ) -> dict[str, Trace]:
     """What its sensors say on the bench's motions, or on some of them."""
     found = {}
@@ -149,32 +174,32 @@ def records(
         run = dd.simulate(own, motion, times=times, signals=[*signals.values()], energy=False)
         now = np.searchsorted(times, measured.t)
         columns = {c: np.array(run[c])[now] for c in ("theta_ref", "omega_ref")}
-        for channel, (sigma, step) in NOISE.items():
+        for channel, (sigma, step, memory) in (noise or sensors(0)).items():
             then = np.maximum(measured.t - late.get(channel, 0.0), measured.t[0])
             y = np.array(run[signals[channel]])[np.searchsorted(times, then)]
             if channel in late:  # a record shows what the loop's own encoder says
                 place = channel.replace("theta", "motor")
                 y, _ = written(own.core, [place], measured.t, y, np.zeros((len(y), 0)), [])
-            y = y + coloured(rng, len(measured.t), sigma)
+            y = y + coloured(rng, len(measured.t), sigma, memory)
             columns[channel] = np.round(y / step) * step if step else y
         found[path.stem] = Trace(measured.t, columns)
     return found
 
 
-def coloured(rng: np.random.Generator, n: int, sigma: float) -> Array:
+def coloured(rng: np.random.Generator, n: int, sigma: float, memory: float) -> Array:
     """An autoregression of order one with this standard deviation, shape (n,)."""
-    driven = rng.standard_normal(n) * sigma * np.sqrt(1.0 - MEMORY**2)
+    driven = rng.standard_normal(n) * sigma * np.sqrt(1.0 - memory**2)
     x = np.empty(n)
     last = sigma * rng.standard_normal()
     for k, drive in enumerate(driven):
-        x[k] = last = MEMORY * last + drive
+        x[k] = last = memory * last + drive
     return x
 
 
-def row(name: str, draw: int, budget: float, effort: str) -> list[str]:
+def row(name: str, draw: int, noise: int, budget: float, effort: str) -> list[str]:
     """One law hidden and sought."""
     machine, numbers, rng = hidden(name, draw)
-    traces = records(machine, rng)
+    traces = records(machine, rng, noise=sensors(noise))
     cpu = time.process_time()
     found = diagnose(
         dd.Machine.load(DATA / "nominal.toml"),
@@ -203,7 +228,10 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("law", nargs="*", choices=[[], NOTHING, *LAWS], help="all unless given")
-    parser.add_argument("--draw", type=int, default=0, help="of sizes, numbers and noise")
+    parser.add_argument("--draw", type=int, default=0, help="of sizes and numbers")
+    parser.add_argument(
+        "--noise", type=int, default=0, help="draw of the sensors' noise; 0: the bench's"
+    )
     parser.add_argument(
         "--budget",
         type=float,
@@ -215,7 +243,7 @@ def main() -> None:
     asked = parser.parse_args()
     if not DATA.exists():
         parser.exit(1, f"no records in {DATA}; DUALDRIVE_DATA names the folder of measured data\n")
-    one = partial(row, draw=asked.draw, budget=asked.budget, effort=asked.effort)
+    one = partial(row, draw=asked.draw, noise=asked.noise, budget=asked.budget, effort=asked.effort)
     rows = []
     with ProcessPoolExecutor(asked.jobs) as pool:
         for own in pool.map(one, asked.law or [NOTHING, *LAWS]):

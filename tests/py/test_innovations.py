@@ -206,6 +206,24 @@ def test_innovations_of_a_right_model_are_white(friction: float) -> None:
         assert np.corrcoef(course, torque[1000:])[0, 1] > 0.8, "the torque itself is told"
 
 
+@pytest.mark.parametrize("law", ["coulomb@table", "stribeck@table"])
+def test_friction_bears_what_a_torque_of_unknown_course_adds(law: str) -> None:
+    """It sets a body moving, or holds it, as any torque does.
+
+    Moved by what only one side of the rule knew, a body that was stopped slid on and was stopped
+    again at the same instant, twelve times a sample.
+    """
+    core = bench({law: {"torque": 0.5}})
+    motion = {"theta_ref": _core.cycle_of_moves([0.0, 2e-3, -2e-3, 0.0], 0.02, 0.5, 20.0)}
+    truth = run(core, {**motion, "T_load": _core.constant(0.35)}, 4000)
+    seen = record({**motion, "T_load": _core.constant(0.0)}, truth)
+    found = predicted(core, seen, {"table": (2e-2, 0.99)}, states=True)
+    assert found["finite"]
+    assert found["switches"] < 50, (
+        "four moves, each with a start and a stop, and some while it creeps"
+    )
+
+
 def test_they_are_white_through_every_change_of_contact() -> None:
     """The covariance goes along: steady gains of each pattern left 12 sigma."""
     samples, random = 8000, np.random.default_rng(9)

@@ -55,6 +55,7 @@ class Model {
         const S* motor_torque = nullptr;  // recorded motor torques in place of K_d I (torque balance)
         const S* load = nullptr;  // torques of the connections that load-dependent losses go by (torque balance)
         Scope scope = Scope::whole;
+        const S* pushing = nullptr;  // torques on all bodies beside the machine's own (predictor)
     };
 
     // Everything at time t and state z; the accessors below refer to the last call.

@@ -82,6 +82,7 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
     y_.assign(n + 2 * driven_.size(), 0.0);
     bend_.assign(2 * driven_.size(), 0.0);
     shift_.assign(feeling_.size(), 0.0);
+    pushing_.assign(machine.bodies().size(), 0.0);
     falling_.assign(most_terms + 1, 0.0);
     felt_.assign(static_cast<std::size_t>(exact::padded(static_cast<int>(driven_.size() + watching_.size()))), 0.0);
     const auto guards = static_cast<std::size_t>(exact::padded(static_cast<int>(guard_count())));
@@ -111,8 +112,10 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
 
 Flow::~Flow() = default;
 
-void Flow::evaluate(double t, const double* z) {
-    model_.evaluate(t, z, {modes_.data(), cell_, memory_.get(), nullptr});
+void Flow::evaluate(double t, const double* y, Scope scope) {
+    for (std::size_t b = 0; b < bodies_.size(); ++b)
+        pushing_[static_cast<std::size_t>(bodies_[b])] = y[static_cast<std::size_t>(first_torque()) + b];
+    model_.evaluate(t, y, {modes_.data(), cell_, memory_.get(), nullptr, nullptr, scope, pushing_.data()});
 }
 
 void Flow::start(std::size_t sample, const std::map<std::string, double>& initial) {
@@ -160,7 +163,7 @@ void Flow::start(std::size_t sample, const std::map<std::string, double>& initia
 // What the laws add to the tangent at (t, y): the rates less A y.
 void Flow::remainder(double t, const double* y, double* n) {
     evaluate(t, y);
-    exact::kernels().multiply(exact::padded(n_), first_torque(), now_->packed.data(), n_, y, 1, n);
+    exact::kernels().multiply(exact::padded(n_), n_, now_->packed.data(), n_, y, 1, n);
     for (int k = 0; k < states(); ++k) n[k] = model_.rate()[static_cast<std::size_t>(k)] - n[k];
     for (int k = states(); k < n_; ++k) n[k] = 0.0;
 }

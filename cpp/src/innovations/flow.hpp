@@ -73,7 +73,8 @@ class Flow final {
     Frozen& now() { return *now_; }
     const Modes& modes() const { return modes_; }
     double* y() { return y_.data(); }
-    // Torques of unknown course, one a body, and where they stand in y. They do not move what rests: friction bears them.
+    // Torques of unknown course, one a body, and where they stand in y. What rests they move no more than any other torque does:
+    // as far as friction lets them.
     double* torques() { return y_.data() + reader_.size(); }
     int torque_count() const { return static_cast<int>(bodies_.size()); }
     int first_torque() const { return reader_.size(); }
@@ -116,7 +117,7 @@ class Flow final {
     std::vector<int> octaves() const;
     // Where the tangent of these modes touches: the state, those speeds amid their octaves.
     Eigen::VectorXd touching() const;
-    void evaluate(double t, const double* z);
+    void evaluate(double t, const double* y, Scope scope = Scope::whole);
     void remainder(double t, const double* y, double* n);
     void enter(std::size_t sample);  // the inputs from a sample on
     bool advance(double t, double length);
@@ -124,7 +125,9 @@ class Flow final {
     int pieces_for(double length) const;
     std::vector<int> driven_rows() const;
     std::vector<int> watching_guards() const;
-    std::vector<double> felt(const exact::Laws<double>& laws) const;
+    std::vector<double> felt(const exact::Laws<double>& laws, const Modes& modes) const;
+    Eigen::MatrixXd widened(const Eigen::MatrixXd& rows, Eigen::Index height) const;
+    void push(Eigen::MatrixXd& A, Eigen::MatrixXd& guards, const Modes& modes) const;
     std::vector<int> felt_states() const;
     void feel(double t, const double* y);
     void feel_correction(double t, const double* before);
@@ -186,8 +189,9 @@ class Flow final {
     std::vector<int> octaves_;   // of their speeds, for which now_ was prepared
     Frozen* now_ = nullptr;
     std::vector<Delay> delays_;
-    std::vector<double> y_;     // behind it n, what laws add to the tangent's driven rates, and its change over a step
-    std::vector<double> felt_;  // n and what they add to its guards, where they were felt last
+    std::vector<double> y_;  // behind it n, what laws add to the tangent's driven rates, and its change over a step
+    std::vector<double> pushing_;      // torques of unknown course, on all bodies
+    std::vector<double> felt_;         // n and what they add to its guards, where they were felt last
     const Frozen* rest_of_ = nullptr;  // whose tangent n belongs to; null: it is not known at the present state
     const Frozen* along_ = nullptr;    // likewise its change, over a step of this length, s
     double along_length_ = 0.0;

@@ -17,23 +17,36 @@ constexpr double alike = 1e-9;  // of a substep: lengths that are the same
 
 }  // namespace
 
+Eigen::MatrixXd Flow::widened(const Eigen::MatrixXd& rows, Eigen::Index height) const {
+    Eigen::MatrixXd wide = Eigen::MatrixXd::Zero(height, n_);
+    wide.topLeftCorner(rows.rows(), rows.cols()) = rows;
+    return wide;
+}
+
+// What torques of unknown course do to rates and guards: they move what is free to move, and of what rests they take from what
+// friction still bears.
+void Flow::push(Eigen::MatrixXd& A, Eigen::MatrixXd& guards, const Modes& modes) const {
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+        const int g = layout_.group_of[static_cast<std::size_t>(bodies_[b])];
+        const int element = layout_.stick_of[static_cast<std::size_t>(g)];
+        const Eigen::Index column = first_torque() + static_cast<Eigen::Index>(b);
+        const double torque = model_.ratio(bodies_[b]);
+        if (layout_.locked[static_cast<std::size_t>(g)]) continue;
+        if (element < 0 || modes[static_cast<std::size_t>(element)] != stick::stuck) {
+            A(g, column) = torque / model_.group_inertia(g);
+        } else {
+            guards(element * guards_per_switch, column) = -torque;
+            guards(element * guards_per_switch + 1, column) = torque;
+        }
+    }
+}
+
 Frozen Flow::prepare(const exact::Laws<double>& laws, const Modes& modes) const {
-    const auto widened = [&](const Eigen::MatrixXd& rows, Eigen::Index height) {
-        Eigen::MatrixXd wide = Eigen::MatrixXd::Zero(height, n_);
-        wide.topLeftCorner(rows.rows(), rows.cols()) = rows;
-        return wide;
-    };
     Frozen f;
     f.A = widened(laws.A, n_);
     f.outputs = widened(laws.outputs, laws.outputs.rows());
     f.guards = widened(laws.guards, laws.guards.rows());
-    for (std::size_t b = 0; b < bodies_.size(); ++b) {
-        const int g = layout_.group_of[static_cast<std::size_t>(bodies_[b])];
-        const int element = layout_.stick_of[static_cast<std::size_t>(g)];
-        const bool rests = element >= 0 && modes[static_cast<std::size_t>(element)] == stick::stuck;
-        if (!layout_.locked[static_cast<std::size_t>(g)] && !rests)
-            f.A(g, first_torque() + static_cast<Eigen::Index>(b)) = model_.ratio(bodies_[b]) / model_.group_inertia(g);
-    }
+    push(f.A, f.guards, modes);
     f.bound = spectral_bound(f.A);
     f.packed = packed_rows(f.A);
     f.watched = packed_rows(f.guards);
@@ -120,7 +133,8 @@ Frozen Flow::prepared() {
     const auto laws = affine_ ? reader_.read(modes_) : reader_.tangent(modes_, cell_.low, z.data());
     Frozen own = prepare(laws, modes_);
     if (!affine_)
-        own.felt = felt(scope_ == Scope::whole ? laws : reader_.tangent(modes_, cell_.low, z.data(), Scope::plant));
+        own.felt =
+            felt(scope_ == Scope::whole ? laws : reader_.tangent(modes_, cell_.low, z.data(), Scope::plant), modes_);
     own.rings = rings_of(own, modes_);
     own.pattern = pattern_of(modes_);
     own.contacts = contacts_of(modes_);

@@ -61,19 +61,20 @@ std::vector<int> Flow::watching_guards() const {
     return guards;
 }
 
-std::vector<double> Flow::felt(const exact::Laws<double>& laws) const {
-    Eigen::MatrixXd rows(static_cast<Eigen::Index>(driven_.size() + watching_.size()), laws.A.cols());
+std::vector<double> Flow::felt(const exact::Laws<double>& laws, const Modes& modes) const {
+    Eigen::MatrixXd A = widened(laws.A, n_), guards = widened(laws.guards, laws.guards.rows());
+    push(A, guards, modes);
+    Eigen::MatrixXd rows(static_cast<Eigen::Index>(driven_.size() + watching_.size()), n_);
     Eigen::Index row = 0;
-    for (const int k : driven_) rows.row(row++) = laws.A.row(k);
-    for (const int k : watching_) rows.row(row++) = laws.guards.row(k);
+    for (const int k : driven_) rows.row(row++) = A.row(k);
+    for (const int k : watching_) rows.row(row++) = guards.row(k);
     return packed_rows(rows);
 }
 
 // n, and what laws add to the tangent's guards, at (t, y).
 void Flow::feel(double t, const double* y) {
-    model_.evaluate(t, y, {modes_.data(), cell_, memory_.get(), nullptr, nullptr, scope_});
-    exact::kernels().multiply(static_cast<int>(felt_.size()), first_torque(), now_->felt.data(), n_, y, 1,
-                              felt_.data());
+    evaluate(t, y, scope_);
+    exact::kernels().multiply(static_cast<int>(felt_.size()), n_, now_->felt.data(), n_, y, 1, felt_.data());
     double* rest = felt_.data();
     for (const int k : driven_) {
         *rest = model_.rate()[static_cast<std::size_t>(k)] - *rest;

@@ -258,6 +258,7 @@ void Model<S>::body_torques(const S& t) {
             deliver(Power::effects, torque, speed);
         }
     }
+    for (std::size_t b = 0; now_.pushing && b < body_.size(); ++b) add_torque(static_cast<int>(b), now_.pushing[b]);
     if (const int table = layout_.table; table >= 0) {
         const S& load = signal_[static_cast<std::size_t>(at.T_load)];
         add_torque(table, -load);
