@@ -86,19 +86,16 @@ class Contest:
 
         """
         tied, rest = _tied(self._ranked(leader, chosen, columns, least, sheet or {}))
-        found = self.compared(self._approached(tied))
+        found = self.compared(tied, approached=False)
         settled, more = next(filter(self.suffices, found), None), list(parts(found))
         refine = [s for s in more if settled and not is_joint(s.variant)]
         joins = [s for s in more if s not in refine]
         if joined := self._ranked(leader, joins, columns, least, {}):
             tied, rest = _tied([*joined, *rest])
-            found += self.compared(self._approached(tied), found)
-        others = [place for _, place in rest]
-        if not any(map(self.suffices, found)):
-            others = self._approached(others)
-        if settled:
-            others += self._refining(settled, leader, refine, columns)
-        return found + self.compared(others, found)
+            found += self.compared(tied, found, approached=False)
+        found += self.compared([place for _, place in rest], found, approached=False)
+        refining = self._refining(settled, leader, refine, columns) if settled else []
+        return found + self.compared(refining, found)
 
     def _refining(
         self, settled: Fitted, leader: Fitted, chosen: Sequence[Scored], columns: Sequence[Array]
@@ -172,47 +169,43 @@ class Contest:
             places.append((there.point, there.noise))
         return self.compared(places)
 
-    def _approached(self, starts: Sequence[Place]) -> list[Place]:
-        """Where laws come near their best, each under less unknown torque than it begins with.
+    def _approached(self, place: Place) -> Place | None:
+        """Where a law comes near its best, under less unknown torque than it begins with.
 
         From the leader's noise, since no law, of size nought at first, can come out less likely
         than it; and on under less torque of unknown course, which had stood for what the law does.
-        Parts have come near already.
+        A part has come near already.
         """
-        near = []
-        for k, (point, noise) in enumerate(starts, 1):
-            if self.grey.counter.stop():
-                break
-            place: Place | None = point, noise
-            if not is_part(point.variant):
-                self.tell(f"{point.variant.key} under less unknown torque ({k} of {len(starts)})")
-                place = self.estimator.approach(
-                    self.grey, point.variant, point.theta, noise, fitted=True
-                )
-            near += [place] if place else []
-        return near
+        point, noise = place
+        if is_part(point.variant):
+            return place
+        self.tell(f"{point.variant.key} under less unknown torque")
+        return self.estimator.approach(self.grey, point.variant, point.theta, noise, fitted=True)
 
-    def compared(self, places: Sequence[Place], known: Sequence[Fitted] = ()) -> list[Fitted]:
-        """Laws near their best, each under the noise that it leaves itself.
+    def compared(
+        self, places: Sequence[Place], known: Sequence[Fitted] = (), *, approached: bool = True
+    ) -> list[Fitted]:
+        """Laws at their best, each under the noise that it leaves itself.
 
         Once one suffices, the others are fitted under its noise: what is far from it there does not
         come near by more unknown torque. Unless the library declares it to be what that one is
         taken for: under so little torque a fit may get stuck on its way.
 
         Args:
-            places: of every law, where it comes near its best.
+            places: of every law, where it stands.
             known: laws that they are compared with.
+            approached: whether they are near their best there; else they come near first.
 
         """
-        found = list[Fitted]()
+        found, behind = list[Fitted](), list[Fitted]()  # all, and those before one sufficed
         settled = next((f for f in known if self.suffices(f)), None)
         columns: list[Array] | None = None
         for point, noise in sorted(places, key=lambda place: place[0].minus_two_log):
             if self.grey.counter.stop():
                 break
-            self.tell(f"the noise beside {point.variant.key}")
             theta = point.theta
             if settled:
+                self.tell(f"{point.variant.key} under the noise of {settled.variant.key}")
                 columns = columns or self.grey.columns(
                     settled.point, range(self.grey.shared), settled.gains
                 )
@@ -222,19 +215,25 @@ class Contest:
                     self.grey, point.variant, begins, settled.noise, columns, rival=far
                 )
                 if there is not None and _near(there, settled):
-                    theta = there.point.theta
+                    theta, noise = there.point.theta, settled.noise
                 elif there is not None and not confused(settled.variant, point.variant):
                     continue
+            elif not approached:
+                near = self._approached((point, noise))
+                if near is None:
+                    continue
+                theta, noise = near[0].theta, near[1]
+            self.tell(f"the noise beside {point.variant.key}")
             lead = min((f.point.minus_two_log for f in [*known, *found]), default=-np.inf)
             own = self.estimator.likeliest(self.grey, point.variant, theta, noise, rival=lead)
             if own is None:
                 continue
             found.append(own)
             if settled is None and self.suffices(own):
-                settled = own
+                settled, behind = own, found[:-1]
         enough = filter(self.suffices, [*known, *found])
         best = min(enough, key=lambda f: f.point.minus_two_log, default=None)
-        return [self._at_its_best(f, best) for f in found] if best else found
+        return [self._at_its_best(f, best) if best and f in behind else f for f in found]
 
     def _at_its_best(self, f: Fitted, best: Fitted) -> Fitted:
         """What a law that suffices is taken for, once more from its numbers if it stayed behind."""
