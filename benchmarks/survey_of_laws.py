@@ -2,6 +2,7 @@
 
     python benchmarks/survey_of_laws.py                        every law
     python benchmarks/survey_of_laws.py cogging stribeck --jobs 2
+    python benchmarks/survey_of_laws.py coulomb_table+ripple   two laws at once
     python benchmarks/survey_of_laws.py --draw 3               other sizes and numbers
     python benchmarks/survey_of_laws.py --noise 1              sensors of another size and colour
 
@@ -115,22 +116,23 @@ HEAD = [
 
 
 def hidden(name: str, draw: int) -> tuple[dd.Machine, dict[str, float], np.random.Generator]:
-    """A machine whose numbers are a little off, with its law; that law's numbers."""
+    """A machine whose numbers are a little off, with its laws; path -> number of these."""
     rng = np.random.default_rng([draw, *name.encode()])
     machine = dd.Machine.load(DATA / "nominal.toml")
     for path, sigma in OFF.items():
         machine.set(path, machine.get(path) * float(np.exp(sigma * rng.standard_normal())))
-    if name == NOTHING:
-        return machine, {}, rng
-    effect, place, usual = LAWS[name]
-    numbers = dict(usual)
-    for key in numbers if draw else ():  # the first draw has the usual sizes
-        if key == TURNING:
-            numbers[key] = float(rng.uniform(-np.pi, np.pi))
-        elif key not in STANDING:
-            numbers[key] *= float(np.exp(rng.uniform(-0.35, 0.35)))
-    machine.add(effect, place, **numbers)
-    return machine, numbers, rng
+    known: dict[str, float] = {}
+    for part in name.split("+") if name != NOTHING else ():
+        effect, place, usual = LAWS[part]
+        numbers = dict(usual)
+        for key in numbers if draw else ():  # the first draw has the usual sizes
+            if key == TURNING:
+                numbers[key] = float(rng.uniform(-np.pi, np.pi))
+            elif key not in STANDING:
+                numbers[key] *= float(np.exp(rng.uniform(-0.35, 0.35)))
+        machine.add(effect, place, **numbers)
+        known |= {f"{effect}@{place}.{key}": x for key, x in numbers.items()}
+    return machine, known, rng
 
 
 #: channel -> one-sigma, rounding, memory over 1 ms
@@ -215,11 +217,19 @@ def row(name: str, draw: int, noise: int, budget: float, effort: str) -> list[st
     known = found.candidates[0].parameters if named else {}
     sizes = []
     for key, p in known.items():
-        true = numbers.get(key.rsplit(".", 1)[-1])
+        true = numbers.get(key)
         sizes.append(f"{p.value:.3g}" + (f" ({true:.3g})" if true is not None else ""))
     return [
         name, found.verdict, named, ", ".join(sizes), *errors, took,
     ]  # fmt: skip
+
+
+def _laws(name: str) -> str:
+    if name != NOTHING and (stray := set(name.split("+")) - set(LAWS)):
+        raise argparse.ArgumentTypeError(
+            f"no law {', '.join(sorted(stray))}; there are {NOTHING}, {', '.join(LAWS)}"
+        )
+    return name
 
 
 def main() -> None:
@@ -227,7 +237,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("law", nargs="*", choices=[[], NOTHING, *LAWS], help="all unless given")
+    parser.add_argument("law", nargs="*", type=_laws, help="all unless given; `a+b`: both at once")
     parser.add_argument("--draw", type=int, default=0, help="of sizes and numbers")
     parser.add_argument(
         "--noise", type=int, default=0, help="draw of the sensors' noise; 0: the bench's"

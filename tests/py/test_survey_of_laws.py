@@ -33,5 +33,5 @@ def test_the_law_that_was_hidden_is_named_with_its_size(row: str) -> None:
     assert found.verdict == "effect"
     best = found.candidates[0]
     assert best.label == f"{effect}@{place}"
-    for name, value in numbers.items():
-        assert best.parameters[f"{best.label}.{name}"].value == pytest.approx(value, rel=0.01)
+    for path, value in numbers.items():
+        assert best.parameters[path].value == pytest.approx(value, rel=0.01)
