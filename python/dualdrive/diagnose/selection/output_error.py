@@ -22,7 +22,8 @@ from dualdrive.identify.search import Search
 from dualdrive.innovations import GreyBox, Variant, coordinates, values
 from dualdrive.mapper import Threads
 
-_SIMULATIONS = 4000  # of single records, at most
+_SIMULATIONS = 1500  # of single records, at most, in a round
+_ROUNDS = 3  # of least squares, at most, each under the weights of what the one before left
 
 
 def opens(variant: Variant) -> bool:
@@ -42,6 +43,9 @@ def without_unknown_torque(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fi
 def by_simulation(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted | None:
     """A machine refitted by its simulated error; None where it can't be simulated.
 
+    By rounds of least squares, while they make it likelier: their weights are no likelihood, and a
+    record in which the machine bounces otherwise than it did may lead them astray.
+
     Args:
         estimator: of the machine.
         grey: whole records: a simulation begins where they do.
@@ -50,8 +54,8 @@ def by_simulation(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted | No
     """
     variant, played = f.variant, [r.record for r in grey.records]
     parameters, n = [*grey.nominal, *variant.extra], len(grey.nominal)
-    own = values(variant.extra, f.point.theta[grey.shared :])
-    start = [*f.point.theta[:n], *(p.coordinate(own[p.path]) for p in variant.extra)]
+    at = values(variant.extra, f.point.theta[grey.shared :])
+    start = [*f.point.theta[:n], *(p.coordinate(at[p.path]) for p in variant.extra)]
     mapper = Threads(grey.threads)
     channels = channels_to_fit(played, None)
     problem = Problem(variant.grown, played, parameters, [], channels=channels, mapper=mapper)
@@ -65,20 +69,25 @@ def by_simulation(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted | No
         if grey.counter.stop():
             raise KeyboardInterrupt
 
-    search = Search(problem, _SIMULATIONS, told)
     low, high = problem.bounds
-    search.first = np.clip(np.r_[start, problem.start[len(parameters) :]], low, high)
-    try:
-        search.run()
-    except (FitError, KeyboardInterrupt):
-        return None
-    if grey.counter.stop():
-        return None
-    found = problem.values(search.best)
-    theta = f.point.theta.copy()
-    theta[:n] = search.best[:n]
-    theta[grey.shared :] = coordinates(
-        variant.extra, {p.path: found[p.path] for p in variant.extra}
-    )
-    best = estimator.likeliest(grey, variant, theta, replace(estimator.wide, torque={}))
-    return replace(best, told_under=f.noise) if best else None
+    point = np.clip(np.r_[start, problem.start[len(parameters) :]], low, high)
+    best: Fitted | None = None
+    noise = replace(estimator.wide, torque={})
+    for _ in range(_ROUNDS):
+        search = Search(problem, _SIMULATIONS, told, rounds=1)
+        search.first = point
+        try:
+            search.run()
+        except (FitError, KeyboardInterrupt):
+            break
+        point, theta = search.best, f.point.theta.copy()
+        found = problem.values(point)
+        theta[:n] = point[:n]
+        theta[grey.shared :] = coordinates(
+            variant.extra, {p.path: found[p.path] for p in variant.extra}
+        )
+        own = estimator.likeliest(grey, variant, theta, noise)
+        if own is None or (best and own.point.minus_two_log > best.point.minus_two_log):
+            break
+        best, noise = own, own.noise
+    return replace(best, told_under=f.noise) if best and not grey.counter.stop() else None
