@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -129,13 +130,24 @@ def errors_of(
 
     before, after: of the refitted machine, and of the one with the best explanation if there is one
     """
-    whole = after or before
+    refitted, whole = before.error["headline"], (after or before).error
     return {
-        "refitted": before.error["headline"],
-        "best": whole.error["headline"],
-        "noise_floor": whole.error["noise_floor"],
-        "held_out_refitted": before.error["headline"] * _foretold(c, found, found.plain),
-        "held_out_best": whole.error["headline"] * _foretold(c, found, best),
+        **errors_of_the_refitted(c, found, refitted),
+        "best": whole["headline"],
+        "noise_floor": whole["noise_floor"],
+        "held_out_best": whole["headline"] * _foretold(c, found, best),
+    }
+
+
+def errors_of_the_refitted(c: Confrontation, found: Survey, refitted: float) -> dict[str, float]:
+    """The same where a search was stopped: the best is the refitted machine, and no floor known."""
+    held_out = refitted * _foretold(c, found, found.plain)
+    return {
+        "refitted": refitted,
+        "best": refitted,
+        "noise_floor": math.nan,
+        "held_out_refitted": held_out,
+        "held_out_best": held_out,
     }
 
 

@@ -48,7 +48,7 @@ def with_pairs(found: Survey, work: Work) -> Survey:
     """
     singles = [r for r in found.refits if len(r.hypothesis.effects) == 1]
     singles.sort(key=lambda r: found.criterion[key_of(r)])
-    if not singles or found.best is found.base:
+    if not singles or found.best is found.base or not work.clock.allows("two effects at once"):
         return found
     faint = bool(excess(found, found.best.left).max() < ENOUGH)
     fitter, refits, known = Fitter(found.evidence, work.stop), list[Refit](), set[frozenset[str]]()

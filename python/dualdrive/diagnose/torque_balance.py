@@ -15,6 +15,7 @@ from dualdrive.diagnose.findings import (
     command_for,
     equation_at,
     errors_of,
+    errors_of_the_refitted,
     groups_of,
     machine_of,
     moved_numbers,
@@ -93,7 +94,10 @@ def _told(
     tell: Callable[[str], None],
 ) -> Diagnosis:
     tell("errors of the torque balance")
-    candidates = [candidate_of(machine, c, found, r, p, printed) for r, p in verdict.ranked[:TOLD]]
+    # who stopped a search waits: of what it found the leader's error is told, and no comparison
+    stopped = verdict.verdict == "unfinished"
+    told = verdict.ranked[: 1 if stopped else TOLD]
+    candidates = [candidate_of(machine, c, found, r, p, printed) for r, p in told]
     candidates = [candidate_on(machine, one) for one in candidates]
     candidates += scored_only(found, candidates)
     groups = groups_of(found, verdict)
@@ -103,9 +107,12 @@ def _told(
     refitted = machine_of(machine, c, stands)
     best = verdict.ranked[0][0] if verdict.ranked else found.base
     improved = machine_of(machine, c, best) if named_ else None
-    before = printed.compared(refitted)
+    before = None if stopped else printed.compared(refitted)
     after = printed.compared(improved) if improved is not None else None
-    error = errors_of(c, found, best if named_ else found.plain, before, after)
+    if before is None:
+        error = errors_of_the_refitted(c, found, printed.error(refitted))
+    else:
+        error = errors_of(c, found, best if named_ else found.plain, before, after)
     error["nominal"] = printed.error(machine)
     verdict = replace(verdict, verdict=beside_the_data_sheet(verdict.verdict, error))
     if why := objection(verdict.verdict, error):
@@ -148,7 +155,7 @@ def _told(
         candidates=candidates,
         groups=groups,
         equation=equation,
-        where=before.where,
+        where=before.where if before is not None else (),
         error=error,
         shapes=curves,
         next_experiment=plan,
