@@ -43,7 +43,7 @@ SEARCH = ("diagnose", str(DEMO / "machine.toml"), str(DEMO / "fit.csv"))
 PRESSES = {
     "a simulation, from Python": ((sys.executable, "-c", LIBRARY), 0.5),
     "dualdrive simulate": ((*DUALDRIVE, *ENDLESS), 5.0),
-    "dualdrive diagnose, closed loop": ((*DUALDRIVE, *SEARCH), 15.0),
+    "dualdrive diagnose, closed loop": ((*DUALDRIVE, *SEARCH), 6.0),
     "dualdrive diagnose, torque balance": ((*DUALDRIVE, *SEARCH, "--mode", "balance"), 8.0),
 }
 
