@@ -93,9 +93,10 @@ class Contest:
         if joined := self._ranked(leader, joins, columns, least, {}):
             tied, rest = _tied([*joined, *rest])
             found += self.compared(tied, found, approached=False)
-        found += self.compared([place for _, place in rest], found, approached=False)
-        refining = self._refining(settled, leader, refine, columns) if settled else []
-        return found + self.compared(refining, found)
+        others = [place for _, place in rest]
+        if settled:
+            others += self._refining(settled, leader, refine, columns)
+        return found + self.compared(others, found, approached=False)
 
     def _refining(
         self, settled: Fitted, leader: Fitted, chosen: Sequence[Scored], columns: Sequence[Array]
