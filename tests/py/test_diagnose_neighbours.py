@@ -47,6 +47,7 @@ def taken_for(order: ordered.Order, wrong: Hypothesis) -> Survey:
     return settle(plain, AT_LEISURE)
 
 
+@pytest.mark.long
 def test_another_order_of_the_same_law_is_tried_where_the_first_leaves_something(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

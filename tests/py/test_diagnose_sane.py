@@ -200,6 +200,7 @@ def test_numbers_that_move_without_the_error_falling_are_not_off() -> None:
     assert beside_the_data_sheet("effect", {**SOUND, "refitted": 0.41}) == "effect"
 
 
+@pytest.mark.long
 def test_laws_that_fail_on_what_was_held_out_are_taken_back() -> None:
     """A robot axis: two laws close the half that was fitted and leave 69 % of the other."""
     path = measured_file("kuka_kr300/derived_rec_B.csv")

@@ -162,6 +162,7 @@ def test_dry_friction_accounts_for_it(rig: Trace) -> None:
     assert found.parameters["table.J"].unit == "kg"
 
 
+@pytest.mark.long
 def test_friction_by_direction_explains_the_constant_force(rig: Trace) -> None:
     """The constant force is real, not the sensor's: the following error shows it as well."""
     paths = ["table.J", "table.b", "coulomb@table.torque"]

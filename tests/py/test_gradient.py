@@ -219,7 +219,14 @@ def test_back_through_laws_is_forward_summed(name: str) -> None:
     check_back(back, ahead, 1e-7)
 
 
-@pytest.mark.parametrize("name", ["ripple and Stribeck", "with impacts", "with sampled loops"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("ripple and Stribeck", marks=pytest.mark.long),
+        "with impacts",
+        "with sampled loops",
+    ],
+)
 def test_a_cost_of_laws_against_differences(name: str) -> None:
     this = MIXED[name]()
     this.parameters = this.parameters[:12]
