@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import sys
@@ -15,6 +16,7 @@ import pytest
 
 from dualdrive.diagnose import Diagnosis, diagnose, improve
 from patience import PATIENCE
+from recorded import demo, sheet
 from terminal import Terminal
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
@@ -64,6 +66,19 @@ def _ctrl_c_as_usual() -> Any:
 def cut(found: Diagnosis) -> list[str]:
     """Everything that is said to be left undone."""
     return [*found.cut, *(c.note for c in found.candidates if "cut by" in c.note)]
+
+
+def test_who_stops_a_balance_waits_for_no_comparison() -> None:
+    """Its error is told, and neither pairs nor a comparison and its noise floor are begun."""
+    watched = Watched("refitting")
+    records = {"fit": demo("fit").between(0.0, 8.0)}
+    found = diagnose(sheet(), records, mode="balance", experiment=False, progress=watched)
+    assert watched.pressed
+    assert found.verdict == "unfinished"
+    assert found.before is None
+    assert math.isfinite(found.error["refitted"])
+    assert math.isnan(found.error["noise_floor"])
+    assert not any(" + " in line for line in watched.after)
 
 
 @pytest.mark.parametrize(
