@@ -15,7 +15,16 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 
-__all__ = ["AsRecorded", "delays", "own_paths", "read_at", "reading_times", "sources", "written"]
+__all__ = [
+    "AsRecorded",
+    "delays",
+    "own_paths",
+    "read_at",
+    "reading_times",
+    "reads",
+    "sources",
+    "written",
+]
 
 Array = NDArray[np.float64]
 
@@ -105,25 +114,31 @@ def written(
     return signal, slopes
 
 
-def read_at(core: _core.Machine, places: Sequence[str], reading: float) -> float:
-    """The angle at which a channel at rest is written down so: `written`, taken back.
+def reads(core: _core.Machine, place: str) -> bool:
+    """Whether an effect at a place changes what is read there, a user's formula perhaps."""
+    at = [_acts_on(e) for e in core.effects if place in e["members"]]
+    return any(not acts or "sensor reading" in acts for acts in at)
 
-    The reading itself, where what a sensor reads follows from the forces of the teeth.
+
+def read_at(core: _core.Machine, places: Sequence[str], readings: Array) -> Array:
+    """The angles at which a channel at rest is written down so: `written`, taken back.
+
+    The readings themselves, where what a sensor reads follows from the forces of the teeth.
 
     Args:
         core: the core's machine.
         places: where effects change the channel, in this order.
-        reading: rad.
+        readings: rad, shape (n,).
 
     """
-    angle, t, none = reading, np.zeros(1), np.zeros((1, 0))
+    angles, t, none = readings, np.zeros(len(readings)), np.zeros((len(readings), 0))
     for _ in range(_PASSES):
         try:
-            seen, _ = written(core, places, t, np.array([angle]), none, [])
+            seen, _ = written(core, places, t, angles, none, [])
         except ValueError:
-            return reading
-        angle -= float(seen[0]) - reading
-    return angle
+            return readings
+        angles = angles - (seen - readings)
+    return angles
 
 
 def _rate(t: Array, values: Array) -> Array:

@@ -6,13 +6,13 @@ import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
-from dualdrive.recorder import read_at
+from dualdrive.recorder import read_at, reads
 from dualdrive.replay import Record, ReplayError
 from dualdrive.replay.channels import INPUTS
 from dualdrive.replay.record import with_settings
@@ -69,49 +69,26 @@ class Predictable:
         what they and the laws at them add.
         """
         known = {state for state, _ in core.states()}
-        at = {place for e in core.effects for place in e["members"]}
-        laws = {
-            c: [place for place in _places(core, c) if place in at]
-            for c in self.channels
-            if c.startswith("theta_") and not at.isdisjoint(_places(core, c))
-        }
+        joints = _joints(core, known)
+        told = {s: x for s, x in self.record.initial.items() if s in known}
+        settled = {s: x for s, x in self.settled.items() if s in known}
         found = []
-        for sample, before in zip(self.sampled.starts, self.begins, strict=True):
-            own = self._seen(core, offsets, sample, known, laws)
+        for first, before in zip(self._first(core, offsets), self.begins, strict=True):
+            own = {**told, **_seen(first, told, joints, known), **settled}
             own |= {s: x for s, x in before.items() if s in known}
-            found.append(_joined(core, own, known))
+            found.append(_joined(own, joints))
         return found
 
-    def _seen(
-        self,
-        core: Any,
-        offsets: Mapping[str, float],
-        sample: int,
-        known: set[str],
-        laws: Mapping[str, Sequence[str]],
-    ) -> dict[str, float]:
-        first = {
-            c: float(y) - offsets.get(c, 0.0)
-            for c, y in zip(self.channels, self.measured[sample], strict=True)
-        }
-        for c, places in laws.items():
-            first[c] = read_at(core, places, first[c])
-        found = {s: x for s, x in self.record.initial.items() if s in known}
-        table = first.get("theta_m", found.get("theta_m", 0.0))
-        if "theta_m" in known:
-            found["theta_m"] = table
-        for motor in core.motors:
-            n = motor.rpartition("_")[2]
-            mesh, gearbox = f"mesh_{n}", f"gearbox_{n}"
-            if f"{mesh}.twist" not in known:
-                continue
-            angle = first.get(f"theta_c{n}")
-            if angle is None and f"theta_{n}" in first:
-                geared = gearbox in core.connections
-                angle = first[f"theta_{n}"] / (core.get(f"{gearbox}.ratio") if geared else 1.0)
-            if angle is not None:
-                found[f"{mesh}.twist"] = angle - core.get(f"{mesh}.ratio") * table
-        return {**found, **{s: x for s, x in self.settled.items() if s in known}}
+    def _first(self, core: Any, offsets: Mapping[str, float]) -> list[dict[str, float]]:
+        """Channel -> its reading at the first sample of every stretch, sensors' laws taken back."""
+        readings = self.measured[self.sampled.starts]
+        first = {c: y - offsets.get(c, 0.0) for c, y in zip(self.channels, readings.T, strict=True)}
+        for c in self.channels:
+            places = [p for p in _places(core, c) if reads(core, p)] if c[0] == "t" else []
+            if places:
+                first[c] = read_at(core, places, first[c])
+        rows = zip(*(y.tolist() for y in first.values()), strict=True)
+        return [dict(zip(first, row, strict=True)) for row in rows]
 
     def stretches(
         self, which: Sequence[tuple[int, int]], begins: Sequence[Mapping[str, float]]
@@ -126,23 +103,72 @@ class Predictable:
         )
 
 
-def _joined(core: Any, state: dict[str, float], known: set[str]) -> dict[str, float]:
+class _Joint(NamedTuple):
+    """Between table and a motor: names of its states and channels, and how it is geared.
+
+    gearbox: (twist, ratio, winding, stiffness, half play) of one that has a twist; N*m/A at its
+        output, N*m/rad, rad
+    """
+
+    motor: str
+    mesh: str
+    to_table: float
+    to_motor: float
+    gearbox: tuple[str, float, float, float, float] | None
+
+
+def _joints(core: Any, known: set[str]) -> list[_Joint]:
+    found = []
+    for motor in core.motors:
+        n = motor.rpartition("_")[2]
+        mesh, gearbox = f"mesh_{n}.twist", f"gearbox_{n}"
+        geared = gearbox in core.connections
+        ratio = core.get(f"{gearbox}.ratio") if geared else 1.0
+        own = None
+        if f"{gearbox}.twist" in known:
+            winding = ratio * core.get(f"{motor}.K_d")
+            stiffness, play = core.get(f"{gearbox}.stiffness"), core.get(f"{gearbox}.gap")
+            own = f"{gearbox}.twist", ratio, winding, stiffness, play
+        to_table = core.get(f"mesh_{n}.ratio") if mesh in known else 1.0
+        found.append(_Joint(n, mesh, to_table, ratio, own))
+    return found
+
+
+def _seen(
+    first: Mapping[str, float],
+    told: Mapping[str, float],
+    joints: Sequence[_Joint],
+    known: set[str],
+) -> dict[str, float]:
+    """The angles as the encoders have them."""
+    table = first.get("theta_m", told.get("theta_m", 0.0))
+    found = {"theta_m": table} if "theta_m" in known else {}
+    for joint in joints:
+        if joint.mesh not in known:
+            continue
+        angle = first.get(f"theta_c{joint.motor}")
+        if angle is None and f"theta_{joint.motor}" in first:
+            angle = first[f"theta_{joint.motor}"] / joint.to_motor
+        if angle is not None:
+            found[joint.mesh] = angle - joint.to_table * table
+    return found
+
+
+def _joined(state: dict[str, float], joints: Sequence[_Joint]) -> dict[str, float]:
     """A state in which motors turn with their pinions, where a joint that nobody knew of is new.
 
     The joint is wound up by what its motor gives, through its play if it has one; the angles that
     encoders see stay as they are.
     """
-    for motor in core.motors:
-        n = motor.rpartition("_")[2]
-        gearbox, pinion = f"gearbox_{n}", f"omega_c{n}"
-        if f"{gearbox}.twist" not in known or f"{gearbox}.twist" in state or pinion not in state:
+    for joint in joints:
+        pinion = f"omega_c{joint.motor}"
+        if joint.gearbox is None or joint.gearbox[0] in state or pinion not in state:
             continue
-        ratio = core.get(f"{gearbox}.ratio")
-        wound = ratio * core.get(f"{motor}.K_d") * state.get(f"I_{n}", 0.0)
-        stiffness, play = core.get(f"{gearbox}.stiffness"), core.get(f"{gearbox}.gap")
+        own, ratio, winding, stiffness, play = joint.gearbox
+        wound = winding * state.get(f"I_{joint.motor}", 0.0)
         twist = wound / stiffness + math.copysign(play, wound)
-        state |= {f"omega_{n}": ratio * state[pinion], f"{gearbox}.twist": twist}
-        state[f"mesh_{n}.twist"] = state.get(f"mesh_{n}.twist", 0.0) - twist
+        state |= {f"omega_{joint.motor}": ratio * state[pinion], own: twist}
+        state[joint.mesh] = state.get(joint.mesh, 0.0) - twist
     return state
 
 
