@@ -137,7 +137,8 @@ class Flow final {
     void bend(const Step& step);
     bool bends_too_much() const;
     std::size_t resting(int element) const;  // the speed that a friction holds
-    bool through_switches(double t, double length);
+    void straight(double t, double piece, bool known);
+    bool through_switches(double t, double length, bool felt = false);
     double guard_along(double t, double length, int guard, double fraction);
     double crossing(double t, double length, int guard, double guess);
     void expand(const double* y, const double* n0, const double* slope, double length);

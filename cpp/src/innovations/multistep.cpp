@@ -195,7 +195,7 @@ bool Flow::integrate(double t, const Step& step) {
     guards_near(out_.data(), g1_.data());
     if (any_negative(g1_.data(), guard_count())) {
         rest_of_ = along_ = nullptr;
-        return through_switches(t, length);
+        return through_switches(t, length, true);
     }
     double *const n = y_.data() + n_, *const change = n + d;
     for (std::size_t k = 0; k < d; ++k) change[k] = felt_[k] - n[k];

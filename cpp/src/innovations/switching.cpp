@@ -136,22 +136,36 @@ double Flow::crossing(double t, double length, int guard, double guess) {
     return fraction;
 }
 
+// What laws add over a piece, as a straight line: from where it was felt over a whole step already, else from where the piece
+// leads without its change.
+void Flow::straight(double t, double piece, bool known) {
+    if (known) {
+        std::fill(n0_.begin(), n0_.end(), 0.0);
+        std::fill(slope_.begin(), slope_.end(), 0.0);
+        for (std::size_t k = 0; k < driven_.size(); ++k) {
+            const auto row = static_cast<std::size_t>(driven_[k]);
+            n0_[row] = y_[static_cast<std::size_t>(n_) + k];
+            slope_[row] = felt_[k] - n0_[row];
+        }
+        return;
+    }
+    remainder(t, y_.data(), n0_.data());
+    expand(y_.data(), n0_.data(), nullptr, piece);
+    at(1.0, trial_.data());
+    remainder(t + piece, trial_.data(), n1_.data());
+    for (std::size_t k = 0; k < n1_.size(); ++k) slope_[k] = n1_[k] - n0_[k];
+}
+
 // From t on: straight on if no guard falls, else to the first switch, and on from there.
-bool Flow::through_switches(double t, double length) {
+// felt: what laws add was felt at both ends of the length already.
+bool Flow::through_switches(double t, double length, bool felt) {
     double left = length;
     for (int count = 0, pieces = 0; left > found * length;) {
         if (++pieces > most_pieces + most_switches) return false;
         const double piece = std::min(left / pieces_for(left), longest_series / now_->bound);
-        const double* n0 = affine_ ? nullptr : n0_.data();
-        if (n0) remainder(t, y_.data(), n0_.data());
-        expand(y_.data(), n0, nullptr, piece);
+        if (!affine_) straight(t, piece, felt && piece == length);
+        expand(y_.data(), affine_ ? nullptr : n0_.data(), slope_.data(), piece);
         at(1.0, trial_.data());
-        if (n0) {
-            remainder(t + piece, trial_.data(), n1_.data());
-            for (std::size_t k = 0; k < n1_.size(); ++k) slope_[k] = n1_[k] - n0_[k];
-            expand(y_.data(), n0, slope_.data(), piece);
-            at(1.0, trial_.data());
-        }
         if (!std::isfinite(trial_[0])) return false;
         int fallen = -1;
         double fraction = 1.0;
@@ -174,6 +188,7 @@ bool Flow::through_switches(double t, double length) {
         std::copy_n(trial_.data(), n_, y_.data());
         t += fraction * piece;
         left -= fraction * piece;
+        felt = false;
         if (fallen >= 0) {
             switch_element(t, fallen / guards_per_switch, fallen % guards_per_switch);
             ++count;
