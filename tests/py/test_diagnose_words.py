@@ -14,7 +14,6 @@ from dualdrive.compare.orders import Order
 from dualdrive.compare.time_skew import Skew
 from dualdrive.diagnose import sentences
 from dualdrive.diagnose.decision import MissingTorque
-from dualdrive.diagnose.free_torque import Course
 from dualdrive.diagnose.judge import Judgement
 from dualdrive.diagnose.result import Candidate, Interval, Shape, Verdict
 from dualdrive.diagnose.words import paragraph
@@ -36,9 +35,9 @@ def shape(explained: float) -> Shape:
 
 
 def said(verdict: Verdict, *candidates: Candidate, **more: Any) -> str:
-    told = {"shapes": (), "warnings": (), "equation": None, "why": "", "course": None, **more}
+    told = {"shapes": (), "warnings": (), "equation": None, "why": "", **more}
     return paragraph(
-        Judgement(verdict, (), 0.0, (), 0.0, (1.0, 1.0), 0.0, told["why"], told["course"]),
+        Judgement(verdict, (), 0.0, (), 0.0, (1.0, 1.0), 0.0, told["why"]),
         candidates,
         (),
         ERROR,
@@ -94,17 +93,6 @@ def test_warnings_are_told_apart() -> None:
     text = said("adequate", warnings=["fast: it jitters.", "slow: it jitters, too"])
     assert text.endswith("Mind: fast: it jitters; slow: it jitters, too.")
     assert "4 warnings" in said("adequate", warnings=["a"] * 4)
-
-
-def test_what_is_left_beside_a_name_is_told_with_its_place() -> None:
-    course = Course("readings", "I_1", 60.0, 5, -9.3)
-    text = said("effect", candidate(), course=course)
-    assert "an error of the reading I_1 that grows in time" in text
-    assert "10^9" in text
-    torque = Course("acceleration", "motor_2", 60.0, 8, -7.0)
-    text = said("unknown", candidate(), why="course", course=torque)
-    assert "a torque at motor_2 that follows the table's past acceleration" in text
-    assert "Best candidate" not in text, "it explains nothing of that"
 
 
 def test_sentences_are_those_of_an_engineer() -> None:

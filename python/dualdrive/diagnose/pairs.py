@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.candidates import members, tried_with
-from dualdrive.diagnose.free_torque import courses_left
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.profiled import sharpened
 from dualdrive.diagnose.refit import Fitter, Refit, Start, Trial
@@ -27,8 +26,8 @@ from dualdrive.diagnose.work import Work, first_of_each, misfit_left
 
 Array = NDArray[np.float64]
 
-#: in a torque balance, whose floors are reckoned: share of what is above them below which nothing
-#: is named, nor a second effect beside a first
+#: floors are reckoned, not seen: share of what is above them below which nothing is named, nor a
+#: second effect beside a first
 FAINT = 0.5
 _FIRSTS, _SECONDS = 2, 3  # effects to begin with, and partners of each
 _TAKEN_APART = 3  # best groups of which the single parts are tried, too
@@ -36,15 +35,12 @@ _NEAR = 0.5  # of the leader's gain: what has less is no first effect of a pair
 _KNOWN = 2  # partners beside the leader by the scores without it
 _WORTH = 15.0  # expected fall of chi^2 over its inflation for which a second effect is tried
 _SURELY = 45.0  # the same, for which it is tried though no more than noise seems left
-_LIKELY = -2.0  # log10 of the chance of a course from which something may hide
 
 
 def with_pairs(found: Survey, work: Work) -> Survey:
     """Refit pairs where the best single effect leaves what another would take.
 
-    Where it leaves no more than noise a second effect must be sure by its score. It hides there
-    beside a strong first one, and shows about the machine that has that one alone: all are tried
-    there if a torque without a law seems to be left.
+    Where it leaves no more than noise a second effect must be sure by its score.
     """
     singles = [r for r in found.refits if len(r.hypothesis.effects) == 1]
     singles.sort(key=lambda r: found.criterion[key_of(r)])
@@ -84,9 +80,8 @@ def _is_idle(found: Survey, first: Refit, pair: Refit) -> bool:
 
     Something else is missing then, and with numbers to spend many laws take a little of it.
     """
-    balance = found.evidence.confrontation.mode == "balance"
     before, after = excess(found, first.left), excess(found, pair.left)
-    return balance and explained_share(before, after) < FAINT
+    return explained_share(before, after) < FAINT
 
 
 def _is_sure(found: Survey, score: Score) -> bool:
@@ -100,14 +95,10 @@ def _anew(
     """The best beside the first effect, all tried on the machine that has it.
 
     partners: by the scores without it; faint: whether hardly more than noise is left, so that no
-        spectrum shows an order, and that something else hides must be likely first
+        spectrum shows an order, and one of them must be sure first
     """
     if faint and not any(_is_sure(found, s) for s in partners[:1]):
-        if work.clock.stop():
-            work.clock.leave_out(f"not tried: what hides beside {first.hypothesis.label}")
-            return []
-        if not courses_left(found.evidence, first, work.stop, _LIKELY):
-            return []
+        return []
     work.tell(f"trying what {first.hypothesis.label} leaves")
     return _partners(found, first, _beside(found, first, faint, work))
 

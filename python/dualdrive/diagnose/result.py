@@ -15,7 +15,6 @@ from dualdrive.plain import plain
 
 if TYPE_CHECKING:
     from dualdrive.compare import Comparison, Condition
-    from dualdrive.diagnose.free_torque import Course
 
 Array = NDArray[np.float64]
 Verdict = Literal["adequate", "parameters", "effect", "ambiguous", "unknown", "unfinished"]
@@ -128,7 +127,6 @@ class Diagnosis:
     numbers:   nominal numbers, path -> interval, refitted beside the best candidate where one is
                named; `moved` those that the records put elsewhere than the data sheet, beyond doubt
     over_floor: residual over noise floor, RMS, of the series that the leader explains worst
-    course:    what a torque of any course surely explains of what the leader leaves, if any
     effort:    ``replays`` done, ``of`` how many
     missing_torque: equation -> torque of unknown course that the refitted machine asks for
     """
@@ -156,7 +154,6 @@ class Diagnosis:
     moved: Mapping[str, Interval] = field(default_factory=dict)
     numbers: Mapping[str, Interval] = field(default_factory=dict)
     over_floor: float = math.nan
-    course: Course | None = None
     effort: Mapping[str, int] = field(default_factory=dict)
     missing_torque: Mapping[str, Any] = field(default_factory=dict)
 
@@ -190,7 +187,6 @@ class Diagnosis:
                     ],
                     "error": dict(self.error),
                     "over_floor": self.over_floor,
-                    "course": None if self.course is None else vars(self.course),
                     "parameters": {path: vars(value) for path, value in self.numbers.items()},
                     "moved": list(self.moved),
                     "shapes": [

@@ -22,11 +22,9 @@ from dualdrive.diagnose.findings import (
     plan_next,
     scored_only,
 )
-from dualdrive.diagnose.free_torque import Course, courses_left
 from dualdrive.diagnose.heldout import intervals
 from dualdrive.diagnose.judge import Judgement, judge
 from dualdrive.diagnose.printed import Printed
-from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.result import Diagnosis
 from dualdrive.diagnose.search import search
 from dualdrive.diagnose.shape import of_the_balance, shapes
@@ -62,17 +60,7 @@ def diagnose_torque_balance(
     """
     result = search(c, work)
     finished = not (work.clock.cut or work.clock.stop())
-
-    def beside(refit: Refit) -> list[Course]:
-        what = f"what a torque of any course could still explain, {refit.hypothesis.label}"
-        if not work.clock.allows(what):
-            return []
-        work.told(what)
-        found = courses_left(result.evidence, refit, work.stop)
-        work.clock.allows(what)
-        return found
-
-    verdict = judge(result, beside)
+    verdict = judge(result)
     if clipped and verdict.ranked and verdict.verdict in ("effect", "ambiguous"):
         [(effect, _), *_] = verdict.ranked[0][0].hypothesis.effects
         if effect not in LIMITS:
@@ -171,5 +159,4 @@ def _told(
         moved=moved,
         numbers=known,
         over_floor=verdict.excess[1],
-        course=verdict.course,
     )

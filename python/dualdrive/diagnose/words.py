@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 
 from dualdrive.compare.equation import EquationAtFault
-from dualdrive.diagnose.free_torque import Course
 from dualdrive.diagnose.judge import Judgement, Reason
 from dualdrive.diagnose.phrases import (
     HELPS,
@@ -26,21 +25,10 @@ _WHY: dict[Reason, str] = {
     "gains": "probability {probability:.2f}, too low to name it",
     "explains": "too little to name it",
     "bound": "{bound}",
-    "shape": "but what is left follows the same speed, so the law has another shape",
-    "course": "",
     "bent": "but its second law only bends the curve of the first, so the law has another shape",
     "contradicted": "but the errors printed contradict it",
     "clipped": "but a channel stands at its limit, which may do the same",
 }
-#: what a course follows, where that is no plain name
-_FOLLOWED = {
-    "time": "the time of each record",
-    "acceleration": "the table's past acceleration (a mass or a foundation that gives)",
-    "frequency": "a tone",
-    "turns": "the motor's turns",
-    "drive torque": "its own drive's torque",
-}
-_WHERE = {"table": "the table"}
 _TELLS = 0.3  # share of the missing torque from which a coordinate says something of a name
 
 
@@ -59,14 +47,12 @@ def paragraph(
     """Verdict, evidence for and against, what can't be told apart, and what to do."""
     if warnings and not candidates and not error:
         return f"The records can't be judged: {' '.join(warnings)}"
-    verdict, course = judged.verdict, judged.course
+    verdict = judged.verdict
     said = [_opening(verdict, candidates, error, moved)]
     if verdict in ("effect", "ambiguous") and candidates:
         said += _evidence(candidates, shapes)
     if verdict == "unknown":
         said += _unexplained(judged.why, candidates, equation, shapes)
-    if course is not None:
-        said.append(_beside_it(course))
     alike = groups if verdict == "ambiguous" else ()
     said += closing(alike, experiment, command if verdict == "effect" else "", warnings)
     return " ".join(said)
@@ -136,9 +122,9 @@ def _unexplained(
 ) -> list[str]:
     said = []
     tried = [c for c in candidates if math.isfinite(c.explained)]
-    if why != "course" and tried and max(c.explained for c in tried) < HELPS:
+    if tried and max(c.explained for c in tried) < HELPS:
         said.append("No candidate helps. Check sign and scale of the torques.")
-    elif why != "course" and tried:
+    elif tried:
         best = tried[0]
         reason = _WHY[why].format(
             probability=best.probability, bound=best.note or "too large to be plausible"
@@ -150,17 +136,3 @@ def _unexplained(
     if equation is not None:
         said.append(f"The equation that does not close is that of the {equation.name}.")
     return [*said, *filter(None, [depends(shapes)])]
-
-
-def _beside_it(course: Course) -> str:
-    """What a torque without a law would take of what is left."""
-    place = _WHERE.get(course.place, course.place)
-    if course.kind == "readings":
-        what = f"an error of the reading {place} that grows in time or takes from other channels"
-    else:
-        follows = _FOLLOWED.get(course.kind, f"the {course.kind}")
-        what = f"a torque at {place} that follows {follows}"
-    return (
-        f"What is left is no noise: {what} takes some of it ({course.numbers} numbers gain "
-        f"{course.gain:.0f}; noise would in one of 10^{-course.chance:.0f} such records)."
-    )

@@ -30,7 +30,6 @@ def _kinds() -> dict[str, type]:
     """Every dataclass that a kept result may hold, by its name."""
     from dualdrive import compare, diagnose
     from dualdrive.diagnose.decision import MissingTorque
-    from dualdrive.diagnose.free_torque import Course
 
     own = (
         compare.Comparison,
@@ -47,7 +46,6 @@ def _kinds() -> dict[str, type]:
         diagnose.Experiment,
         diagnose.Interval,
         diagnose.Shape,
-        Course,
         MissingTorque,
     )
     return {kind.__name__: kind for kind in own}

@@ -1,4 +1,4 @@
-"""python -m tests.blind.shown drifted | load | reversals | quiet [--seeds 0 1] [--budget 20]"""
+"""python -m tests.blind.shown drifted | load | reversals [--seeds 0 1] [--budget 20]"""
 
 from __future__ import annotations
 
@@ -7,17 +7,16 @@ import time
 from collections.abc import Callable, Iterable
 
 from tests.blind.generator.effects import UnfitError
-from tests.blind.shown import apart, preloaded, quiet, verdicts
+from tests.blind.shown import apart, preloaded, verdicts
 from tests.blind.shown.ordered import Order
 
 from dualdrive.diagnose import Diagnosis
-from dualdrive.diagnose.free_torque import RARER_THAN
 
 
 def main() -> int:
     """Print the figures of a claim; 1 where it does not hold."""
     parser = argparse.ArgumentParser(prog="tests.blind.shown", description=__doc__)
-    parser.add_argument("claim", choices=["drifted", "load", "reversals", "quiet"])
+    parser.add_argument("claim", choices=["drifted", "load", "reversals"])
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1])
     parser.add_argument("--budget", type=float, default=20.0, help="s for each diagnosis")
     parser.add_argument("--only", default="", help="machines whose name holds this")
@@ -26,25 +25,7 @@ def main() -> int:
         return answers(verdicts.drifts(told.seeds), verdicts.is_parameters, told)
     if told.claim == "load":
         return answers(verdicts.loads(told.seeds), verdicts.is_no_friction, told)
-    if told.claim == "quiet":
-        return courses(told)
     return reversals(told)
-
-
-def courses(told: argparse.Namespace) -> int:
-    """A line for each machine that lacks nothing: the rarest course of its noise."""
-    rare = []
-    for order in quiet.machines(told.seeds):
-        if told.only in order.name and (found := quiet.rarest(order)) is not None:
-            rare.append(found.chance)
-            print(
-                f"{order.name} | {found.kind} at {found.place} | {found.numbers} numbers gain "
-                f"{found.gain:.1f} | one in 10^{max(-found.chance, 0.0):.1f}",
-                flush=True,
-            )
-    wrong = sum(chance < RARER_THAN for chance in rare)
-    print(f"rarer than one in 10^{-RARER_THAN:.0f}, and so surely there: {wrong} of {len(rare)}")
-    return 0 if wrong == 0 else 1
 
 
 def answers(
