@@ -1,4 +1,4 @@
-"""Effects so strong that the machine without them is far away: noise, starts, coordinates."""
+"""Effects so strong that the machine without them is far away: noise and coordinates."""
 
 from __future__ import annotations
 
@@ -12,28 +12,13 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 from tests.blind.shown import ordered
-from tests.blind.shown.ordered import Order
 
-from dualdrive.compare import evened
 from dualdrive.diagnose import whitening
 from dualdrive.diagnose.confront import Series
-from dualdrive.diagnose.evidence import Evidence, evidence
+from dualdrive.diagnose.evidence import Evidence
 from dualdrive.diagnose.hypotheses import Hypothesis
-from dualdrive.diagnose.loop import ClosedLoop
-from dualdrive.diagnose.profiled import profile, sharpened
-from dualdrive.diagnose.refit import Fitter, Refit
-from dualdrive.diagnose.stage import Stage, scale_of
-from dualdrive.diagnose.starts import near
-from dualdrive.diagnose.work import Clock, Work
-from dualdrive.replay import core_of, records
-
-rng = np.random.default_rng(11)
-
-
-def confronted(order: Order) -> ClosedLoop:
-    traces = {name: evened(trace)[0] for name, trace in order.traces().items()}
-    machine = order.machine()
-    return ClosedLoop(core_of(machine), records(machine, traces, settings=order.settings()))
+from dualdrive.diagnose.profiled import profile
+from dualdrive.replay import core_of
 
 
 def test_the_profile_is_the_likelihood_at_the_best_size_of_the_noise() -> None:
@@ -42,7 +27,7 @@ def test_the_profile_is_the_likelihood_at_the_best_size_of_the_noise() -> None:
     every, t = np.ones(n, dtype=bool), 1e-3 * np.arange(n, dtype=np.float64)
     series = [Series("r", k, "", "", t, t, 1.0, t, every, ~every) for k in ("e", "I_1")]
     confrontation = SimpleNamespace(
-        series=series, sigma=np.array([0.5, np.inf]), centre=np.zeros(2), mode="closed_loop"
+        series=series, sigma=np.array([0.5, np.inf]), centre=np.zeros(2)
     )
     whiteners = [whitening.Whitener(np.zeros(0), np.full(n, 3.0), every, own) for own in alike]
     seen = Evidence(confrontation, whiteners, np.zeros(2 * n, dtype=int))
@@ -82,33 +67,3 @@ def test_a_number_open_at_zero_stays_above_it_however_far_a_step_goes() -> None:
         assert math.isfinite(p.slope(u))
         grown.set(p.path, p.value(u))
     assert p.value(0.5) == pytest.approx(p.scale * math.exp(0.5))
-
-
-def test_a_strong_dead_time_is_fitted_though_the_machine_without_it_hunts() -> None:
-    """The usual zone of current is read off the records: 0.5 A would be ten times too wide."""
-    order = ordered.hiding("dead_time", "bench", 3, 1.0, count=1)
-    [hidden] = order.hidden["fast"]
-    c = confronted(order)
-    seen, base = evidence(c, whitening.plain(c.series)), None
-    for _ in range(2):
-        base = Fitter(seen).nominal(c.start)
-        assert base is not None
-        seen = evidence(c, whitening.sized(c.series, base.left))
-    assert base is not None
-    assert over_floor(c, base).max() > 10.0, "else this shows nothing"
-    wanted = Hypothesis((("dead_time", "motors"),))
-    stage = Stage(c, base.u, base.left, [scale_of(seen, base)], Work(Clock(math.inf)))
-    [score] = stage.scores([wanted])
-    fitter = Fitter(seen)
-    trial = fitter.tried(wanted, near(score, base.u), slopes=base.slopes)
-    assert trial is not None
-    found = sharpened(fitter, fitter(trial, base.slopes))
-    values = found.values()
-    real = hidden.parameters
-    assert values["dead_time@motors.voltage"] == pytest.approx(real["voltage"], rel=0.1)
-    assert values["dead_time@motors.current"] == pytest.approx(real["current"], rel=0.2)
-    assert over_floor(c, found).max() < 2.5
-
-
-def over_floor(c: ClosedLoop, refit: Refit) -> np.ndarray:
-    return np.array([np.std(x) / s.floor for s, x in zip(c.series, refit.left, strict=True)])

@@ -86,7 +86,6 @@ def test_who_stops_a_balance_waits_for_no_comparison() -> None:
     [
         pytest.param("as it stands", marks=long),
         pytest.param("refitting the data sheet", marks=long),
-        pytest.param("closing the torque balance", marks=long),
         pytest.param("score tests", marks=long),
         pytest.param("refitting with", marks=long),
     ],

@@ -22,9 +22,7 @@ class Verdict:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.patch = monkeypatch
 
-    def __call__(
-        self, before: list[float], after: list[float], gain: float = 200.0
-    ) -> Judgement:
+    def __call__(self, before: list[float], after: list[float], gain: float = 200.0) -> Judgement:
         base: Any = SimpleNamespace(hypothesis=Hypothesis(), left="base")
         best: Any = SimpleNamespace(
             hypothesis=Hypothesis((("unbalance", "table"),)), left="best", beyond=lambda: False

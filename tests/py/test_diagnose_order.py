@@ -10,7 +10,6 @@ import pytest
 
 from dualdrive import Machine
 from dualdrive.diagnose import pairs, shortlist
-from dualdrive.diagnose.guesses import Guesses
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.shortlist import Shortlist
 from dualdrive.diagnose.survey import key_of
@@ -28,7 +27,7 @@ def listed(monkeypatch: pytest.MonkeyPatch) -> Shortlist:
     monkeypatch.setattr(shortlist, "profile", lambda _, refit: refit.cost)
     fitter: Any = SimpleNamespace(evidence=None)
     none: Any = SimpleNamespace(cost=1000.0)
-    return Shortlist(fitter, none, none, Guesses(), Work(Clock(math.inf)))
+    return Shortlist(fitter, none, none, Work(Clock(math.inf)))
 
 
 def test_a_leader_is_far_ahead_where_all_other_laws_gain_little(listed: Shortlist) -> None:

@@ -38,7 +38,7 @@ class Shortlist:
     def __init__(self, asked: list[str], ahead: bool) -> None:
         self.asked, self.ahead = asked, ahead
 
-    def leader(self, trials: object, scores: object) -> list[Any]:
+    def leader(self, trials: object) -> list[Any]:
         return [refit("coulomb")]
 
     def far_ahead(self, leader: object, trials: object) -> bool:

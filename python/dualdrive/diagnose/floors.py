@@ -35,12 +35,12 @@ def ratios(series: Sequence[Series], left: Sequence[Array], best: Sequence[Array
     )
 
 
-def heard_above(series: Series, left: Array | None = None) -> float:
+def heard_above(series: Series, left: Array) -> float:
     """What a probe must be heard above, RMS: the floor, or what the machine leaves if that is more.
 
-    left: what it leaves, (n,); None where the floor alone counts
+    left: what it leaves, (n,)
     """
-    own = left[series.keep] if left is not None else np.zeros(0)
+    own = left[series.keep]
     return max(series.floor, _OF_SPREAD * series.spread, float(np.std(own)) if len(own) else 0.0)
 
 

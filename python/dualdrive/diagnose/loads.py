@@ -8,7 +8,7 @@ once, since a box is the difference of two steps; a harmonic is then looked for 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from dualdrive.diagnose.candidates import possible
 from dualdrive.diagnose.evidence import Evidence
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.refit import Refit
+from dualdrive.diagnose.stage import Score
 from dualdrive.diagnose.whitening import count_as_one
 
 Array = NDArray[np.float64]
@@ -82,8 +83,8 @@ class _Sum:
 def sought(seen: Evidence, base: Refit) -> list[Hypothesis]:
     """A load in time, where one stands out of what a torque balance leaves.
 
-    In a noisy balance the strongest harmonic may be a wrong one that the closed loop tells apart:
-    the next ones that gain about as much are hypotheses, too.
+    In a noisy balance the strongest harmonic may be a wrong one: the next ones that gain about as
+    much are hypotheses, too.
 
     Args:
         seen: the balance under white noise.
@@ -117,10 +118,9 @@ def sought(seen: Evidence, base: Refit) -> list[Hypothesis]:
     return found
 
 
-def begun(load: Refit) -> Hypothesis:
-    """The same, to go on from where it was refitted to."""
-    values = load.values()
-    return replace(load.hypothesis, begins={p: values[p] for p in load.hypothesis.begins})
+def stands_out(score: Score) -> bool:
+    """Whether it is a load whose hour was looked for: what was found stands out already."""
+    return LOAD in score.signature.hypothesis.effects
 
 
 def _hypothesis(start: float, end: float, more: dict[str, float], searched: int) -> Hypothesis:

@@ -14,26 +14,24 @@ from dualdrive.diagnose import whitening
 from dualdrive.diagnose.candidates import members, tried_with
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.evidence import Evidence, effective, evidence
-from dualdrive.diagnose.guesses import Guesses, guessed, stands_out
 from dualdrive.diagnose.hypotheses import Hypothesis
-from dualdrive.diagnose.loads import sought
+from dualdrive.diagnose.loads import sought, stands_out
 from dualdrive.diagnose.neighbours import with_neighbours
 from dualdrive.diagnose.pairs import with_pairs
 from dualdrive.diagnose.profiled import profile
 from dualdrive.diagnose.refit import Fitter, Refit, Trial
 from dualdrive.diagnose.score import Scorer
 from dualdrive.diagnose.settle import ENOUGH, settle
-from dualdrive.diagnose.shortlist import Shortlist, gives, without_twins
+from dualdrive.diagnose.shortlist import Shortlist, without_twins
 from dualdrive.diagnose.signatures import CONTAINS
 from dualdrive.diagnose.stage import Scale, Score, Stage, scale_of
 from dualdrive.diagnose.survey import Survey, excess, key_of
-from dualdrive.diagnose.valleys import better_valley
 from dualdrive.diagnose.work import Clock, Work
 from dualdrive.identify import FitError
 
 Array = NDArray[np.float64]
 
-SHORTLIST = 6
+_SHORTLIST = 6
 _ROUNDS = 3  # of noise
 _CLEARLY = 1.35  # times the noise: something is missing, whatever a score says of its name
 WORTH_A_REFIT = 15.0  # fall of chi^2 over its inflation, below which no name could be given
@@ -43,56 +41,36 @@ _TAKEN_APART = 6  # best groups of which the single parts are tried
 _FURTHER = 10.0  # of the profile likelihood: another valley of the numbers, no polish
 
 
-def search(
-    confrontation: Confrontation,
-    work: Work,
-    *,
-    wanted: Sequence[Hypothesis] | None = None,
-    shortlist: int = SHORTLIST,
-) -> Survey:
+def search(c: Confrontation, work: Work) -> Survey:
     """Try every hypothesis.
 
     Raises:
         FitError: the machine itself can not be simulated.
 
     """
-    c, clock, tell = confrontation, work.clock, work.tell
+    clock, tell = work.clock, work.tell
     tell("the machine as it stands")
     nominal = records_alone(c, clock)
     tell("refitting the nominal numbers")
     seen, base = _refitted(c, nominal.u, clock)
-    known = tried_with(c, c.core)
-    every = list(known if wanted is None else wanted)
+    every = tried_with(c, c.core)
     plain = Survey(seen, nominal, base, [], {key_of(base): 0.0}, 1.0, [])
     clear = not _explains(plain, base)
-    if clear and c.mode == "closed_loop":
-        tell("other valleys of the nominal numbers")
-        better = better_valley(seen, base, clock.stop)
-        if better is not base:
-            seen, base = _refitted(c, better.u, clock)
-    guesses = Guesses()
-    if clear:
-        guesses = guessed(c, every, work, load=wanted is None)
-    if (start := guesses.start(c, base.u)) is not None:  # it may have met a better valley
-        other = Fitter(seen, clock.stop).nominal(start.u)
-        base = other if other is not None and other.chi < base.chi else base
-    every += guesses.loads
-    if c.mode == "balance" and wanted is None and not clock.stop():
+    if not clock.stop():
         every += sought(seen, base)
-    plain = replace(plain, evidence=seen, base=base, criterion={key_of(base): 0.0})
     scorer = Scorer(seen.rows(base.u, base.left, base.slopes))
     scores, untried = _scored(c, seen, base, scorer, every, not clear, work)
     single, twins = without_twins(seen, scorer, scores)
     most = max((s.gain.gain for s in single), default=0.0)
     least = -math.inf if clear else max(WORTH_A_REFIT, _RIVAL * most)
-    worth = [s for s in single if s.gain.gain > least or gives(s) or stands_out(s)]
+    worth = [s for s in single if s.gain.gain > least or stands_out(s)]
     found = replace(plain, scores=scores, untried=untried, twins=twins, refitted=base)
 
     def listed(now: Survey) -> Shortlist:
         fitter = Fitter(now.evidence, clock.stop)
-        return Shortlist(fitter, now.base, nominal.u, guesses, work)
+        return Shortlist(fitter, now.base, nominal.u, work)
 
-    trials = listed(found).trials(worth, shortlist)
+    trials = listed(found).trials(worth, _SHORTLIST)
     return _as_reported(_refined(found, worth, trials, listed, clear, work), clock)
 
 
@@ -124,7 +102,7 @@ def _refined(
     clear: whether something is missing, whatever a score says of its name
     """
     found, short, clock = plain, listed(plain), work.clock
-    begun = short.leader(trials, worth) if clear else []
+    begun = short.leader(trials) if clear else []
     early = any(short.far_ahead(r, trials) and not _explains(plain, r) for r in begun)
     if early:
         found = _together(settle(replace(found, refits=begun), work), work)
@@ -139,7 +117,7 @@ def _refined(
         more, cut = short.others(worth, trials, clock.stop)
         rest = sorted([*rest, *(t for t in more if key_of(t) not in known)], key=lambda t: t.chi)
     if cut:
-        clock.leave_out(f"not simulated: {', '.join(cut)}")
+        clock.leave_out(f"not tried: {', '.join(cut)}")
     refits, missing = short(rest, worth, begun)
     if missing:
         clock.leave_out(f"not refitted: {', '.join(missing)}")

@@ -1,21 +1,19 @@
 """Which hypotheses are refitted: those that lower chi^2 most where they were really tried.
 
 A score is linear: it foretells what a small effect does to the machine as refitted without it.
-Where flanks change or a drive sticks that is a shortlist, no more, so that the best by score are
-simulated at the size they are foretold to have, at their probes, and where the torque balance puts
-them.
+Where flanks change or a drive sticks that is a shortlist, no more, so that all are put in at the
+size they are foretold to have, and at usual ones.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.evidence import Evidence
-from dualdrive.diagnose.guesses import Guesses
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.profiled import profile, sharpened
 from dualdrive.diagnose.refit import Fitter, Refit, Start, Trial
@@ -30,10 +28,8 @@ Array = NDArray[np.float64]
 
 _TWIN = 1.0 - 1e-5  # squared cosine above which two signatures are one
 _AS_FORETOLD = 0.6  # of the foretold gain: such a start is good enough
-_TRIED = 1.5  # times as many are tried as are refitted
 _OTHERS = 3  # of all other laws, where the leader leaves something
 _FAR, _MUCH = 3.0, 50.0  # times the gain of all others, and of this: partners of such come first
-_WORTH_ALL = 15.0  # fall of chi^2 of a nearly rigid shaft from which softer ones are tried, too
 _SURELY = 3  # best scores that are refitted wherever their starts stand
 
 
@@ -48,24 +44,18 @@ class Shortlist:
     fitter: Fitter
     base: Refit
     nominal: Array
-    guesses: Guesses
     work: Work
 
     def trials(self, scores: Sequence[Score], count: int) -> list[Trial]:
-        """The best of each simple law where they were really tried, least chi^2 first.
-
-        A torque balance, which costs a millisecond, tries them all.
-        """
-        balance = self.fitter.evidence.confrontation.mode == "balance"
-        most = len(scores) if balance else round(_TRIED * count)
-        chosen = _first(_simple(scores), self.guesses, most)
-        self.work.tell(f"simulating {len(chosen)} effects at the sizes they should have")
+        """The best of each simple law where they were really tried, least chi^2 first."""
+        chosen = _simple(scores)
+        self.work.tell(f"trying {len(chosen)} effects at the sizes they should have")
         tried = self.work.side_by_side(self._tried, chosen)
         return _best([t for t in tried if t is not None], count)
 
-    def leader(self, trials: Sequence[Trial], scores: Sequence[Score]) -> list[Refit]:
+    def leader(self, trials: Sequence[Trial]) -> list[Refit]:
         """The first of them refitted, but for late signals, which are slow to simulate."""
-        return self._refitted([t for t in trials[:1] if not self.fitter.is_late(t.grown)], scores)
+        return self._refitted([t for t in trials[:1] if not self.fitter.is_late(t.grown)])
 
     def far_ahead(self, leader: Refit, trials: Sequence[Trial]) -> bool:
         """Whether a refit gains far more than any other law does where it was tried.
@@ -97,29 +87,28 @@ class Shortlist:
 
         """
         slow = [t for t in (trials if begun else trials[1:]) if self.fitter.is_late(t.grown)]
-        found = [*begun, *self._refitted([t for t in trials if t not in slow], scores)]
+        found = [*begun, *self._refitted([t for t in trials if t not in slow])]
         found.sort(key=lambda r: r.chi)
         rubbing = [h.effects[-1][1] for h in (r.hypothesis for r in found) if _is_dry(h)]
         known = {r.hypothesis.label for r in begun}
         whole = [s for s in _whole(scores, rubbing) if s.label not in known]
         wanted = [key_of(t) for t in trials] + [s.label for s in whole]
         found += self._whole_laws(whole, found)
-        found += self._refitted(slow, scores)
-        found += self._put_in(scores, {r.hypothesis.effects for r in found})
+        found += self._refitted(slow)
         return found, sorted(set(wanted) - {key_of(r) for r in found})
 
     def others(
         self, scores: Sequence[Score], trials: Sequence[Trial], late: Callable[[], bool]
     ) -> tuple[list[Trial], list[str]]:
-        """The best of all other laws, simulated at usual sizes, and labels of what time left out.
+        """The best of all other laws, put in at usual sizes, and labels of what time left out.
 
-        For where the leader leaves something: a score tells little of a machine that hunts.
+        For where the leader leaves something: a score tells little of a machine far off.
 
-        late: no further law is simulated once this turns true
+        late: no further law is tried once this turns true
         """
         laws = {effect for t in trials for effect, _ in t.hypothesis.effects} | set(CONTAINS)
         several = first_of_each((s for s in scores if _law(s) not in laws), _law)
-        self.work.tell(f"simulating {len(several)} more")
+        self.work.tell(f"trying {len(several)} more")
 
         def tried(score: Score) -> Trial | None:
             starts = near(score, self.base.u)
@@ -131,20 +120,14 @@ class Shortlist:
         best = sorted([t for t in found if t is not None], key=lambda t: t.chi)[:_OTHERS]
         return best, cut if late() or self.fitter.stop() else []
 
-    def _refitted(self, trials: Sequence[Trial], scores: Sequence[Score]) -> list[Refit]:
-        """Refits of several trials, the lowest first; a compliance from each of its starts."""
-        put_in = {s.label: s for s in reversed(_simple(scores)) if _is_put_in(s)}
-
-        def one(trial: Trial) -> Refit | None:
-            score = put_in.get(trial.hypothesis.label)
-            return self._refit(trial) if score is None else self._from_each_start(score)
-
-        found = [r for r in self.work.side_by_side(one, trials) if r is not None]
+    def _refitted(self, trials: Sequence[Trial]) -> list[Refit]:
+        """Refits of several trials, the lowest first."""
+        found = [r for r in self.work.side_by_side(self._refit, trials) if r is not None]
         return sorted(found, key=lambda r: r.chi)
 
     def _tried(self, score: Score) -> Trial | None:
         enough = self.base.chi - _AS_FORETOLD * score.fall
-        starts = _starts(self.fitter, score, self.base, self.nominal, self.guesses)
+        starts = _starts(score, self.base, self.nominal)
         return self.fitter.tried(score.signature.hypothesis, starts, enough, self.base.slopes)
 
     def _refit(self, trial: Trial) -> Refit | None:
@@ -157,34 +140,14 @@ class Shortlist:
             self.work.leader.meets(found.hypothesis.label, found.chi, remark)
         return found
 
-    def _best_end(
-        self, score: Score, several: Iterable[Iterable[Start]], slopes: Sequence[Array] = ()
-    ) -> Refit | None:
+    def _best_end(self, score: Score, several: Iterable[Iterable[Start]]) -> Refit | None:
         """The lowest refit, each from the best of some starts."""
         h, ends = score.signature.hypothesis, list[Refit]()
         for starts in several:
-            trial = None if self.fitter.stop() else self.fitter.tried(h, starts, slopes=slopes)
+            trial = None if self.fitter.stop() else self.fitter.tried(h, starts)
             if trial is not None and (end := self._refit(trial)) is not None:
                 ends.append(end)
         return min(ends, key=lambda r: r.chi, default=None)
-
-    def _put_in(self, scores: Sequence[Score], known: Collection[object]) -> list[Refit]:
-        """Compliances that nothing spoke for: nearly rigid, and softer if that gains."""
-        own = [s for s in scores if gives(s) and s.signature.hypothesis.effects not in known]
-
-        def one(score: Score) -> Refit | None:
-            starts = near(score, self.base.u)
-            stiffest = max(starts, key=lambda start: min(start.values.values()))
-            first = self._best_end(score, [[stiffest]], self.base.slopes)
-            if first is None or self.base.chi - first.chi < _WORTH_ALL:
-                return first
-            return self._from_each_start(score)
-
-        return [r for r in self.work.side_by_side(one, own) if r is not None]
-
-    def _from_each_start(self, score: Score) -> Refit | None:
-        each = ([start] for start in near(score, self.base.u))
-        return self._best_end(score, each, self.base.slopes)
 
     def _whole_laws(self, whole: Sequence[Score], simpler: Sequence[Refit]) -> list[Refit]:
         """Whole laws of friction; lugre begins where stribeck ended."""
@@ -209,20 +172,6 @@ class Shortlist:
         return found
 
 
-def gives(score: Score) -> bool:
-    """Whether it is a compliance and no more.
-
-    A score tells little of it: a refit without it has softened what lies in a row with it.
-    """
-    return _is_put_in(score) and len(score.signature.usual) == 1
-
-
-def _is_put_in(score: Score) -> bool:
-    """Whether a compliance is put in: it rings, and chi^2 has a valley for every period."""
-    own = score.signature
-    return not own.strength and any(path.endswith(".stiffness") for path in own.usual)
-
-
 def _best(trials: Sequence[Trial], count: int) -> list[Trial]:
     """The lowest of them, and those of the best scores."""
     surely = trials[: min(_SURELY, count)]
@@ -230,22 +179,9 @@ def _best(trials: Sequence[Trial], count: int) -> list[Trial]:
     return sorted([*surely, *others[: count - len(surely)]], key=lambda t: t.chi)
 
 
-def _starts(
-    fitter: Fitter, score: Score, base: Refit, nominal: Array, guesses: Guesses
-) -> Iterator[Start]:
-    c = fitter.evidence.confrontation
-    guess = guesses.start(c, base.u, score.label)
-    if guess is not None:
-        yield guess
+def _starts(score: Score, base: Refit, nominal: Array) -> Iterator[Start]:
     yield from near(score, base.u)
     yield from from_nominal(score, nominal)
-
-
-def _first(scores: Sequence[Score], guesses: Guesses, count: int) -> list[Score]:
-    """The best by score, and those that close the torque balance."""
-    known = {s.label: s for s in reversed(scores)}
-    listed = [known[label] for label in guesses.by_label if label in known]
-    return list({id(s): s for s in [*scores[:count], *listed]}.values())
 
 
 def _is_dry(h: Hypothesis) -> bool:

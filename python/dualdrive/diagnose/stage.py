@@ -99,7 +99,6 @@ class Stage:
         left: Sequence[Array],
         scales: Sequence[Scale],
         work: Work,
-        noise: Sequence[float] | None = None,
     ) -> None:
         """Set the stage.
 
@@ -109,10 +108,9 @@ class Stage:
             left: what it leaves there, per series (n,).
             scales: at least one.
             work: clock, threads and listener.
-            noise: what a probe must be heard above, RMS per series; what is left unless given.
 
         """
-        heard = noise or list(map(heard_above, confrontation.series, left))
+        heard = list(map(heard_above, confrontation.series, left))
         self.prober = Prober(confrontation, u, left, heard)
         self.scales, self.work = list(scales), work
 
