@@ -97,7 +97,7 @@ def equation_at_fault(
     core = core_of(machine).copy()
     known = {n: in_time(core, with_torques(core, t)) for n, t in named(traces).items()}
     process = processing or _usual(known)
-    held = alike_in_rows([hold(core, trace, name, process) for name, trace in known.items()])
+    held = alike_in_rows([hold(core, t, name, process, law=True) for name, t in known.items()])
     nominal = first_point(core, held)
     point = refitted(nominal, cautious, _STEPS)
     if _closes(point):

@@ -36,6 +36,9 @@ class Held:
     noisy:    the same with as much noise again as the sensors make
     keep:     samples at which no body stands still, shape (n,)
     encoders: angles of drives whose zero against the table's is not known
+    asked:    torque of the controller's law less the measured one, of each motor, shape (m, n);
+              none where the law is not asked, or not known
+    doubt:    what noise leaves of that, shape (m,)
     """
 
     record: str
@@ -61,8 +64,12 @@ def hold(
     record: str,
     processing: Processing,
     standstill: Standstill | None = None,
+    *,
+    law: bool = False,
 ) -> Held:
     """Filter a record once, as it is and with as much noise again as its sensors make.
+
+    law: whether the controller is asked for its torques, too, which simulates it twice
 
     Raises ValueError as :func:`dualdrive.identify.torque_balance` does.
     """
@@ -72,10 +79,12 @@ def hold(
     limits = rest.limits(parts)
     noisy = list(pieces(shaken(core, trace, record, processing, rest), record, processing))
     apart = equations != ("total",) and "theta_m" in trace
-    asked, doubt = _asked(core, trace, record, parts, noisy, processing)
+    t = np.concatenate([p.t[processing.kept(len(p), p.step)] for p in parts])
+    known = _asked(core, trace, record, parts, noisy, processing) if law else None
+    asked, doubt = known or (np.zeros((0, len(t))), np.zeros(0))
     return Held(
         record,
-        np.concatenate([p.t[processing.kept(len(p), p.step)] for p in parts]),
+        t,
         _filtered(parts, processing),
         _filtered(noisy, processing),
         np.concatenate([_moving(p, equations, limits, processing, rest) for p in parts]),
@@ -129,19 +138,17 @@ def _asked(
     parts: Sequence[Piece],
     noisy: Sequence[Piece],
     processing: Processing,
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array] | None:
     """The controller's law against the torques, filtered alike, and what noise leaves of that."""
     torques = [f"T_{motor.rpartition('_')[2]}" for motor in core.motors]
-    count = sum(len(processing.kept(len(p), p.step)) for p in parts)
-    none = np.zeros((0, count)), np.zeros(0)
     record = commanded_record(core, trace, name) if len(parts) == 1 else None
     if record is None or not set(torques) <= set(trace):
-        return none
+        return None
     found = []
     for p in (parts[0], noisy[0]):
         law = asked_torques(core, record, p)
         if law is None:
-            return none
+            return None
         measured = processing.low_pass(np.stack([p.samples[name] for name in torques]), p.step)
         found.append(processing.reduce(law - measured, p.step))
     size = np.std(
