@@ -25,7 +25,7 @@ def test_the_profile_is_the_likelihood_at_the_best_size_of_the_noise() -> None:
     """n log of the mean square, every series by its own size, n those that are independent."""
     n, sizes, alike = 400, (2.0, 0.1), (1.0, 8.0)
     every, t = np.ones(n, dtype=bool), 1e-3 * np.arange(n, dtype=np.float64)
-    series = [Series("r", k, "", "", t, t, 1.0, t, every, ~every) for k in ("e", "I_1")]
+    series = [Series("r", k, t, t, 1.0, t, every) for k in ("total", "1")]
     confrontation = SimpleNamespace(
         series=series, sigma=np.array([0.5, np.inf]), centre=np.zeros(2)
     )

@@ -63,9 +63,12 @@ def test_orders_that_were_looked_for_are_paid_for(
     monkeypatch: pytest.MonkeyPatch, low: bool
 ) -> None:
     """A spectrum of the angle is one where all turn alike, and two where each has its current."""
+    angle = np.linspace(0.0, 20.0, 50)  # rad of the motor
     seen: Any = SimpleNamespace(
         confrontation=SimpleNamespace(
-            core=Machine.load("heavy-table-550t").core, mode="closed_loop"
+            core=Machine.load("heavy-table-550t").core,
+            series=[None],
+            columns=lambda _: {"theta_1": angle, "theta_2": angle},
         )
     )
     orders = {"motor_1": 7, "motor_2": 9}
@@ -99,13 +102,12 @@ def test_a_number_that_a_refit_begins_from_is_free() -> None:
     assert f"{label}.frequency" in free.put_in(core)[1]
 
 
-def test_a_ripple_of_the_torque_needs_a_whole_period_in_a_balance() -> None:
+def test_a_ripple_of_the_torque_needs_a_whole_period() -> None:
     """Less is a factor of all torques, and as much off every inertia does the same."""
     angle = np.linspace(0.0, 2.0, 50)  # rad of the motor
     seen: Any = SimpleNamespace(
         confrontation=SimpleNamespace(
             core=Machine.load("heavy-table-550t").core,
-            mode="balance",
             series=[None],
             columns=lambda _: {"theta_1": angle, "theta_2": angle},
         )

@@ -33,7 +33,6 @@ class Verdict:
             criterion={"nothing": 0.0, "unbalance@table": -gain},
             scores=[None] * 100,
             twins={},
-            evidence=SimpleNamespace(confrontation=SimpleNamespace(mode="balance")),
         )
         left = {"base": np.array(before), "best": np.array(after)}
         self.patch.setattr(judging, "probabilities", lambda _: ([(best, 0.95)], 0.05))

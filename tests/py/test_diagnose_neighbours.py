@@ -120,24 +120,22 @@ def test_parts_of_one_drive_train_are_one_station(place: str, train: str) -> Non
 
 
 def test_what_stays_of_a_pair_is_not_put_in_again_in_stead_of_the_other() -> None:
-    """Saturation is confused with warm magnets, which are there: two of them can't sit together."""
+    """Friction along the turn is confused with a constant one, which is there."""
     core = core_of(ordered.drifted("bench", 0, 1.0).machine())
     grown = core.copy()
-    grown.add_effect("thermal_drift", "motors")
-    c: Any = SimpleNamespace(channels=[], one_clock=False, mode="closed_loop", core=core)
-    rows = SimpleNamespace(left=np.zeros(1))
-    scorer: Any = SimpleNamespace(rows=rows, rest=lambda columns: columns)
+    grown.add_effect("coulomb", "table")
+    c: Any = SimpleNamespace(channels=[], one_clock=False, core=core)
     seen = SimpleNamespace(confrontation=c)
-    pair = (("thermal_drift", "motors"), ("torque_constant_saturation", "motors"))
+    pair = (("coulomb", "table"), ("angle_dependent_friction", "table"))
     best: Any = SimpleNamespace(left=[], hypothesis=Hypothesis(pair), values=dict)
     found: Any = SimpleNamespace(evidence=seen, refits=[], best=best, twins={})
     stead = neighbours._Stead(best, 1)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(neighbours, "excess", lambda *_: np.ones(1))
-        several = neighbours._neighbours(found, stead, grown, scorer)
+        several = neighbours._neighbours(found, stead, grown, np.zeros(1))
     labels = {h.label for h in several}
-    assert "current_limit@motors" in labels
-    assert "thermal_drift@motors" not in labels
+    assert "unbalance@table" in labels
+    assert "coulomb@table" not in labels
 
 
 def test_a_mesh_does_at_both_of_its_wheels_what_it_does_once_per_tooth() -> None:

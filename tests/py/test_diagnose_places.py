@@ -40,7 +40,7 @@ class Told:
 
 def evidence(left: np.ndarray, **recorded: np.ndarray) -> Evidence:
     every = np.ones(N, dtype=bool)
-    own = Series("r", "I_1", "current", "A", T, left, 1.0, np.zeros(N), every, ~every)
+    own = Series("r", "total", T, left, 1.0, np.zeros(N), every)
     told: Any = Told([own], recorded)
     return Evidence(told, whitening.plain([own]), np.zeros(N, dtype=np.intp))
 
@@ -128,7 +128,7 @@ def test_an_interval_covers_though_the_noise_is_alike_longer_than_it_was_taken_f
     block = np.arange(N) * 12 // N
     for _ in range(draws):
         left = lfilter([1.0], [1.0, -0.9], generator.normal(size=N + 200))[200:]
-        own = Series("r", "I_1", "current", "A", T, left, 1.0, np.zeros(N), every, ~every)
+        own = Series("r", "total", T, left, 1.0, np.zeros(N), every)
         told: Any = Told([own], {})
         told.nominal, told.sigma, told.centre = [Number()], np.array([np.inf]), np.zeros(1)
         mean = float(np.mean(left))
@@ -151,9 +151,9 @@ def test_noise_that_three_series_share_is_counted_once(shared: float, factor: fl
         np.sqrt(shared) * one + np.sqrt(1.0 - shared) * generator.normal(size=N) for _ in range(3)
     ]
     lefts = [(x - np.mean(x)) / np.std(x) for x in lefts]
-    names = ("e", "x_1", "x_2")
+    names = ("total", "1", "2")
     own = [
-        Series("r", name, "", "rad", T, x, 1.0, np.zeros(N), every, ~every)
+        Series("r", name, T, x, 1.0, np.zeros(N), every)
         for name, x in zip(names, lefts, strict=True)
     ]
     told: Any = Told(own, {})

@@ -29,7 +29,6 @@ class Valley:
             low=np.full(1, -np.inf),
             high=np.full(1, np.inf),
             sizes=lambda: {"torque": 1.0, "speed": 1.0, "travel": 1.0},
-            part_sizes=lambda _: {},
             left=self.left,
         )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,9 +17,8 @@ rng = np.random.default_rng(7)
 
 
 def rows(n: int = 600, m: int = 4, sigma: float = 0.3) -> Rows:
-    blocks = np.repeat(np.arange(6), n // 6)
     own = rng.normal(size=(n, m))
-    return Rows(rng.normal(size=n), own, blocks, np.full(m, 0.2), np.full(m, sigma))
+    return Rows(rng.normal(size=n), own, np.full(m, 0.2), np.full(m, sigma))
 
 
 def test_a_gain_is_the_fall_of_the_penalised_sum_of_squares() -> None:
@@ -37,29 +38,11 @@ def test_a_gain_is_the_fall_of_the_penalised_sum_of_squares() -> None:
     assert found.gain == pytest.approx(expected, rel=1e-6)
 
 
-def test_a_block_is_foretold_by_the_others() -> None:
-    r = rows(sigma=np.inf)
-    r = Rows(r.left, r.slopes, r.block, np.zeros(4), r.sigma)
-    column = rng.normal(size=(600, 1))
-    found = Scorer(r)(column)
-
-    def outside(design: np.ndarray) -> float:
-        square = 0.0
-        for b in range(6):
-            inside = r.block == b
-            step, *_ = np.linalg.lstsq(design[~inside], -r.left[~inside], rcond=None)
-            square += float(np.sum((r.left[inside] + design[inside] @ step) ** 2))
-        return square
-
-    expected = outside(r.slopes) - outside(np.hstack([r.slopes, column]))
-    assert found.held_out == pytest.approx(expected, rel=1e-6, abs=1e-6)
-
-
 def test_what_a_drifted_number_does_is_no_effect() -> None:
     """A residual that a nominal number can make, within its prior, gains nothing for its twin."""
     r = rows(sigma=10.0)
     signature = r.slopes[:, :1]
-    made = Rows(5.0 * signature[:, 0], r.slopes, r.block, np.zeros(4), r.sigma)
+    made = Rows(5.0 * signature[:, 0], r.slopes, np.zeros(4), r.sigma)
     assert Scorer(made)(signature.copy()).gain < 0.01 * float(made.left @ made.left)
 
 
@@ -73,7 +56,7 @@ def series(noise: np.ndarray, rate: np.ndarray, floor: float) -> Series:
     n = len(noise)
     t = 1e-3 * np.arange(n, dtype=np.float64)
     every = np.ones(n, dtype=bool)
-    return Series("r", "I_1", "current", "A", t, noise, floor, rate, every, ~every)
+    return Series("r", "total", t, noise, floor, rate, every)
 
 
 def test_coloured_noise_is_white_afterwards() -> None:
@@ -104,7 +87,7 @@ def test_a_pause_starts_a_new_stretch() -> None:
     s = series(noise, np.zeros(1000), 1.0)
     t = s.t.copy()
     t[500:] += 1.0
-    broken = Series(s.record, s.name, s.kind, s.unit, t, noise, 1.0, s.rate, s.keep, s.still)
+    broken = replace(s, t=t)
     [w] = whitening.fitted([broken], [noise])
     top = max(whitening.ORDERS)
     assert not w.keep[500 : 500 + top].any()

@@ -40,7 +40,7 @@ _ONE = {
 
 def tried_with(c: Confrontation, core: Any) -> list[Hypothesis]:
     """What a machine that meets these records may lack."""
-    return candidates(core, c.channels, balance=c.mode == "balance", one_clock=c.one_clock)
+    return candidates(core, c.channels, balance=True, one_clock=c.one_clock)
 
 
 def candidates(

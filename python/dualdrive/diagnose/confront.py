@@ -75,24 +75,21 @@ def _believed(nominal: Sequence[Unknown]) -> list[Unknown]:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """One channel, or one equation, of one record; arrays of shape (n,), SI.
+    """One equation of motion on one record; arrays of shape (n,), SI.
 
+    measured: torque, N*m
     floor: RMS that the sensors alone leave, an estimate from the record
-    rate:  how fast the measured signal changes: what a jittering clock multiplies
+    rate:  how fast the motion is: what a jittering clock multiplies
     keep:  samples that count
-    still: samples at which the machine is told to stand, shape (n,)
     """
 
     record: str
     name: str
-    kind: str
-    unit: str
     t: Array
     measured: Array
     floor: float
     rate: Array
     keep: Flags
-    still: Flags
 
     @property
     def spread(self) -> float:
@@ -111,7 +108,6 @@ class Confrontation(Protocol):
     start:   where a refit begins, shape (m,)
     """
 
-    mode: str
     core: Any
     nominal: list[Unknown]
     series: list[Series]
@@ -149,9 +145,6 @@ class Confrontation(Protocol):
 
     def columns(self, k: int) -> Mapping[str, Array]:
         """Recorded signals at the samples of series k, name -> (n,), SI."""
-
-    def part_sizes(self, effects: Sequence[tuple[str, str]]) -> dict[str, dict[str, float]]:
-        """Label -> path -> where limits and play that are off begin on these records."""
 
     def sizes(self) -> dict[str, float]:
         """Usual sizes at the table: ``torque`` N*m, ``speed`` rad/s, ``travel`` rad.

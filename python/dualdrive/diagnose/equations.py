@@ -48,8 +48,6 @@ class TorqueBalance:
     table's and a constant torque per equation that has a motor.
     """
 
-    mode = "balance"
-
     def __init__(
         self,
         core: Any,
@@ -194,10 +192,6 @@ class TorqueBalance:
         found: Mapping[str, Array] = self.held[k // len(self.equations)].samples
         return found
 
-    def part_sizes(self, effects: Sequence[tuple[str, str]]) -> dict[str, dict[str, float]]:
-        """Nothing: limits belong to a controller, which a balance does not know."""
-        return {}
-
     def sizes(self) -> dict[str, float]:
         """Spread of the torque carried to the table, N*m, of its speed, and its travel."""
         return sizes_of(self.core, self.held)
@@ -254,27 +248,14 @@ class TorqueBalance:
         found = []
         for k, held in enumerate(self.held):
             core = with_settings(self.core, self.settings[k])
-            noisy, _ = self._evaluate(core, held, held.noisy)
+            noisy = self._residual(core, held, held.noisy)
             plain, measured = self._evaluate(core, held, held.samples)
             zeros = {angle: zero for record, angle, zero in self.zeros if record == k}
             speed = np.abs(next(held.samples[r] for r, _ in ANGLES.values() if r in held.samples))
             for e, name in enumerate(self.equations):
                 keep = held.keep & calm(self.core, held, name, zeros)
                 floor = floor_of_noise(plain[e], noisy[e], keep)
-                found.append(
-                    Series(
-                        held.record,
-                        name,
-                        "equation",
-                        "N*m",
-                        held.t,
-                        measured[e],
-                        floor,
-                        speed,
-                        keep,
-                        np.zeros(len(held.t), dtype=bool),
-                    )
-                )
+                found.append(Series(held.record, name, held.t, measured[e], floor, speed, keep))
         # a record that shows neither motion nor noise is believed no better than the others allow
         least = _FAINTEST * max((s.spread for s in found), default=0.0)
         return [replace(s, floor=max(s.floor, least)) for s in found]

@@ -40,7 +40,7 @@ class Evidence:
         c = self.confrontation
         sigma = np.where(c.sigma > 0, c.sigma, np.inf)
         pull = np.where(np.isfinite(sigma), (c.centre - u) / sigma, 0.0)
-        return Rows(self.white(left), self.white(slopes), self.block, pull, sigma)
+        return Rows(self.white(left), self.white(slopes), pull, sigma)
 
     def chi(self, u: Array, left: Sequence[Array]) -> float:
         """chi^2 of the rows, and of the nuisances against their priors."""

@@ -14,7 +14,6 @@ from dualdrive.compare.equation import EquationAtFault
 from dualdrive.describe import unit_on
 from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.experiment import next_experiment
-from dualdrive.diagnose.floors import floor_of
 from dualdrive.diagnose.heldout import held_out, intervals
 from dualdrive.diagnose.judge import Judgement
 from dualdrive.diagnose.printed import Printed
@@ -219,8 +218,8 @@ def plan_next(
     refits = [known.get(k) or _twin(found, verdict, k, clock) for k in verdict.group[:RIVALS]]
     rivals = [(r.hypothesis.label, machine_of(machine, c, r)) for r in refits if r is not None]
     noise: dict[str, float] = {}
-    for s, r in zip(c.series, found.best.left, strict=True):
-        noise[s.name] = max(noise.get(s.name, 0.0), floor_of(s, r))
+    for s in c.series:
+        noise[s.name] = max(noise.get(s.name, 0.0), s.floor)
     try:
         return next_experiment(
             rivals,

@@ -143,7 +143,7 @@ class _Stead:
     def confronted(self, c: Confrontation) -> tuple[Confrontation, list[int]]:
         """The records beside the machine with what stays, and which of the best's numbers are."""
         kept = [j for j, p in enumerate(self.best.free) if not self._is_own(p.path)]
-        grown, _ = self.rest.put_in(c.core, c.sizes(), c.part_sizes(self.rest.effects))
+        grown, _ = self.rest.put_in(c.core, c.sizes())
         without = copy(c)
         without.core = with_values(grown, [self.best.free[j] for j in kept], self.best.v[kept])
         return without, kept

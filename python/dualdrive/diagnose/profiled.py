@@ -27,7 +27,7 @@ def sharpened(fitter: Fitter, refit: Refit) -> Refit:
     seen = fitter.evidence
     c = seen.confrontation
     best, least = refit, profile(seen, refit)
-    if c.mode == "balance" and len(refit.hypothesis.effects) < 2:
+    if len(refit.hypothesis.effects) < 2:
         best = _unbelieving(fitter, refit)
         least = profile(seen, best)
     for _ in range(_ROUNDS):

@@ -1,9 +1,8 @@
 """A hypothesis fitted: its effects' numbers and every nuisance together.
 
 A fit begins where the change of the machine was seen to lower chi^2 most (`Trial`), since the
-linear score foretells little once flanks change. The nuisances' slopes are the engine's own where
-that is cheap, else those of the machine without the effect; those of the effects are secants, so
-that every law can be fitted, limits and delays among them. See `descent.py`.
+linear score foretells little once flanks change. The slopes of the effects are secants, so that
+every law can be fitted, delays among them. See `descent.py`.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from dualdrive.estimation.unknowns import Unknown
 
 Array = NDArray[np.float64]
 
-_SIMULATED, _IN_A_BALANCE = 16, 60  # steps tried: a balance costs next to nothing
+_STEPS = 60  # that a descent tries
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +33,7 @@ class Start:
 
     Numbers that are not given begin at their usual size.
 
-    further: the same way as the start before, and only worth its time if that was the best so far:
-        a machine that sticks or hunts is slow to simulate
+    further: the same way as the start before, and only worth its time if that was the best so far
     """
 
     u: Array
@@ -104,24 +102,20 @@ class Refit:
 
 
 class Fitter:
-    """Fits hypotheses to one evidence; `stop` ends a fit between two simulations."""
+    """Fits hypotheses to one evidence; `stop` ends a fit between two steps."""
 
     def __init__(self, evidence: Evidence, stop: Callable[[], bool] = lambda: False) -> None:
         self.evidence, self.stop = evidence, stop
         self.sizes = evidence.confrontation.sizes()
 
-    def nominal(self, *starts: Array, renewals: int = 4) -> Refit | None:
-        """No effect at all: the nuisances at their best, from each of several starts."""
+    def nominal(self, u: Array) -> Refit | None:
+        """No effect at all: the nuisances at their best, from a start; None where it has none."""
         core, c = self.evidence.confrontation.core, self.evidence.confrontation
-        found = []
-        for u in starts:
-            left, slopes = c.left(core, u), c.slopes(core, u)
-            if left is not None and slopes is not None:
-                trial = Trial(
-                    Hypothesis(), core, [], u, np.zeros(0), left, self.evidence.chi(u, left)
-                )
-                found.append(self._fitted(trial, slopes, renewals=renewals))
-        return min(found, key=lambda r: r.chi, default=None)
+        left, slopes = c.left(core, u), c.slopes(core, u)
+        if left is None or slopes is None:
+            return None
+        chi = self.evidence.chi(u, left)
+        return self._fitted(Trial(Hypothesis(), core, [], u, np.zeros(0), left, chi), slopes)
 
     def tried(
         self,
@@ -130,7 +124,7 @@ class Fitter:
         enough: float = -math.inf,
         slopes: Sequence[Array] = (),
     ) -> Trial | None:
-        """The best of the starts; None where none can be simulated, or the time is up.
+        """The best of the starts; None where no balance shows it, or the time is up.
 
         enough: chi^2 below which no further start is tried
         slopes: of the nuisances, which then follow each start as far as these foretell
@@ -140,7 +134,7 @@ class Fitter:
 
         """
         c = self.evidence.confrontation
-        grown, paths = hypothesis.put_in(c.core, self.sizes, c.part_sizes(hypothesis.effects))
+        grown, paths = hypothesis.put_in(c.core, self.sizes)
         free = hypothesis.unknowns(grown, paths, self.sizes)
         best: Trial | None = None
         improved = True
@@ -172,18 +166,14 @@ class Fitter:
         gradient = rows.slopes.T @ rows.left - pull
         return u + bounded_step(gram, gradient, 0.0, c.low - u, c.high - u)
 
-    def __call__(self, trial: Trial, slopes: Sequence[Array], *, renewals: int = 1) -> Refit:
+    def __call__(self, trial: Trial, slopes: Sequence[Array]) -> Refit:
         """A trial followed down.
 
-        slopes: of the nuisances, near by: of the machine without the effect, say
-        renewals: how often slopes of its own may be computed, at a dozen simulations each
+        slopes: of the nuisances, near by, where it has none of its own
         """
         c = self.evidence.confrontation
-        if self._cheap(trial.grown):
-            slopes = c.slopes(with_values(trial.grown, trial.free, trial.v), trial.u) or slopes
-        elif self.is_late(trial.grown):  # its own would cost seconds
-            slopes = c.slopes(c.core, trial.u) or slopes
-        return self._fitted(trial, slopes, renewals=renewals)
+        own = c.slopes(with_values(trial.grown, trial.free, trial.v), trial.u)
+        return self._fitted(trial, own or slopes)
 
     def again(self, known: Refit, *, u: Array | None = None, fresh: bool = False) -> Refit:
         """A refit continued from where it stands, under this evidence.
@@ -202,15 +192,7 @@ class Fitter:
             columns = secants(c, known.grown, known.free, where, known.v, left) or columns
         chi = self.evidence.chi(where, left)
         trial = Trial(known.hypothesis, known.grown, known.free, where, known.v, left, chi)
-        return self._fitted(trial, slopes, columns, renewals=2 if fresh else 0)
-
-    def _cheap(self, grown: Any) -> bool:
-        """Whether the engine's own slopes cost little: every law affine and none late."""
-        if self.evidence.confrontation.mode == "balance":
-            return True
-        kinds = [_core.effect_type(e["effect"]) for e in grown.effects if not e["formula"]]
-        plain = all(k.affine for k in kinds) and not self.is_late(grown)
-        return plain and len(kinds) == len(grown.effects)
+        return self._fitted(trial, slopes, columns)
 
     def is_late(self, grown: Any) -> bool:
         """Whether any signal comes late: such a machine is slow to differentiate."""
@@ -218,28 +200,20 @@ class Fitter:
         return any("delay" in _core.effect_type(name).acts_on for name in named)
 
     def _fitted(
-        self,
-        trial: Trial,
-        slopes: Sequence[Array],
-        columns: Sequence[Array] | None = None,
-        *,
-        renewals: int,
+        self, trial: Trial, slopes: Sequence[Array], columns: Sequence[Array] | None = None
     ) -> Refit:
         t = trial
         if columns is None:
             columns = secants(self.evidence.confrontation, t.grown, t.free, t.u, t.v, t.left)
         raw = (t.hypothesis, t.grown, t.free)
         if columns is None:
-            note = "its slopes can not be simulated"
+            note = "its slopes are not known"
             nothing = [np.zeros((len(x), len(t.v))) for x in t.left]
             return Refit(*raw, t.u, t.v, t.left, slopes, nothing, t.chi, False, note)
         m = len(t.u)
         jacobian = [np.concatenate(both, axis=1) for both in zip(slopes, columns, strict=True)]
-        problem = _OneHypothesis(self, t, renewals)
         begin = Point(np.concatenate([t.u, t.v]), t.left, jacobian, t.chi)
-        balance = self.evidence.confrontation.mode == "balance"
-        most = _IN_A_BALANCE if balance else _SIMULATED
-        end, whole = descend(problem, begin, most, self.stop)
+        end, whole = descend(_OneHypothesis(self, t), begin, _STEPS, self.stop)
         return Refit(
             *raw,
             end.x[:m],
@@ -256,12 +230,11 @@ class Fitter:
 class _OneHypothesis:
     """A hypothesis as a descent sees it (`descent.Problem`)."""
 
-    def __init__(self, fitter: Fitter, trial: Trial, renewals: int) -> None:
+    def __init__(self, fitter: Fitter, trial: Trial) -> None:
         self.evidence, self._fitter, self._trial = fitter.evidence, fitter, trial
         c = self.evidence.confrontation
         self.low = np.concatenate([c.low, [p.bounds[0] for p in trial.free]])
         self.high = np.concatenate([c.high, [p.bounds[1] for p in trial.free]])
-        self._left = math.inf if c.mode == "balance" else renewals
         self._known: Array | None = None  # where slopes were computed last
 
     def left(self, x: Array) -> list[Array] | None:
@@ -269,9 +242,9 @@ class _OneHypothesis:
 
     def renewed(self, point: Point) -> list[Array] | None:
         same = self._known is not None and np.array_equal(point.x, self._known)
-        if self._left <= 0 or same or self._fitter.stop():
+        if same or self._fitter.stop():
             return None
-        self._left, self._known = self._left - 1, point.x
+        self._known = point.x
         u, v = point.x[: self._count], point.x[self._count :]
         c, slopes = self.evidence.confrontation, None
         if not self._fitter.is_late(self._trial.grown):

@@ -6,7 +6,7 @@ noise; each better hypothesis leaves less, and the rest is judged again under th
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -44,7 +44,7 @@ def settle(found: Survey, work: Work) -> Survey:
         left = ordered[0].left
         series = seen.confrontation.series
         # colour is read off noise; what a wrong model leaves is weighed by its size alone
-        noise = excess(_now(found, seen, every, criterion), left).max() < _NOISE
+        noise = excess(found, left).max() < _NOISE
         now = evidence(
             seen.confrontation, (whitening.fitted if noise else whitening.sized)(series, left)
         )
@@ -59,8 +59,7 @@ def settle(found: Survey, work: Work) -> Survey:
         ]
         best = int(np.argmin([r.chi for r in again]))
         if number == 0:
-            so_far = _now(found, now, every, criterion)
-            if excess(so_far, again[best].left).max() > ENOUGH:
+            if excess(found, again[best].left).max() > ENOUGH:
                 again[best] = _polished(fitter, again[best], found.nominal.u)
             if best > 0:  # a name must gain over the machine at its very best, its numbers too
                 known = again[0].chi
@@ -97,14 +96,6 @@ def _once(refits: Sequence[Refit]) -> list[Refit]:
         if known is None or r.chi < known.chi:
             best[key_of(r)] = r
     return list(best.values())
-
-
-def _now(
-    found: Survey, seen: Evidence, every: Sequence[Refit], criterion: Mapping[str, float]
-) -> Survey:
-    """The survey as it stands between two rounds."""
-    base, *refits = every
-    return replace(found, evidence=seen, base=base, refits=refits, criterion=criterion)
 
 
 def _polished(fitter: Fitter, best: Refit, *others: Array) -> Refit:

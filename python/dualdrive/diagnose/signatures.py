@@ -20,7 +20,6 @@ Array = NDArray[np.float64]
 #: RMS change, in units of noise, that a probe may make in its most touched series, and must
 _LOUD, _FAINT = 10.0, 0.005
 _WISHED = 0.5
-_FAINTER = (0.1, 0.01)
 _RESIZED = 3  # times at most: far too strong a probe does not tell by how much
 _DELAY = 4.0  # times the shortest delay that a fit tries: of a probe
 _ALONG = (0.15, 0.5, 0.85)  # of the travel: where a local fault is tried
@@ -33,8 +32,7 @@ class Signature:
     """How a hypothesis would show: change of every series per probe, (n, k) each.
 
     settings: of the probes, made to be seen; usual: of the first, at its usual size
-    strength: path of the effect's first strength, by which a probe grows; empty where it has
-        none, or shows at once as a whole: limits, compliance, play
+    strength: path of the effect's first strength, by which a probe grows
     """
 
     hypothesis: Hypothesis
@@ -55,27 +53,19 @@ class Prober:
         self.sizes = confrontation.sizes()
 
     def __call__(self, hypothesis: Hypothesis) -> Signature | None:
-        """None where the core can't simulate it."""
-        c = self.confrontation
-        parts = c.part_sizes(hypothesis.effects)
-        grown, paths = hypothesis.put_in(c.core, self.sizes, parts)
+        """None where no balance shows it."""
+        grown, paths = hypothesis.put_in(self.confrontation.core, self.sizes)
         free = hypothesis.unknowns(grown, paths, self.sizes)
-        if not free:
-            return None  # nothing of it can be fitted
-        settings = probes(grown, free, self._travel(hypothesis))
-        usual = settings[0]
         strengths = {p.path: (p.low, p.high) for p in free if is_strength(grown, p.path)}
+        if not strengths:
+            return None  # nothing of it can be fitted
+        settings = _scaled(probes(grown, free, self._travel(hypothesis)), 1.0, strengths)
+        usual = settings[0]
         late = any("delay" in _core.effect_type(e).acts_on for e, _ in hypothesis.effects)
-        first = None
-        for fainter in (1.0, *_FAINTER):  # a loop may not stand it at its usual size
-            tried = _scaled(settings, fainter, strengths)
-            first = self._change(grown, tried[0])
-            if first is not None or not strengths:
-                break
+        first = self._change(grown, settings[0])
         if first is None:
             return None
-        settings = tried
-        for _ in range(_RESIZED if strengths else 0):
+        for _ in range(_RESIZED):
             factor = self._factor(first)
             if late:  # a short delay is a slow simulation
                 least = _DELAY * self.sizes.get("delay", 0.0)
@@ -89,10 +79,8 @@ class Prober:
             first = other
         changes = [first, *(self._change(grown, one) for one in settings[1:])]
         kept = [(s, c) for s, c in zip(settings, changes, strict=True) if c is not None]
-        if not kept or first is None:
-            return None
         columns = [np.stack(parts, axis=1) for parts in zip(*(c for _, c in kept), strict=True)]
-        strength = next((path for path in usual if path in strengths), "")
+        strength = next(path for path in usual if path in strengths)
         return Signature(hypothesis, grown, [s for s, _ in kept], usual, strength, columns)
 
     def _travel(self, hypothesis: Hypothesis) -> list[float]:

@@ -49,9 +49,8 @@ class Scale:
         return self.scorer.rest(self.scorer.rows.left[:, None])[:, 0]
 
     def gain(self, signature: Signature) -> Gain:
-        """What a signature gains; one without a strength at its full size."""
-        score = self.scorer if signature.strength else self.scorer.whole
-        return score(self.evidence.white(signature.columns))
+        """What a signature gains."""
+        return self.scorer(self.evidence.white(signature.columns))
 
 
 def scale_of(seen: Evidence, refit: Refit, over: float = 1.0) -> Scale:
@@ -130,10 +129,7 @@ class Stage:
         if signature is None:
             return None
         gains = [x.gain(signature) for x in self.scales]
-        scaled = [
-            replace(g, gain=g.gain / x.over, held_out=g.held_out / x.over)
-            for g, x in zip(gains, self.scales, strict=True)
-        ]
+        scaled = [replace(g, gain=g.gain / x.over) for g, x in zip(gains, self.scales, strict=True)]
         return Score(signature, max(scaled, key=lambda g: g.gain), gains[0].gain)
 
 
@@ -182,10 +178,10 @@ def is_seen(evidence: Evidence, effect: str, place: str, order: float) -> bool:
     """Whether the records tell an order of a place's angle from none at all.
 
     Less than a whole period of a ripple that is carried by the torque is a factor of all torques:
-    in a balance as much off every inertia and friction does the same.
+    as much off every inertia and friction does the same.
     """
     c = evidence.confrontation
-    if CARRIERS.get(effect) != "torque" or c.mode != "balance":
+    if CARRIERS.get(effect) != "torque":
         return True
     reach = [own for part in members_of(c.core, place) if (own := travel_of(c, part)) is not None]
     return any(order * (last - first) >= 2.0 * math.pi for first, last in reach)

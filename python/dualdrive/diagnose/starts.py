@@ -1,4 +1,4 @@
-"""Where a refit may begin: what a score foretells, the probes themselves, the torque balance."""
+"""Where a refit may begin: what a score foretells, and usual sizes."""
 
 from __future__ import annotations
 
@@ -25,15 +25,11 @@ _SOFTER = (1.0, 0.1, 0.01)  # times the usual stiffness of bristles
 def near(score: Score, u: Array) -> Iterator[Start]:
     """Along the way the score foretells, the nuisances moving with the effect; at other sizes.
 
-    A score is linear. Where a machine hunts or sticks it foretells the direction, not how far to
-    go: a refit that begins at a usual size may still see the valley which that start overlooks.
+    A score is linear. Where flanks change or a drive sticks it foretells the direction, not how far
+    to go: a refit that begins at a usual size may still see the valley which that start overlooks.
     """
     foretold, first = expected(score), score.signature.strength
     yield Start(u + score.gain.moved, foretold)
-    if not first:
-        others = [values for values in score.signature.settings if values != foretold]
-        yield from (Start(u, values) for values in others)
-        return
     bristles = f"{score.label}.stiffness" in foretold
     for size in _sizes(score, foretold[first]):
         for one in _softer(score, {**foretold, first: size}):
@@ -93,8 +89,6 @@ def expected(score: Score) -> Setting:
     """The effect's numbers as the strengths of its probes tell."""
     settings, strengths = score.signature.settings, score.gain.strengths
     grown = score.signature.grown
-    if not score.signature.strength:
-        return dict(settings[int(np.argmax(strengths))])
     base = dict(settings[0])
     found, amplitude = dict(base), float(strengths[0])
     whole = amplitude

@@ -60,7 +60,7 @@ def key_of(refit: Refit | Trial) -> str:
 
 def excess(found: Survey, left: Sequence[Array]) -> Array:
     """Residual over noise floor of every series, RMS, shape (series,)."""
-    return ratios(found.evidence.confrontation.series, left, found.best.left)
+    return ratios(found.evidence.confrontation.series, left)
 
 
 def explained_share(before: Array, after: Array) -> float:
@@ -77,11 +77,10 @@ def explained_share(before: Array, after: Array) -> float:
 def explained_by(found: Survey, r: Refit) -> float:
     """Share of what could be explained that a refit explains, 0 .. 1.
 
-    In a torque balance the equations share their numbers: weighed by its own noise a machine that
-    lacks something may close the drives' at the cost of the table's. So it is held against the one
-    weighed like the refit, too, and the larger share counts.
+    The equations share their numbers: weighed by its own noise a machine that lacks something may
+    close the drives' at the cost of the table's. So it is held against the one weighed like the
+    refit, too, and the larger share counts.
     """
-    balance = found.evidence.confrontation.mode == "balance"
-    without = [found.plain, found.base] if balance else [found.plain]
     after = excess(found, r.left)
+    without = (found.plain, found.base)
     return max(explained_share(excess(found, own.left), after) for own in without)

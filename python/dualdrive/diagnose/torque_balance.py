@@ -137,7 +137,7 @@ def _told(
     )
     return Diagnosis(
         machine=core_of(machine).name,
-        mode=c.mode,
+        mode="balance",
         records=tuple(printed.traces),
         verdict=verdict.verdict,
         candidates=candidates,
