@@ -17,6 +17,7 @@ from dualdrive.compare.orders import Order, ripples
 from dualdrive.compare.time_skew import Skew
 from dualdrive.compare.where import Condition
 from dualdrive.describe import linear_words
+from dualdrive.plain import plain
 from dualdrive.units import human
 
 Array = NDArray[np.float64]
@@ -237,7 +238,7 @@ class Comparison:
     def figures(self) -> dict[str, Any]:
         """The same as plain JSON values; ``None`` where a number is not finite."""
         error = self.error
-        plain = {
+        own = {
             "machine": self.machine,
             "mode": self.mode,
             "records": list(self.records),
@@ -257,7 +258,7 @@ class Comparison:
             "skews": [dict(vars(s)) for s in self.skews],
             "notes": list(self.notes),
         }
-        return dict(_plain(plain))
+        return dict(plain(own))
 
     def to_csv(self) -> str:
         """Measured and simulated channels over time as CSV text, one row per sample."""
@@ -299,11 +300,3 @@ def _over_kinds(channels: Sequence[ChannelError], which: str) -> float:
     kinds = dict.fromkeys(c.kind for c in channels)
     sizes = [np.mean([getattr(c, which) for c in channels if c.kind == kind]) for kind in kinds]
     return float(np.mean(sizes)) if sizes else math.nan
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(inner) for key, inner in value.items()}
-    if isinstance(value, list):
-        return [_plain(inner) for inner in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.identify.evaluation import Evaluation
+from dualdrive.plain import plain
 
 Array = NDArray[np.float64]
 
@@ -157,7 +158,7 @@ class Fit:
 
     def figures(self) -> dict[str, Any]:
         """The same as plain JSON values; ``None`` where a number is not finite."""
-        plain = {
+        own = {
             "status": self.status,
             "message": self.message,
             "error": self.error,
@@ -175,7 +176,7 @@ class Fit:
             "simulations": self.simulations,
             "failures": list(self.failures),
         }
-        return dict(_finite(plain))
+        return dict(plain(own))
 
     def to_json(self) -> str:
         """:meth:`figures` as JSON text."""
@@ -188,11 +189,3 @@ def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
         "  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True)).rstrip()
         for row in rows
     ]
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(inner) for key, inner in value.items()}
-    if isinstance(value, list):
-        return [_finite(inner) for inner in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dualdrive.display import Displayed
 from dualdrive.identify.contact import Episode
+from dualdrive.plain import plain
 
 Array = NDArray[np.float64]
 
@@ -99,8 +100,8 @@ class PlayEstimate(Displayed, picture="play"):
 
     def figures(self) -> dict[str, Any]:
         """Plain JSON values, rad and s; ``None`` for no upper limit."""
-        own = {
-            name: None if value is None else {k: _finite(v) for k, v in asdict(value).items()}
+        intervals = {
+            name: None if value is None else asdict(value)
             for name, value in (
                 ("full", self.full),
                 ("half_gap", self.half_gap),
@@ -109,10 +110,10 @@ class PlayEstimate(Displayed, picture="play"):
                 ("compliance", self.compliance),
             )
         }
-        return {
+        own = {
             "drive": self.drive,
             "status": self.status,
-            **own,
+            **intervals,
             "zero": self.zero,
             "torque": self.torque,
             "episodes": len(self.episodes),
@@ -120,6 +121,7 @@ class PlayEstimate(Displayed, picture="play"):
             "scatter": self.scatter,
             "note": self.note,
         }
+        return dict(plain(own))
 
     def to_json(self) -> str:
         """:meth:`figures` as JSON text."""
@@ -132,7 +134,3 @@ def _plain(interval: Interval) -> str:
 
 def _degrees(interval: Interval) -> str:
     return _plain(Interval(*np.degrees([interval.value, interval.low, interval.high]).tolist()))
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dualdrive.identify.model import BalanceModel, CoreModel
 from dualdrive.identify.trail import Offset
+from dualdrive.plain import plain
 
 Array = NDArray[np.float64]
 
@@ -161,27 +162,28 @@ class BalanceFit:
 
     def figures(self) -> dict[str, Any]:
         """The same as plain JSON values; ``None`` where a number is not finite."""
-        return {
-            "parameters": {path: _plain(vars(e)) for path, e in self.parameters.items()},
-            "offsets": {f"{e.path}": _plain(vars(e)) for e in self.offsets.values()},
+        own = {
+            "parameters": {path: vars(e) for path, e in self.parameters.items()},
+            "offsets": {f"{e.path}": vars(e) for e in self.offsets.values()},
             "error": {
-                "nominal": _finite(_average(self.nominal_errors, "relative")),
-                "refitted": _finite(self.error),
+                "nominal": _average(self.nominal_errors, "relative"),
+                "refitted": self.error,
             },
             "force_error": {
-                "nominal": _finite(_average(self.nominal_errors, "force")),
-                "refitted": _finite(self.force_error),
+                "nominal": _average(self.nominal_errors, "force"),
+                "refitted": self.force_error,
             },
-            "errors": {name: _plain(vars(e)) for name, e in self.errors.items()},
+            "errors": {name: vars(e) for name, e in self.errors.items()},
             "samples": {name: vars(s) for name, s in self.samples.items()},
             "standstill": self.treatment,
             "effective_samples": self.effective,
-            "condition": _finite(self.condition),
+            "condition": self.condition,
             "processing": self.processing,
             "confidence": self.confidence,
             "warnings": list(self.warnings),
             "notes": list(self.notes),
         }
+        return dict(plain(own))
 
     def to_json(self) -> str:
         """:meth:`figures` as JSON text."""
@@ -191,11 +193,3 @@ class BalanceFit:
 def _average(errors: dict[str, Error], which: str) -> float:
     found = [getattr(e, which) for e in errors.values() if math.isfinite(getattr(e, which))]
     return float(np.mean(found)) if found else math.nan
-
-
-def _finite(value: Any) -> Any:
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _plain(values: dict[str, Any]) -> dict[str, Any]:
-    return {key: _finite(value) for key, value in values.items()}
