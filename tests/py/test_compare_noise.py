@@ -83,7 +83,7 @@ def test_two_short_standstills_tell_the_colour_of_noise() -> None:
 
 def test_standing_waits_for_the_machine_to_settle() -> None:
     reference = np.where(T < 10.0, T, 10.0)
-    still = standing(T, reference, settle=0.5)
+    still = standing(T, reference)
     assert not still[T < 10.4].any()
     assert still[T > 10.6].all()
 

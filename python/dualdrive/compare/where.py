@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 _FEWEST = 0.01  # a condition met for less of the time says nothing
+_SETTLE = 0.5  # s after the command has stopped: then a machine stands
 #: chance of naming any condition at all where none is worse than the others
 LEVEL = 0.01
 
@@ -107,12 +108,12 @@ def _counted(s: Situation) -> Situation:
     return Situation(s.record, s.t[rows], s.square[rows], s.speed[rows], flanks, load)
 
 
-def standing(t: Array, reference: Array, settle: float = 0.5) -> Flags:
-    """Samples at which the command has not moved for `settle` seconds, shape (n,)."""
+def standing(t: Array, reference: Array) -> Flags:
+    """Samples at which the command has not moved for half a second, shape (n,)."""
     moves = t[1:][np.diff(reference) != 0.0]
     if not len(moves):
         return np.ones(len(t), dtype=bool)
     last = np.searchsorted(moves, t, side="right") - 1
     since = np.where(last >= 0, t - moves[np.maximum(last, 0)], t - t[0])
-    still: Flags = since > settle
+    still: Flags = since > _SETTLE
     return still
