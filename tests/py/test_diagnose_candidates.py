@@ -6,9 +6,7 @@ from typing import Any
 
 from dualdrive import Machine
 from dualdrive.diagnose.candidates import candidates, members, possible
-from dualdrive.diagnose.confront import nominal_unknowns
 from dualdrive.diagnose.hypotheses import Hypothesis
-from dualdrive.estimation.unknowns import default_free
 
 LATE = "transport_delay@controller"
 
@@ -32,16 +30,6 @@ def test_a_lag_that_the_machine_file_sets_is_a_setting_and_no_cause() -> None:
     core = Machine.load("bench").core.copy()
     core.set("controller.delta_t", 2e-3)
     assert [dict(h.fixed) for h in late(core)] == [{f"{LATE}.delta_t": 2e-3}]
-
-
-def test_a_delay_that_there_is_none_of_is_no_number_of_the_machine() -> None:
-    """The next step would begin with 5 ms of it, and find no way back to none."""
-    machine = Machine.load("bench")
-    machine.add("transport_delay", "controller", delta_c="2 ms")
-    paths = default_free(machine.core)
-    assert {f"{LATE}.delta_c", f"{LATE}.delta_t"} <= set(paths)
-    own = [p.path for p in nominal_unknowns(machine.core, paths, None) if LATE in p.path]
-    assert own == [f"{LATE}.delta_c"]
 
 
 def test_what_a_machine_has_already_is_not_tried_there_again() -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from dualdrive import _core
-from dualdrive.diagnose.confront import Confrontation
+from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.identify.readings import TAKEN_BACK
 
@@ -38,7 +38,7 @@ _ONE = {
 }
 
 
-def tried_with(c: Confrontation, core: Any) -> list[Hypothesis]:
+def tried_with(c: TorqueBalance, core: Any) -> list[Hypothesis]:
     """What a machine that meets these records may lack."""
     return candidates(core, c.channels, balance=True, one_clock=c.one_clock)
 

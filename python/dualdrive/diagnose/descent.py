@@ -1,8 +1,8 @@
-"""Levenberg-Marquardt on whitened rows, with few simulations.
+"""Levenberg-Marquardt on whitened rows, with few evaluations.
 
-A simulation costs tens of milliseconds, its sensitivities a dozen times that. Slopes are therefore
-kept from step to step and mended by every simulation made on the way (Broyden's update), and
-computed afresh only where a step gains much less than they foretell.
+Slopes cost a dozen evaluations. They are therefore kept from step to step and mended by every one
+made on the way (Broyden's update), and computed afresh only where a step gains much less than they
+foretell.
 """
 
 from __future__ import annotations
@@ -48,21 +48,21 @@ class Problem(Protocol):
     high: Array
 
     def left(self, x: Array) -> list[Array] | None:
-        """What is left at x; None where it can't be simulated."""
+        """What is left at x; None where no balance shows it."""
 
     def renewed(self, point: Point) -> list[Array] | None:
         """Better derivatives at a point; None where there are none, or none worth their time."""
 
 
 def descend(
-    problem: Problem, begin: Point, simulations: int, stop: Callable[[], bool]
+    problem: Problem, begin: Point, steps: int, stop: Callable[[], bool]
 ) -> tuple[Point, bool]:
     """The lowest point reached, and whether the descent ended by itself (not by `stop`).
 
-    simulations: how many steps are tried at most
+    steps: how many are tried at most
     """
     at, damping, rejected = begin, _FIRST_DAMPING, 0
-    for _ in range(simulations):
+    for _ in range(steps):
         if stop():
             return at, False
         step, foretold = _step(problem, at, damping)

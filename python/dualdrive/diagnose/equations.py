@@ -39,13 +39,16 @@ _TOO_FEW = 40  # samples that count, of the best equation
 
 
 class TorqueBalance:
-    """See :class:`~dualdrive.diagnose.confront.Confrontation`.
-
-    apart: whether the drives' own equations stand beside the sum; not where an encoder is late,
-        which a stiffness turns into torque
+    """A machine confronted with records: what it leaves, and how that moves with what is not known.
 
     Nuisances: nominal numbers, then per record the zero of every drive's encoder against the
     table's and a constant torque per equation that has a motor.
+
+    core:    the core's machine, its nominal numbers as they stand
+    nominal: the machine's numbers that are refitted under every hypothesis
+    series:  every equation on every record
+    start:   where a refit begins, shape (m,)
+    centre, sigma: of the prior of all nuisances, shape (m,); low, high: their bounds
     """
 
     def __init__(
@@ -59,6 +62,19 @@ class TorqueBalance:
         apart: bool = True,
         tolerance: Tolerance = None,
     ) -> None:
+        """Draw up the balance.
+
+        Args:
+            core: the core's machine.
+            traces: name -> trace.
+            settings: of each trace.
+            processing: filters.
+            standstill: what is done near standstill.
+            apart: whether the drives' own equations stand beside the sum; not where an encoder is
+                late, which a stiffness turns into torque.
+            tolerance: of the nominal numbers.
+
+        """
         self.core, self.tolerance = core, tolerance
         self.settings = [dict((settings or {}).get(name, {})) for name in traces]
         whole = {name: with_torques(core, trace) for name, trace in traces.items()}
@@ -116,7 +132,11 @@ class TorqueBalance:
     # --- what the confrontation offers --------------------------------------------------------
 
     def left(self, core: Any, u: Array) -> list[Array] | None:
-        """Every equation on the recorded motion, constants included."""
+        """What `core`, its nominal numbers moved to u, leaves of every series, (n,) each.
+
+        `core` may carry effects that the machine of this balance lacks; None where no balance shows
+        one of them.
+        """
         own = self.machine_at(core, u)
         found: list[Array] = []
         try:
@@ -131,7 +151,7 @@ class TorqueBalance:
         return found
 
     def slopes(self, core: Any, u: Array) -> list[Array] | None:
-        """By differences: an evaluation costs a millisecond."""
+        """Derivative of the same by the nuisances, (n, m) each: by differences of a millisecond."""
         here = self.left(core, u)
         if here is None:
             return None

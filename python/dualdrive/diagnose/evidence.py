@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.diagnose.confront import Confrontation
+from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.score import Rows
 from dualdrive.diagnose.whitening import Whitener, count_as_one
 
@@ -22,7 +22,7 @@ _SHORTEST = 40  # samples of a block
 class Evidence:
     """A confrontation under one description of its noise."""
 
-    confrontation: Confrontation
+    confrontation: TorqueBalance
     whiteners: Sequence[Whitener]
     block: NDArray[np.intp]
 
@@ -56,7 +56,7 @@ class Evidence:
         return int(sum(w.keep.sum() / w.alike for w in self.whiteners))
 
 
-def evidence(confrontation: Confrontation, whiteners: Sequence[Whitener]) -> Evidence:
+def evidence(confrontation: TorqueBalance, whiteners: Sequence[Whitener]) -> Evidence:
     """Rows in blocks: stretches of time of each record, the same for all of its series."""
     series = confrontation.series
     lengths = {s.record: len(s.t) for s in series}
@@ -90,7 +90,7 @@ def effective(rows: Array, evidence: Evidence) -> float:
 def alike(seen: Evidence, left: Sequence[Array]) -> list[tuple[int, int, float]]:
     """(j, k, correlation of the white rows) of all series j and k of one record, both ways round.
 
-    They share noise: the table's encoder is in the following error and in every deflection.
+    They share noise: an encoder is in the sum at the table and in the equation of its drive.
 
     left: what a hypothesis leaves, per series (n,)
     """

@@ -12,7 +12,7 @@ from dualdrive import _core
 from dualdrive.compare import Comparison, equation_at_fault
 from dualdrive.compare.equation import EquationAtFault
 from dualdrive.describe import unit_on
-from dualdrive.diagnose.confront import Confrontation
+from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.experiment import next_experiment
 from dualdrive.diagnose.heldout import held_out, intervals
 from dualdrive.diagnose.judge import Judgement
@@ -32,7 +32,7 @@ RIVALS = 3  # names that the next experiment parts
 
 
 def candidate_of(
-    machine: Any, c: Confrontation, found: Survey, r: Refit, p: float, printed: Printed
+    machine: Any, c: TorqueBalance, found: Survey, r: Refit, p: float, printed: Printed
 ) -> Candidate:
     """A refit as a user reads it."""
     fitted = printed.error(machine_of(machine, c, r))
@@ -107,7 +107,7 @@ def groups_of(found: Survey, verdict: Judgement) -> list[tuple[str, ...]]:
     return groups
 
 
-def machine_of(machine: Any, c: Confrontation, r: Refit) -> Any:
+def machine_of(machine: Any, c: TorqueBalance, r: Refit) -> Any:
     """A copy of the machine with the refit's effects and numbers."""
     copy = machine.copy()
     core = core_of(copy)
@@ -123,7 +123,7 @@ def machine_of(machine: Any, c: Confrontation, r: Refit) -> Any:
 
 
 def errors_of(
-    c: Confrontation, found: Survey, best: Refit, before: Comparison, after: Comparison | None
+    c: TorqueBalance, found: Survey, best: Refit, before: Comparison, after: Comparison | None
 ) -> dict[str, float]:
     """Headline errors: refitted, best, held out, and what the sensors alone leave.
 
@@ -138,7 +138,7 @@ def errors_of(
     }
 
 
-def errors_of_the_refitted(c: Confrontation, found: Survey, refitted: float) -> dict[str, float]:
+def errors_of_the_refitted(c: TorqueBalance, found: Survey, refitted: float) -> dict[str, float]:
     """The same where a search was stopped: the best is the refitted machine, and no floor known."""
     held_out = refitted * _foretold(c, found, found.plain)
     return {
@@ -150,13 +150,13 @@ def errors_of_the_refitted(c: Confrontation, found: Survey, refitted: float) -> 
     }
 
 
-def _foretold(c: Confrontation, found: Survey, r: Refit) -> float:
+def _foretold(c: TorqueBalance, found: Survey, r: Refit) -> float:
     """Error on stretches that a refit did not see, over that on those it saw."""
     seen = c.headline(r.left)
     return c.headline(held_out(found.evidence, r)) / seen if seen > 0.0 else float("nan")
 
 
-def moved_numbers(c: Confrontation, known: Mapping[str, Interval]) -> list[str]:
+def moved_numbers(c: TorqueBalance, known: Mapping[str, Interval]) -> list[str]:
     """Nominal numbers that the records put elsewhere, beyond doubt."""
     found = []
     for p in c.nominal:
@@ -207,7 +207,7 @@ def equation_of(effect: str, place: str) -> str:
 
 def plan_next(
     machine: Any,
-    c: Confrontation,
+    c: TorqueBalance,
     found: Survey,
     verdict: Judgement,
     clock: Clock,

@@ -1,8 +1,8 @@
 """How well a refit foretells what it was not fitted to, and how well its numbers are known.
 
 Every block of time is foretold by the refit of all the others: one step of the linearised problem,
-which is what a refit would do. What belongs to a record (constants of its sensors, how the machine
-stood when it began) is no part of the machine and keeps its value from the whole record.
+which is what a refit would do. What belongs to a record (zeros of its encoders, constant torques)
+is no part of the machine and keeps its value from the whole record.
 """
 
 from __future__ import annotations

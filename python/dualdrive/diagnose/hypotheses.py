@@ -22,7 +22,7 @@ _SHAPES = ("phase", "asymmetry", "centre", "spacing", "start")
 _ASYMMETRY = 0.3  # probe of a number without a usual size of its own
 #: a limit shows in what was recorded; one that is hardly reached lies just above most of it
 _LIMITS, _ABOUT = ("T_max", "U_max"), (0.96, 1.01, 1.03)
-_PUT_IN, _OTHERWISE = ("stiffness", "gap"), (0.3, 3.0, 10.0)  # a part's: where it begins, times
+_PUT_IN = ("stiffness", "gap")  # a part's
 _RIGID = 1e3  # times that: stiffer is as good as rigid
 _PRESLIDING = 1e-4  # rad at the table
 
@@ -88,10 +88,9 @@ class Hypothesis:
     ) -> tuple[Any, list[str]]:
         """A copy of the core's machine with the effects at zero, and the paths that are free.
 
-        sizes: usual sizes on the records at hand (`Confrontation.sizes`), which speeds and bristle
-            stiffnesses of an effect begin from
+        sizes: usual sizes on the records at hand, which speeds and bristle stiffnesses of an effect
+            begin from
         parts: label -> path -> where limits and play that are off begin
-            (`Confrontation.part_sizes`)
 
         Raises:
             ValueError: the machine has no such part, or carries the effect already.
@@ -231,8 +230,6 @@ def _moved(p: Unknown, value: float, travel: Sequence[float]) -> list[float]:
         return [float(x) for x in travel]
     if name in _LIMITS:
         return [factor * value for factor in _ABOUT]
-    if name in _PUT_IN:
-        return [factor * value for factor in _OTHERWISE]
     step = 0.5 * value
     if p.unit == "rad" and name.endswith("phase"):
         step = 0.5 * math.pi

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.diagnose.candidates import akin, group_of, members, station, tried_with
-from dualdrive.diagnose.confront import Confrontation
+from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.hypotheses import Hypothesis, Setting, distinct
 from dualdrive.diagnose.orders import HIGHEST
 from dualdrive.diagnose.pairs import together
@@ -140,7 +140,7 @@ class _Stead:
         h = self.best.hypothesis
         return h.only([k for k in range(len(h.effects)) if k != self.number])
 
-    def confronted(self, c: Confrontation) -> tuple[Confrontation, list[int]]:
+    def confronted(self, c: TorqueBalance) -> tuple[TorqueBalance, list[int]]:
         """The records beside the machine with what stays, and which of the best's numbers are."""
         kept = [j for j, p in enumerate(self.best.free) if not self._is_own(p.path)]
         grown, _ = self.rest.put_in(c.core, c.sizes())

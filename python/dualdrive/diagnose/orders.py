@@ -1,8 +1,8 @@
 """Which order an angle-locked effect has: the one whose harmonics the residual carries.
 
-A loop changes amplitude and phase of a disturbance, not its order, so harmonics of the angle are
-fitted to what is left of every series, order by order. A ripple that grows with the current, or a
-friction that turns with the speed, is a harmonic carried by that signal.
+Harmonics of the angle are fitted to what is left of every series, order by order. A ripple that
+grows with the current, or a friction that turns with the speed, is a harmonic carried by that
+signal.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.candidates import parts_of
-from dualdrive.diagnose.confront import Confrontation
+from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.evidence import Evidence
 from dualdrive.replay import core_of, ratio_to_table
 
@@ -110,7 +110,7 @@ def angle_of(core: Any, columns: Mapping[str, Array], place: str) -> Array | Non
     return None
 
 
-def travel_of(c: Confrontation, place: str) -> tuple[float, float] | None:
+def travel_of(c: TorqueBalance, place: str) -> tuple[float, float] | None:
     """Lowest and highest angle of a place over all records, rad; None where none is recorded."""
     angles = [angle_of(c.core, c.columns(k), place) for k in range(len(c.series))]
     known = [a for a in angles if a is not None]

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive import _core
 from dualdrive.diagnose.descent import Point, bounded_step, descend
 from dualdrive.diagnose.evidence import Evidence
 from dualdrive.diagnose.hypotheses import Hypothesis, is_strength
@@ -186,18 +185,12 @@ class Fitter:
         if left is None:
             return known
         slopes, columns = known.slopes, known.columns
-        fresh = fresh and not self.stop() and not self.is_late(known.grown)
-        if fresh:
+        if fresh and not self.stop():
             slopes = c.slopes(known.machine, where) or known.slopes
             columns = secants(c, known.grown, known.free, where, known.v, left) or columns
         chi = self.evidence.chi(where, left)
         trial = Trial(known.hypothesis, known.grown, known.free, where, known.v, left, chi)
         return self._fitted(trial, slopes, columns)
-
-    def is_late(self, grown: Any) -> bool:
-        """Whether any signal comes late: such a machine is slow to differentiate."""
-        named = [e["effect"] for e in grown.effects if not e["formula"]]
-        return any("delay" in _core.effect_type(name).acts_on for name in named)
 
     def _fitted(
         self, trial: Trial, slopes: Sequence[Array], columns: Sequence[Array] | None = None
@@ -246,9 +239,8 @@ class _OneHypothesis:
             return None
         self._known = point.x
         u, v = point.x[: self._count], point.x[self._count :]
-        c, slopes = self.evidence.confrontation, None
-        if not self._fitter.is_late(self._trial.grown):
-            slopes = c.slopes(self._machine(point.x), u)
+        c = self.evidence.confrontation
+        slopes = c.slopes(self._machine(point.x), u)
         columns = secants(c, self._trial.grown, self._trial.free, u, v, point.left)
         if columns is None:
             return None

@@ -1,8 +1,8 @@
 """Scores without refitting: what a signature explains once all nuisances had their say.
 
-Everything here is linear algebra on whitened rows. Nuisances (nominal numbers, constants of
-sensors, initial states) are projected out within their priors, so that a drifted inertia cannot
-pose as an effect.
+Everything here is linear algebra on whitened rows. Nuisances (nominal numbers, zeros of encoders,
+constant torques) are projected out within their priors, so that a drifted inertia cannot pose as an
+effect.
 """
 
 from __future__ import annotations

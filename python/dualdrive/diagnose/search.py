@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dualdrive.diagnose import whitening
 from dualdrive.diagnose.candidates import members, tried_with
-from dualdrive.diagnose.confront import Confrontation
+from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.evidence import Evidence, effective, evidence
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.loads import sought, stands_out
@@ -41,7 +41,7 @@ _TAKEN_APART = 6  # best groups of which the single parts are tried
 _FURTHER = 10.0  # of the profile likelihood: another valley of the numbers, no polish
 
 
-def search(c: Confrontation, work: Work) -> Survey:
+def search(c: TorqueBalance, work: Work) -> Survey:
     """Try every hypothesis.
 
     Raises:
@@ -59,12 +59,12 @@ def search(c: Confrontation, work: Work) -> Survey:
     if not clock.stop():
         every += sought(seen, base)
     scorer = Scorer(seen.rows(base.u, base.left, base.slopes))
-    scores, untried = _scored(c, seen, base, scorer, every, not clear, work)
+    scores = _scored(c, seen, base, scorer, every, not clear, work)
     single, twins = without_twins(seen, scorer, scores)
     most = max((s.gain.gain for s in single), default=0.0)
     least = -math.inf if clear else max(WORTH_A_REFIT, _RIVAL * most)
     worth = [s for s in single if s.gain.gain > least or stands_out(s)]
-    found = replace(plain, scores=scores, untried=untried, twins=twins, refitted=base)
+    found = replace(plain, scores=scores, twins=twins, refitted=base)
 
     def listed(now: Survey) -> Shortlist:
         fitter = Fitter(now.evidence, clock.stop)
@@ -145,14 +145,14 @@ def _explains(plain: Survey, refit: Refit) -> bool:
 
 
 def _scored(
-    c: Confrontation,
+    c: TorqueBalance,
     seen: Evidence,
     base: Refit,
     scorer: Scorer,
     every: Sequence[Hypothesis],
     faint: bool,
     work: Work,
-) -> tuple[list[Score], list[str]]:
+) -> list[Score]:
     """Scores under what is left as white noise and as coloured noise, the larger counting.
 
     Groups come first, and the single parts of those that gain something.
@@ -192,7 +192,7 @@ def _scored(
     untried = sorted({h.label for h in every} - known)
     if clock.stop() and untried:
         clock.leave_out(f"not tried: {', '.join(untried)}")
-    return sorted(scores, key=lambda s: -s.gain.gain), untried
+    return sorted(scores, key=lambda s: -s.gain.gain)
 
 
 def _may_rub(h: Hypothesis, rubbing: Collection[str], every: Sequence[Hypothesis]) -> bool:
@@ -201,7 +201,7 @@ def _may_rub(h: Hypothesis, rubbing: Collection[str], every: Sequence[Hypothesis
     return place in rubbing or not any(o.effects[-1] == ("coulomb", place) for o in every)
 
 
-def _refitted(c: Confrontation, u: Array, clock: Clock) -> tuple[Evidence, Refit]:
+def _refitted(c: TorqueBalance, u: Array, clock: Clock) -> tuple[Evidence, Refit]:
     """Nominal numbers refitted under the noise that they leave, in rounds."""
     left = c.left(c.core, u)
     lopsided = [j for j, p in enumerate(c.nominal) if p.path.endswith(".asymmetry")]
@@ -223,7 +223,7 @@ def _refitted(c: Confrontation, u: Array, clock: Clock) -> tuple[Evidence, Refit
     raise FitError(f"{c.core.name}: the machine can not be simulated on these records")
 
 
-def records_alone(c: Confrontation, clock: Clock | None = None) -> Refit:
+def records_alone(c: TorqueBalance, clock: Clock | None = None) -> Refit:
     """What belongs to the records fitted, the machine's numbers held: an error as `compare` has it.
 
     Raises:
@@ -238,7 +238,7 @@ def records_alone(c: Confrontation, clock: Clock | None = None) -> Refit:
     return found
 
 
-def _held(c: Confrontation, numbers: Sequence[int]) -> Confrontation:
+def _held(c: TorqueBalance, numbers: Sequence[int]) -> TorqueBalance:
     """The same with some nuisances believed to be what they are."""
     held = copy(c)
     held.sigma = c.sigma.copy()

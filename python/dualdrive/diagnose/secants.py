@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.diagnose.confront import Confrontation
+from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.estimation.unknowns import Unknown
 
 Array = NDArray[np.float64]
@@ -26,14 +26,14 @@ def with_values(grown: Any, free: Sequence[Unknown], v: Array) -> Any:
 
 
 def secants(
-    c: Confrontation,
+    c: TorqueBalance,
     grown: Any,
     free: Sequence[Unknown],
     u: Array,
     v: Array,
     left: Sequence[Array],
 ) -> list[Array] | None:
-    """Change of every series per effects' number, (n, k) each; None where one can't be simulated.
+    """Change of every series per effects' number, (n, k) each; None where no balance shows one.
 
     left: what is left at u and v, per series (n,)
     """

@@ -27,10 +27,9 @@ Array = NDArray[np.float64]
 
 BINS = 24
 _COARSE = 5  # bins at least: with fewer no curve is told from a line
-_BY_CHANCE = (
-    0.1  # of any noise, what a curve may explain that is judged; of the demo half and twice
-)
-#: as much say the same
+#: of any noise, what a curve may explain that is judged; of the demo half and twice as much say the
+#: same
+_BY_CHANCE = 0.1
 _FEWEST = 6  # samples of a bin
 _Z = 1.96
 

@@ -54,8 +54,8 @@ class Shortlist:
         return _best([t for t in tried if t is not None], count)
 
     def leader(self, trials: Sequence[Trial]) -> list[Refit]:
-        """The first of them refitted, but for late signals, which are slow to simulate."""
-        return self._refitted([t for t in trials[:1] if not self.fitter.is_late(t.grown)])
+        """The first of them refitted."""
+        return self._refitted(trials[:1])
 
     def far_ahead(self, leader: Refit, trials: Sequence[Trial]) -> bool:
         """Whether a refit gains far more than any other law does where it was tried.
@@ -78,23 +78,18 @@ class Shortlist:
     ) -> tuple[list[Refit], list[str]]:
         """What was tried, refitted, and the whole laws of friction that contain it.
 
-        Late signals, slow to simulate, come last unless they lead.
-
         begun: single effects that were refitted already
 
         Returns:
             all refits, and labels of what the time limit left out.
 
         """
-        slow = [t for t in (trials if begun else trials[1:]) if self.fitter.is_late(t.grown)]
-        found = [*begun, *self._refitted([t for t in trials if t not in slow])]
-        found.sort(key=lambda r: r.chi)
+        found = sorted([*begun, *self._refitted(trials)], key=lambda r: r.chi)
         rubbing = [h.effects[-1][1] for h in (r.hypothesis for r in found) if _is_dry(h)]
         known = {r.hypothesis.label for r in begun}
         whole = [s for s in _whole(scores, rubbing) if s.label not in known]
         wanted = [key_of(t) for t in trials] + [s.label for s in whole]
         found += self._whole_laws(whole, found)
-        found += self._refitted(slow)
         return found, sorted(set(wanted) - {key_of(r) for r in found})
 
     def others(

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
-from dualdrive.diagnose.confront import Confrontation
+from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.hypotheses import Hypothesis, Setting, is_strength, probes
 from dualdrive.diagnose.orders import travel_of
 
@@ -21,7 +21,6 @@ Array = NDArray[np.float64]
 _LOUD, _FAINT = 10.0, 0.005
 _WISHED = 0.5
 _RESIZED = 3  # times at most: far too strong a probe does not tell by how much
-_DELAY = 4.0  # times the shortest delay that a fit tries: of a probe
 _ALONG = (0.15, 0.5, 0.85)  # of the travel: where a local fault is tried
 #: laws of friction and the simpler ones they contain, best first
 CONTAINS = {"stribeck": ("coulomb",), "lugre": ("stribeck", "coulomb")}
@@ -47,7 +46,7 @@ class Prober:
     """Finds signatures about one machine, its nuisances at u."""
 
     def __init__(
-        self, confrontation: Confrontation, u: Array, left: Sequence[Array], noise: Sequence[float]
+        self, confrontation: TorqueBalance, u: Array, left: Sequence[Array], noise: Sequence[float]
     ) -> None:
         self.confrontation, self.u, self.left, self.noise = confrontation, u, left, noise
         self.sizes = confrontation.sizes()
@@ -67,9 +66,8 @@ class Prober:
             return None
         for _ in range(_RESIZED):
             factor = self._factor(first)
-            if late:  # a short delay is a slow simulation
-                least = _DELAY * self.sizes.get("delay", 0.0)
-                factor = min(max(factor, least / _longest(settings[0])), 1.0)
+            if late:  # what a long delay does is no multiple of what a short one does
+                factor = min(factor, 1.0)
             if factor == 1.0:
                 break
             settings = _scaled(settings, factor, strengths)
@@ -127,7 +125,3 @@ def _scaled(
         }
         for one in settings
     ]
-
-
-def _longest(setting: Setting) -> float:
-    return max(setting.values(), default=1.0) or 1.0

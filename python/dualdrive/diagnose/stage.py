@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
-from dualdrive.diagnose.confront import Confrontation
+from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.evidence import Evidence
 from dualdrive.diagnose.floors import heard_above
 from dualdrive.diagnose.hypotheses import Hypothesis, distinct
@@ -93,7 +93,7 @@ class Stage:
 
     def __init__(
         self,
-        confrontation: Confrontation,
+        confrontation: TorqueBalance,
         u: Array,
         left: Sequence[Array],
         scales: Sequence[Scale],

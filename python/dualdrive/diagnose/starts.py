@@ -50,7 +50,7 @@ def _sizes(score: Score, foretold: float) -> Iterator[float]:
     """Usual sizes of the first strength, where the score foretells another; none of a delay."""
     first = score.signature.strength
     declared = score.signature.grown.parameter(score.signature.grown.members(first)[0])
-    if declared.unit == "s":  # a long one is a slow simulation
+    if declared.unit == "s":  # filtered motion is smooth, and the score foretells how late it comes
         return
     for share in _SIZES:
         size = share * score.signature.usual[first]

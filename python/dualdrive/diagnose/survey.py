@@ -36,7 +36,6 @@ class Survey:
     criterion: Mapping[str, float]
     inflation: float
     scores: Sequence[Score]
-    untried: Sequence[str] = field(default_factory=tuple)
     twins: Mapping[str, Sequence[str]] = field(default_factory=dict)
     refitted: Refit | None = None
 

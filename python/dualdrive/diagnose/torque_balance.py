@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from dualdrive.diagnose.axis import candidate_on, numbers_on, shape_on
-from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.decision import beside_the_data_sheet, objection
+from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.findings import (
     TOLD,
     candidate_of,
@@ -39,7 +39,7 @@ LIMITS = ("current_limit", "voltage_limit", "torque_constant_saturation")
 
 def diagnose_torque_balance(
     machine: Any,
-    c: Confrontation,
+    c: TorqueBalance,
     printed: Printed,
     warnings: Sequence[str],
     work: Work,
@@ -72,7 +72,7 @@ def diagnose_torque_balance(
 
 def _told(
     machine: Any,
-    c: Confrontation,
+    c: TorqueBalance,
     found: Survey,
     verdict: Judgement,
     printed: Printed,

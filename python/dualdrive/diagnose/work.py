@@ -36,7 +36,7 @@ class Clock:
         return time.monotonic() - self.begin
 
     def stop(self) -> bool:
-        """Whether no further simulation should begin."""
+        """Whether nothing further should begin."""
         return self.asked() or self.used > self.budget
 
     def allows(self, what: str) -> bool:
@@ -85,7 +85,7 @@ def misfit_left(chi: float, alone: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """A clock, how many threads simulate side by side, and who is told what is tried."""
+    """A clock, how many threads work side by side, and who is told what is tried."""
 
     clock: Clock
     threads: int = 1
@@ -98,7 +98,7 @@ class Work:
 
     @property
     def stop(self) -> Callable[[], bool]:
-        """Asked between two simulations."""
+        """Asked between two evaluations."""
         return self.clock.stop
 
     def side_by_side(self, work: Callable[[T], R], several: Sequence[T]) -> list[R]:
