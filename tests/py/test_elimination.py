@@ -51,6 +51,30 @@ def test_what_is_left_is_what_would_have_been_put_in_alone(out: tuple[str, str])
     assert {e["label"] for e in found.grown.effects} == {e["label"] for e in expected.grown.effects}
 
 
+def test_a_late_command_of_one_kind_is_not_taken_for_the_other() -> None:
+    """Of all drives, or of the slaves apart: two laws of one effect at one place."""
+    own = grey(0.4)
+    library = Library(own.core, own)
+    whole = beside(library, Variant(own.core), ("coulomb", "table"))
+    late = [
+        v
+        for v in library.variants(whole, blank(whole))
+        if v.effects[-1] == ("transport_delay", "controller")
+    ]
+    assert len({v.key for v in late}) == len(late) == 2
+    for v in late:
+        alone = library.without(v, ("coulomb", "table"))
+        assert alone is not None
+        assert alone.fixed == v.fixed
+        assert alone.extra[-1].path == v.extra[-1].path
+
+
+def test_a_worn_range_pays_for_every_spot_where_it_was_sought() -> None:
+    own = grey(0.4)
+    worn = beside(Library(own.core, own), Variant(own.core), ("wear", "table"))
+    assert worn.looks == 22.0
+
+
 def test_an_elimination_that_is_stopped_ends() -> None:
     """With nothing refitted any more there is nothing to compare the leader with."""
     own = grey(0.4).on(grey(0.4).records)
@@ -152,7 +176,7 @@ def test_an_effect_stands_at_one_member_where_the_others_have_none_of_it(
     base = estimator.likeliest(own, nothing, own.start(nothing), noise)
     assert base is not None
     every = library.variants(nothing, base.point)
-    both = next(v for v in every if v.key == "torque_ripple@motors (6)")
+    both = next(v for v in every if v.key == "torque_ripple@motors (order 6)")
     leader = estimator.likeliest(own, both, own.start(both), noise)
     assert leader is not None
     ranking = Ranking(own.samples, [base, leader])

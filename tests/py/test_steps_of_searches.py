@@ -9,7 +9,9 @@ import pytest
 
 from bench_record import grey_box
 from dualdrive import Machine
+from dualdrive.diagnose.decision.verdict import probabilities
 from dualdrive.diagnose.screening import Library
+from dualdrive.diagnose.selection import Fitted, Selection
 from dualdrive.diagnose.selection.parts import brings
 from dualdrive.diagnose.selection.refits import with_rivals
 from dualdrive.innovations import Point, Variant, carried, first_noise
@@ -89,6 +91,31 @@ def test_two_orders_of_a_law_are_compared_and_no_third() -> None:
     orders = [replace(law, fixed=dict.fromkeys(law.fixed, n)) for n in (24.0, 6.0, 12.0)]
     places = [(Point(v, base.theta, blank, 0.0, 0.0), noise) for v in orders]
     assert [p.variant.key for p, _ in with_rivals(places, 1)] == [v.key for v in orders[:2]]
+
+
+def test_a_law_is_as_probable_as_all_its_orders_together() -> None:
+    own = grey_box(Machine.load("bench"), bench({}), 500, seed=8)
+    nothing = Variant(own.core)
+    blank = tuple(np.zeros_like(r.measured) for r in own.records)
+    base = Point(nothing, own.start(nothing), blank, 0.0, 0.0)
+    noise = first_noise(own.core, own.records, 1e-3)
+    laws = Library(own.core, own).variants(nothing, base)
+    law = next(v for v in laws if v.label == "cogging@motors")
+    other = next(v for v in laws if v.label == "coulomb@table")
+    orders = [replace(law, fixed=dict.fromkeys(law.fixed, n)) for n in (24.0, 6.0)]
+    fits = [
+        Fitted(Point(v, base.theta, blank, 0.0, 0.0), noise, 1.0, criterion, [])
+        for v, criterion in zip([orders[0], other, orders[1], nothing], [0, 1, 2, 90], strict=True)
+    ]
+    found = Selection(own, fits[-1], fits, [], {}, finished=True, quiet=False)
+    ranked = probabilities(found)
+    weights = np.exp([0.0, -0.5, -1.0])
+    assert [f.variant.label for f, _ in ranked] == ["cogging@motors", "coulomb@table", "nothing"]
+    assert ranked[0][0] is fits[0]
+    shares = [p for _, p in ranked]
+    assert shares[:2] == pytest.approx(
+        [(1 + weights[2]) / weights.sum(), weights[1] / weights.sum()]
+    )
 
 
 def test_a_shaft_brings_damping_and_is_tried_where_damping_is_named() -> None:

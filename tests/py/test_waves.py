@@ -36,7 +36,7 @@ def record() -> tuple[GreyBox, Variant]:
     known = Library(grey.core, grey).variants(
         nothing, Point(nothing, grey.start(nothing), blank, 0.0, 0.0)
     )
-    return grey, next(v for v in known if v.key == f"{LAW} (24)")
+    return grey, next(v for v in known if v.key == f"{LAW} (order 24)")
 
 
 def told(law: Variant, amplitude: float, phase: float) -> dict[str, float]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.compare import compare
+from dualdrive.compare import Comparison, compare
 from dualdrive.compare.equation import EquationAtFault
 from dualdrive.diagnose.axis import candidate_on, numbers_on, shape_on
 from dualdrive.diagnose.decision import (
@@ -20,6 +20,7 @@ from dualdrive.diagnose.decision import (
     leaves_too_much,
     numbers_alone,
     objection,
+    removed,
     takes_too_little,
 )
 from dualdrive.diagnose.experiment import next_experiment
@@ -52,12 +53,19 @@ class Job:
     """What is asked of a diagnosis beside machine and records."""
 
     settings: Mapping[str, Mapping[str, float]]
+    reading: Mapping[str, Any]  # motion, interpolation and start, as `compare` takes them
     tolerance: float | Mapping[str, float] | None
     effort: str
     experiment: bool
     threads: int
     tell: Callable[[str], None]
     stop: Callable[[], bool]
+
+    def compared(self, machine: Any, traces: Mapping[str, Trace]) -> Comparison | None:
+        """A machine beside the records, read as they were for the search; None once stopped."""
+        if machine is None or self.stop():
+            return None
+        return compare(machine, traces, settings=self.settings, **self.reading)
 
 
 def diagnose_closed_loop(
@@ -167,7 +175,7 @@ def _told(
         warnings = [*warnings, f"no verdict but unknown can stand: {why}"]
         named, improved = False, None
     candidates = [
-        _candidate(grey, found, sure, f, p, errors[f.variant.key])
+        _candidate(grey, found, sure, f, p, errors[f.variant.key], error)
         for f, p in decision.ranked
         if f.variant.effects and f.variant.key in errors
     ]
@@ -194,10 +202,7 @@ def _told(
     if job.experiment and decision.verdict == "ambiguous" and not job.stop():
         job.tell("planning the next experiment")
         plan = _plan(machine, grey, found, decision, played, job)
-    before = after = None
-    if not job.settings and not job.stop():
-        before = compare(refitted, traces)
-        after = compare(improved, traces) if improved is not None else None
+    before, after = (job.compared(m, traces) for m in (refitted, improved))
     groups = [decision.group] if decision.group else []
     command = command_for(best, grey.core, numbers) if named else ""
     said = paragraph(
@@ -273,22 +278,25 @@ def added(core: Any, f: Fitted) -> list[tuple[str, str]]:
 
 
 def _candidate(
-    grey: GreyBox, found: Selection, sure: Uncertainty, f: Fitted, p: float, fitted: float
+    grey: GreyBox,
+    found: Selection,
+    sure: Uncertainty,
+    f: Fitted,
+    p: float,
+    fitted: float,
+    error: Mapping[str, float],
 ) -> Candidate:
     known = sure.intervals(f)
     nominal = {q.path for q in grey.nominal}
-    base, best = found.base.point, found.best
-    could = base.minus_two_log - best.point.minus_two_log
-    gain = (base.minus_two_log - f.point.minus_two_log) / best.inflation
-    explained = (base.minus_two_log - f.point.minus_two_log) / could if could > 0.0 else 0.0
+    gain = found.base.point.minus_two_log - f.point.minus_two_log
     return Candidate(
         f.variant.effects,
         p,
         {path: x for path, x in known.items() if path not in nominal},
         fitted,
         fitted * sure.cross_validated(f),
-        gain,
-        float(min(max(explained, 0.0), 1.0)),
+        gain / found.best.inflation,
+        removed(error["refitted"], fitted, error["noise_floor"]),
         True,
         _at_bound(f),
     )

@@ -138,17 +138,10 @@ def diagnose(
         recorded = {name: trace for name, (trace, _) in even.items()}
         if mode == "closed_loop":
             refuse_filters(processing, standstill)
-            played = records(
-                machine,
-                recorded,
-                motion=motion,
-                interpolation=interpolation,
-                start=start,
-                settings=own,
-            )
-            job = Job(
-                own, tolerance, effort, experiment, threads or os.cpu_count() or 1, tell, clock.stop
-            )
+            reading = {"motion": motion, "interpolation": interpolation, "start": start}
+            played = records(machine, recorded, settings=own, **reading)
+            cores = threads or os.cpu_count() or 1
+            job = Job(own, reading, tolerance, effort, experiment, cores, tell, clock.stop)
             looped = diagnose_closed_loop(machine, played, recorded, warnings, job)
             driven = all(_driven(core, trace) for trace in recorded.values())
             asked = chosen == "auto" and looped.verdict == "unknown" and driven

@@ -49,7 +49,8 @@ class Candidate:
     fitted:      headline error on the samples it was fitted to
     held_out:    headline error on samples it was not fitted to
     gain:        twice the log likelihood it gains over the refitted nominal machine
-    explained:   share it explains of what a free input could, 0 .. 1
+    explained:   share of the error beyond the sensors' noise that it removes, of a balance share of
+        what a free input could explain; 0 .. 1, NaN where nothing is left beyond it
     resolved:    false: not refitted, or the refit was cut; errors that were not computed are NaN
     """
 

@@ -95,7 +95,8 @@ def _evidence(candidates: Sequence[Candidate]) -> list[str]:
         if p.value != 0.0 or p.low < p.high  # what is held at nothing says nothing
     ]
     said = [f"Its numbers: {', '.join(numbers)}."] if numbers else []
-    said.append(f"It removes {100 * best.explained:.0f} % of the unexplained error.")
+    if math.isfinite(best.explained):
+        said.append(f"It removes {100 * best.explained:.0f} % of the unexplained error.")
     rivals = [c for c in others if c.resolved and c.probability > 0.01]
     if rivals:
         named = ", ".join(f"{c.label} ({c.probability:.2f})" for c in rivals[:_FEW])

@@ -129,11 +129,6 @@ THRESHOLDS = {
     ),
     "certain": Threshold(0.9, "probability from which one name is spoken alone"),
     "possible": Threshold(0.02, "probability from which a rival is counted to the group"),
-    "temper": Threshold(
-        1.0,
-        "power of the likelihood ratio in probabilities, beyond the inflation that already divides "
-        "it; smaller where innovations count themselves",
-    ),
 }
 
 

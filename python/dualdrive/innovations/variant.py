@@ -20,7 +20,7 @@ class Variant:
 
     grown:   the core's machine with the effects in it
     effects: (effect, place); a group where every member has numbers of its own
-    fixed:   parameter path -> value of what is counted
+    fixed:   parameter path -> value of what is counted, or held
     looks:   among how many values those were found
     """
 
@@ -37,10 +37,11 @@ class Variant:
 
     @property
     def key(self) -> str:
-        """What it holds, in whatever order: effects, and the numbers that are counted."""
-        counts = ", ".join(dict.fromkeys(f"{v:g}" for _, v in sorted(self.fixed.items())))
+        """What it holds, in whatever order: effects, and their numbers that are not free."""
+        known = (f"{path.rpartition('.')[2]} {v:g}" for path, v in sorted(self.fixed.items()))
+        numbers = ", ".join(dict.fromkeys(known))
         label = " + ".join(sorted(f"{e}@{p}" for e, p in self.effects)) or "nothing"
-        return f"{label} ({counts})" if counts else label
+        return f"{label} ({numbers})" if numbers else label
 
 
 @dataclass(frozen=True, eq=False)

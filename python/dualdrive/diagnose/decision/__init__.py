@@ -6,6 +6,7 @@ from dualdrive.diagnose.decision.sanity import (
     beside_the_data_sheet,
     leaves_too_much,
     objection,
+    removed,
     takes_too_little,
 )
 from dualdrive.diagnose.decision.verdict import Decision, decide, numbers_alone
@@ -21,5 +22,6 @@ __all__ = [
     "leaves_too_much",
     "numbers_alone",
     "objection",
+    "removed",
     "takes_too_little",
 ]

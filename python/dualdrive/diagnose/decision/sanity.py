@@ -53,19 +53,31 @@ def beside_the_data_sheet(verdict: Verdict, error: Mapping[str, float]) -> Verdi
     return "adequate" if moved else verdict
 
 
+def removed(refitted: float, fitted: float, floor: float) -> float:
+    """Share that a law takes away of what the refitted machine leaves beyond the sensors' noise.
+
+    0 .. 1; NaN where nothing is left beyond it, or a machine could not be simulated.
+    """
+    beyond, taken = refitted - floor, refitted - fitted
+    if not beyond > 0.0 or math.isnan(taken):
+        return math.nan
+    return min(max(taken / beyond, 0.0), 1.0)
+
+
 def takes_too_little(verdict: Verdict, error: Mapping[str, float]) -> str:
     """Why a law that is likelier is not what is missing from a simulated loop; empty where it is.
 
     error: as in :func:`objection`
     """
-    floor = error["noise_floor"]
-    beyond, taken = error["refitted"] - floor, error["refitted"] - error["best"]
-    if verdict not in ("effect", "ambiguous") or beyond <= threshold("beyond noise") * floor:
+    floor, refitted = error["noise_floor"], error["refitted"]
+    beyond = refitted - floor > threshold("beyond noise") * floor
+    taken = removed(refitted, error["best"], floor)
+    if verdict not in ("effect", "ambiguous") or not beyond or taken >= threshold("closed"):
         return ""
-    if taken >= threshold("closed") * beyond:
-        return ""
+    if math.isnan(taken):
+        return "the machine with the best candidate can't be simulated on these records"
     return (
-        f"the best candidate takes away {taken / beyond:.0%} of what the refitted machine leaves "
+        f"the best candidate takes away {taken:.0%} of what the refitted machine leaves "
         "beyond the sensors' noise"
     )
 

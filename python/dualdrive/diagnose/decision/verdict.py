@@ -45,7 +45,7 @@ class Decision:
 
 def decide(core: Any, grey: GreyBox, found: Selection, sure: Uncertainty) -> Decision:
     """Say no more than a search allows."""
-    ranked = _probabilities(found)
+    ranked = probabilities(found)
     best = found.best
     missing = missing_torque(core, grey, found.base)
     left = missing_torque(core, grey, best)
@@ -69,12 +69,18 @@ def numbers_alone(sure: Uncertainty, found: Selection, decision: Decision) -> De
     return Decision(verdict, [(found.base, 1.0), *others], (), decision.missing, decision.missing)
 
 
-def _probabilities(found: Selection) -> list[tuple[Fitted, float]]:
-    """Tempered weights of the criterion, one for each label."""
+def probabilities(found: Selection) -> list[tuple[Fitted, float]]:
+    """Weights of the criterion, one for each law, whatever its order: that of its best fit."""
     criteria = np.array([f.criterion for f in found.finals])
-    weights = np.exp(-0.5 * threshold("temper") * (criteria - criteria.min()))
+    weights = np.exp(-0.5 * (criteria - criteria.min()))
     weights /= weights.sum()
-    return [(f, float(w)) for f, w in zip(found.finals, weights, strict=True)]
+    best: dict[str, Fitted] = {}
+    shares: dict[str, float] = {}
+    for f, w in zip(found.finals, weights, strict=True):
+        label = f.variant.label
+        best.setdefault(label, f)
+        shares[label] = shares.get(label, 0.0) + float(w)
+    return [(f, shares[label]) for label, f in best.items()]
 
 
 def _of_numbers(sure: Uncertainty, f: Fitted) -> Verdict:

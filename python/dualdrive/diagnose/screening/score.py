@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.hypotheses import is_strength, probes
-from dualdrive.diagnose.screening.variants import brings_states
+from dualdrive.diagnose.screening.variants import brings_states, periods, spots
 from dualdrive.estimation.unknowns import Unknown
 from dualdrive.innovations import GreyBox, Point, Variant, coordinates, flat
 
@@ -29,7 +29,6 @@ _WITHIN = 0.3  # of a sample
 _BATCH = 16  # probes whose innovations are kept at a time
 _ROOT = math.sqrt(2.0)
 _SMALLEST = 0.1  # of its usual size: a strength that the score has smaller begins there
-_WIDTHS = (0.2, 0.06)  # of the period of a wheel: ranges that a local fault is tried over
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,8 +151,8 @@ def _probes(core: Any, free: Sequence[Unknown]) -> list[_Probe]:
     found = []
     for p in strengths:
         on = {**off, p.path: p.scale}
-        if spots := _spots(core, p.path.rpartition(".")[0], free):
-            return [_Probe({**on, **spot}, p.path, signed=False, instead=True) for spot in spots]
+        if begins := spots(core, p.path.rpartition(".")[0], free):
+            return [_Probe({**on, **spot}, p.path, signed=False, instead=True) for spot in begins]
         phase = phases.get(p.path.rpartition(".")[0])
         if phase is None:
             found.append(_Probe(on, p.path, signed=p.low < 0.0))
@@ -165,32 +164,12 @@ def _probes(core: Any, free: Sequence[Unknown]) -> list[_Probe]:
         found.append(_Probe(turned, p.path, phase.path, turned=True))
         label = phase.path.rpartition(".")[0]
         for path in (x.path for x in free if x.path == f"{label}.spacing"):
-            half = {path: math.pi / _periods(core, label)}
+            half = {path: math.pi / periods(core, label)}
             found.append(_Probe({**plain, **half}, p.path, phase.path, opposite=path))
             found.append(_Probe({**turned, **half}, p.path, phase.path, True, path))
     known = {p.path for p in strengths}
     shapes = [p for p in free if p.path not in known and not p.path.endswith(".phase")]
     return found + [_Probe(s) for s in probes(core, [strengths[0], *shapes])[1:]]
-
-
-def _periods(core: Any, label: str) -> float:
-    """Of a law, per turn of its wheel."""
-    [own] = [e for e in core.effects if e["label"] == label]
-    counted = [name for name in ("order", "places") if name in own["parameters"]]
-    return float(core.get(f"{label}.{counted[0]}")) if counted else 1.0
-
-
-def _spots(core: Any, label: str, free: Sequence[Unknown]) -> list[dict[str, float]]:
-    """Where a local fault may sit and how far it may reach; empty for what is none."""
-    centre, width = f"{label}.centre", f"{label}.width"
-    if not {centre, width} <= {p.path for p in free}:
-        return []
-    period = 2.0 * math.pi / _periods(core, label)
-    return [
-        {centre: period * k * share, width: period * share}
-        for share in _WIDTHS
-        for k in range(round(1.0 / share))
-    ]
 
 
 def _scored(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -20,6 +20,7 @@ from dualdrive.replay import ratio_to_table
 
 _ORDERS = 2  # that an effect with an order is tried at, beside its usual one
 _DAMPING_RATIO = 0.05  # with which a part that is put in begins to ring
+_WIDTHS = (0.2, 0.06)  # of the period of a wheel: ranges that a local fault is tried over
 _DELAY = 5e-5  # s: a delay below that shows in no record
 
 
@@ -52,7 +53,11 @@ class Library:
         for own in variant.effects:
             if own == effect or found is None:
                 continue
-            known = (h for h in self.hypotheses if h.effects == (own,))
+            known = (
+                h
+                for h in self.hypotheses
+                if h.effects == (own,) and h.fixed.items() <= variant.fixed.items()
+            )
             found = self._beside(found, next(known, Hypothesis((own,))), self._order(variant, own))
         return found
 
@@ -109,6 +114,8 @@ class Library:
         except ValueError:
             return None  # the machine has no such part, or nothing of it was recorded
         looks = base.looks * (100.0 if order is not None else 1.0)
+        for e, p in own.effects:
+            looks *= max(1, len(spots(grown, f"{e}@{p}", extra)))
         return Variant(
             grown,
             (*base.extra, *extra),
@@ -116,6 +123,33 @@ class Library:
             {**base.fixed, **fixed},
             looks,
         )
+
+
+def spots(core: Any, label: str, free: Sequence[Unknown]) -> list[dict[str, float]]:
+    """Where a local fault may sit and how far it may reach; empty for what is none.
+
+    Args:
+        core: the core's machine.
+        label: of the effect.
+        free: its unknowns.
+
+    """
+    centre, width = f"{label}.centre", f"{label}.width"
+    if not {centre, width} <= {p.path for p in free}:
+        return []
+    period = 2.0 * math.pi / periods(core, label)
+    return [
+        {centre: period * k * share, width: period * share}
+        for share in _WIDTHS
+        for k in range(round(1.0 / share))
+    ]
+
+
+def periods(core: Any, label: str) -> float:
+    """Of a law, per turn of its wheel."""
+    [own] = [e for e in core.effects if e["label"] == label]
+    counted = [name for name in ("order", "places") if name in own["parameters"]]
+    return float(core.get(f"{label}.{counted[0]}")) if counted else 1.0
 
 
 def _losses(grown: Any, effect: str, place: str) -> list[Unknown]:
@@ -178,8 +212,3 @@ def _place(path: str, effect: str) -> str:
 
 def _declared(effect: str, name: str) -> Any:
     return next(p for p in _core.effect_type(effect).parameters if p.path == name)
-
-
-def labels(variants: Sequence[Variant]) -> Mapping[str, Variant]:
-    """Label -> variant."""
-    return {v.label: v for v in variants}
