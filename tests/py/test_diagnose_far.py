@@ -6,6 +6,7 @@ import math
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,11 +27,9 @@ def test_the_profile_is_the_likelihood_at_the_best_size_of_the_noise() -> None:
     n, sizes, alike = 400, (2.0, 0.1), (1.0, 8.0)
     every, t = np.ones(n, dtype=bool), 1e-3 * np.arange(n, dtype=np.float64)
     series = [Series("r", k, t, t, 1.0, t, every) for k in ("total", "1")]
-    confrontation = SimpleNamespace(
-        series=series, sigma=np.array([0.5, np.inf]), centre=np.zeros(2)
-    )
+    told: Any = SimpleNamespace(series=series, sigma=np.array([0.5, np.inf]), centre=np.zeros(2))
     whiteners = [whitening.Whitener(np.zeros(0), np.full(n, 3.0), every, own) for own in alike]
-    seen = Evidence(confrontation, whiteners, np.zeros(2 * n, dtype=int))
+    seen = Evidence(told, whiteners, np.zeros(2 * n, dtype=int))
     left = [size * np.where(t % 2e-3 < 1e-3, 1.0, -1.0) for size in sizes]
     refit = SimpleNamespace(u=np.array([1.0, 7.0]), left=left)
     expected = (1.0 / 0.5) ** 2
