@@ -10,6 +10,7 @@ import pytest
 from bench_record import grey_box
 from dualdrive import Machine
 from dualdrive.diagnose.screening import Library
+from dualdrive.diagnose.screening.orders import strongest_orders
 from dualdrive.innovations import (
     GreyBox,
     Point,
@@ -77,3 +78,17 @@ def test_a_fit_passes_through_none_of_it(far: float) -> None:
     numbers = values(law.extra, found.theta[grey.shared :])
     for path, x in numbers.items():
         assert x == pytest.approx(told(law, SIZE, PHASE)[path], rel=0.1), path
+
+
+def test_slow_torques_of_a_low_order_are_tried_though_no_innovation_shows_them() -> None:
+    """A filter follows them by torques of unknown course."""
+    law = "angle_dependent_friction@table"
+    own = {"torque": 0.3, "order": 3.0, "phase": 0.5}
+    grey = grey_box(Machine.load("bench"), bench({law: own}), 2000, 3)
+    nothing, noise = Variant(grey.core), first_noise(grey.core, grey.records, 0.1)
+    [found] = grey.likelihoods(nothing, [(grey.start(nothing), noise)])
+    assert found is not None
+    shown = strongest_orders(grey.core, grey.records, found[0], "table", law.partition("@")[0], 2)
+    assert 3 not in shown
+    tried = [v for v in Library(grey.core, grey).variants(nothing, found[0]) if v.label == law]
+    assert {f"{law}.order": 3.0} in [dict(v.fixed) for v in tried]

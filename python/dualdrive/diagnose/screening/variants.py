@@ -18,7 +18,10 @@ from dualdrive.identify.parts import sizes_of_part
 from dualdrive.innovations import GreyBox, Point, Variant
 from dualdrive.replay import ratio_to_table
 
-_ORDERS = 2  # that an effect with an order is tried at, beside its usual one
+_ORDERS = 2  # that an effect with an order is tried at, beside its usual one and the low ones
+#: orders that are tried whatever the innovations show: of torques that act slowly a filter leaves
+#: hardly anything to an order analysis
+_LOW = (1, 2, 3)
 _DAMPING_RATIO = 0.05  # with which a part that is put in begins to ring
 _WIDTHS = (0.2, 0.06)  # of the period of a wheel: ranges that a local fault is tried over
 _DELAY = 5e-5  # s: a delay below that shows in no record
@@ -86,8 +89,9 @@ class Library:
         if (effect, part) not in known:
             own = strongest_orders(self.core, self.grey.records, point, part, effect, _ORDERS)
             known[effect, part] = own
-        usual = float(_declared(effect, counted).standard)
-        return [float(n) for n in dict.fromkeys([*known[effect, part], usual])]
+        usual = int(_declared(effect, counted).standard)
+        low = _LOW if counted == "order" else ()
+        return [float(n) for n in dict.fromkeys([*known[effect, part], usual, *low])]
 
     def _beside(self, base: Variant, h: Hypothesis, order: float | None) -> Variant | None:
         [(effect, place)] = h.effects
