@@ -11,8 +11,8 @@ from dualdrive.diagnose.screening import Library
 from dualdrive.diagnose.selection.elimination import Elimination
 from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.diagnose.selection.fitted import EFFORTS, Fitted
+from dualdrive.diagnose.selection.forward import Forward, Means
 from dualdrive.diagnose.selection.ranking import Ranking
-from dualdrive.diagnose.selection.search import _Search
 from dualdrive.innovations import Point, Variant, first_noise, some
 from dualdrive.innovations.greybox import Counter
 from test_innovations import bench
@@ -87,44 +87,44 @@ def test_an_elimination_that_is_stopped_ends() -> None:
         return True
 
     own.counter = Counter(stop)
-    search = _Search(own.core, own, EFFORTS["quick"], lambda _: None)
+    search = Means(own.core, own, EFFORTS["quick"], lambda _: None)
     whole = Variant(own.core)
     for effect in CHAIN[:2]:
         whole = beside(search.library, whole, effect)
     noise = first_noise(own.core, own.records, 0.1)
     base, leader = (Fitted(blank(v), noise, 1.0, 0.0, []) for v in (Variant(own.core), whole))
-    search._compare_on(own, [base, leader])
-    assert search.backward.eliminated(leader, proven=1) is leader
+    on = Forward(search, own, [base, leader])
+    assert on.backward.eliminated(leader, proven=1) is leader
 
 
 @pytest.mark.long
 def test_what_came_last_is_taken_out_where_it_has_not_proved_itself() -> None:
     own = grey(0.4).on(grey(0.4).records)
-    search = _Search(own.core, own, EFFORTS["quick"], lambda _: None)
+    search = Means(own.core, own, EFFORTS["quick"], lambda _: None)
     estimator, noise = Estimator(own.core, own), first_noise(own.core, own.records, 0.1)
     pair = nothing = Variant(own.core)
     for effect in (("coulomb", "table"), ("torque_ripple", "motors")):
         pair = beside(search.library, pair, effect)
     fits = [estimator.likeliest(own, v, own.start(v), noise) for v in (nothing, pair)]
     base, leader = (f for f in fits if f is not None)
-    search._compare_on(own, [base, leader])
-    assert search.backward.eliminated(leader, proven=1) is leader
-    assert search.backward.eliminated(leader).variant.label == "coulomb@table"
+    on = Forward(search, own, [base, leader])
+    assert on.backward.eliminated(leader, proven=1) is leader
+    assert on.backward.eliminated(leader).variant.label == "coulomb@table"
 
 
 def test_a_single_law_is_told_against_the_numbers_alone_at_their_best() -> None:
     """Nothing is missing; the numbers alone had been left far from what they can do."""
     own = grey(0.0).on(grey(0.0).records)
-    search = _Search(own.core, own, EFFORTS["quick"], lambda _: None)
+    search = Means(own.core, own, EFFORTS["quick"], lambda _: None)
     friction = beside(search.library, Variant(own.core), ("coulomb", "table"))
     sheet = search.estimator.of_the_data_sheet(own)
     found = search.estimator.likeliest(own, friction, own.start(friction), search.estimator.wide)
     assert sheet is not None
     assert found is not None
-    search._compare_on(own, [sheet, found])
-    assert search.ranking.best is found
-    assert not search.backward.eliminated(found).variant.effects
-    assert not search.ranking.best.variant.effects
+    on = Forward(search, own, [sheet, found])
+    assert on.ranking.best is found
+    assert not on.backward.eliminated(found).variant.effects
+    assert not on.ranking.best.variant.effects
 
 
 def test_what_few_samples_need_is_not_refitted_without_it_on_all() -> None:
@@ -143,13 +143,13 @@ def test_what_few_samples_need_is_not_refitted_without_it_on_all() -> None:
 
 def test_scores_on_all_samples_are_of_laws_that_stretches_leave_a_hope() -> None:
     own = grey(0.4).on(grey(0.4).records)
-    search = _Search(own.core, own, EFFORTS["quick"], lambda _: None)
+    search = Means(own.core, own, EFFORTS["quick"], lambda _: None)
     point, noise, gains = likeliest(0.4)
     base = Fitted(point, noise, 1.0, 0.0, gains)
     found: list[dict[str, float]] = []
     for few in (None, some(own, point, gains, own.samples // 4)):
-        search._compare_on(own, [base], few)
-        scored = {s.variant.key: s.gain for s in search._scores(base)[0]}
+        on = Forward(search, own, [base], few)
+        scored = {s.variant.key: s.gain for s in on.scores_beside(base)[0]}
         found.append({key: gain for key, gain in scored.items() if np.isfinite(gain)})
     every, hopeful = found
     assert set(hopeful) < set(every)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -67,7 +66,7 @@ def fit(
     weight = np.r_[1.0 / grey.sigma, np.zeros(n - m)]
     centre = np.r_[grey.centre, np.zeros(n - m)]
     columns = list(shared_columns) if shared_columns is not None else None
-    history, chord = [now.chi2], columns is not None
+    chord = columns is not None
     for left in reversed(range(steps)):
         if grey.counter.stop():
             break
@@ -108,11 +107,10 @@ def fit(
         now, cost = best
         chord = as_foretold(objective - cost, g, H, d)
         columns = columns if chord else None
-        history.append(now.chi2)
         behind = now.chi2 + now.prior - left * gained > rival > -np.inf
         if objective - cost < _ENOUGH or behind:
             break
-    return replace(now, history=tuple(history))
+    return now
 
 
 def curvature(r: Array, there: Array, along: Array, share: float) -> Array:

@@ -59,7 +59,6 @@ class Point:
     log_det: float
     prior: float
     lost: bool = False
-    history: tuple[float, ...] = field(default=())
 
     @property
     def chi2(self) -> float:

@@ -28,10 +28,9 @@ def strongest_orders(
     place: str,
     effect: str,
     count: int,
-    highest: int = HIGHEST,
 ) -> list[int]:
     """Orders of a place's angle that the innovations carry most, best first."""
-    power = np.zeros(highest + 1)
+    power = np.zeros(HIGHEST + 1)
     for r, left in zip(records, point.residuals, strict=True):
         columns = {name: np.asarray(r.record.trace[name]) for name in r.record.trace}
         angle = angle_of(core, columns, place)
@@ -43,7 +42,7 @@ def strongest_orders(
         turn = np.exp(1j * angle)
         travel = float(np.ptp(angle))
         fastest = float(np.median(np.abs(np.diff(angle))))
-        for n in range(1, highest + 1):
+        for n in range(1, HIGHEST + 1):
             wave = wave * turn
             if n * travel < 2 * np.pi * _TURN or n * fastest > np.pi:
                 continue
