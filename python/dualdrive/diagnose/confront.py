@@ -83,6 +83,3 @@ class Series:
         """RMS of the measured values about their mean."""
         own = self.measured[self.keep]
         return float(np.std(own)) if len(own) else 0.0
-
-
-Confrontation = Any  # a torque balance, as `diagnosis.py` still names it

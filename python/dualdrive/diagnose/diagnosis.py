@@ -12,7 +12,6 @@ from threadpoolctl import threadpool_limits
 
 from dualdrive.compare import RecordWarning, check_records, evened
 from dualdrive.diagnose.closed_loop import Job, diagnose_closed_loop, with_time
-from dualdrive.diagnose.confront import Confrontation
 from dualdrive.diagnose.data_sheet import wrong_guesses
 from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.printed import Printed
@@ -76,7 +75,8 @@ def diagnose(
             is kept.
         tolerance: relative one-sigma tolerance of the nominal numbers, for all or by path; what
             `fit` takes unless given. A guess in the machine file wants a wide one.
-        effort: ``quick``, ``normal`` or ``thorough``: how many replays are worth it.
+        effort: ``quick``, ``normal`` or ``thorough``: how many replays are worth it. A torque
+            balance, which replays nothing, ignores it.
         budget: seconds after which the search is stopped; the answer is then `unfinished`. No
             search reads a clock unless it is given.
         threads: simulations side by side; as many as there are cores unless given.
@@ -169,7 +169,7 @@ def diagnose(
             said = f"{balanced.paragraph} Mind: {why}."
             told = replace(balanced, warnings=[*warnings, why], paragraph=said)
             return with_time(told, clock.used)
-        c: Confrontation = TorqueBalance(
+        c = TorqueBalance(
             core, recorded, own, processing, standstill, apart=not late, tolerance=tolerance
         )
         printed = Printed(recorded, own, processing, standstill)
