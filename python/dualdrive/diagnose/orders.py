@@ -21,7 +21,8 @@ from dualdrive.replay import core_of, ratio_to_table
 Array = NDArray[np.float64]
 
 HIGHEST = 100
-#: too few turns show these in no spectrum: offsets and gains of current sensors, runout, bearings
+#: too few turns show these in no spectrum (offsets and gains of current sensors, runout, bearings),
+#: and of torques that act slowly a filter leaves hardly anything to one
 LOW = (1.0, 2.0, 3.0, 4.0)
 _TURN = 0.5  # periods that a record must hold for an order to be seen at all
 STANDS_OUT = 25.0  # fall of chi^2 below which no order, and no spot, is named

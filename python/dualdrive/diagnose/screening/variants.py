@@ -12,6 +12,7 @@ import numpy as np
 from dualdrive import _core
 from dualdrive.diagnose.candidates import candidates, parts_of
 from dualdrive.diagnose.hypotheses import Hypothesis
+from dualdrive.diagnose.orders import LOW
 from dualdrive.diagnose.screening.orders import strongest_orders
 from dualdrive.estimation.unknowns import Unknown, unknowns
 from dualdrive.identify.parts import sizes_of_part
@@ -19,9 +20,6 @@ from dualdrive.innovations import GreyBox, Point, Variant
 from dualdrive.replay import ratio_to_table
 
 _ORDERS = 2  # that an effect with an order is tried at, beside its usual one and the low ones
-#: orders that are tried whatever the innovations show: of torques that act slowly a filter leaves
-#: hardly anything to an order analysis
-_LOW = (1, 2, 3)
 _DAMPING_RATIO = 0.05  # with which a part that is put in begins to ring
 _WIDTHS = (0.2, 0.06)  # of the period of a wheel: ranges that a local fault is tried over
 _DELAY = 5e-5  # s: a delay below that shows in no record
@@ -90,7 +88,7 @@ class Library:
             own = strongest_orders(self.core, self.grey.records, point, part, effect, _ORDERS)
             known[effect, part] = own
         usual = int(_declared(effect, counted).standard)
-        low = _LOW if counted == "order" else ()
+        low = LOW if counted == "order" else ()
         return [float(n) for n in dict.fromkeys([*known[effect, part], usual, *low])]
 
     def _beside(self, base: Variant, h: Hypothesis, order: float | None) -> Variant | None:
