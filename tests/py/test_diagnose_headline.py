@@ -11,7 +11,8 @@ from diagnosed import diagnosis
 from dualdrive import _core
 from dualdrive.diagnose import Candidate, Interval, headline
 from dualdrive.diagnose.one_sentence import spoken
-from dualdrive.diagnose.phrases import as_described, none_missing
+from dualdrive.diagnose.paragraph import paragraph
+from dualdrive.diagnose.phrases import none_missing
 
 FALLS = "the error falls from 22 % to 3.1 %, which is the noise of the sensors."
 
@@ -65,8 +66,9 @@ def test_none_is_missing_only_where_noise_alone_is_left() -> None:
         error = {"nominal": left, "refitted": left, "noise_floor": floor}
         assert headline(replace(own, verdict="parameters", error=error)).startswith(said)
         assert none_missing(error).startswith(said)
-        meets = "meets" in headline(replace(own, verdict="adequate", error=error))
-        assert meets == ("meets" in as_described(error)) == (left == 1.3 * floor)
+        adequate = replace(own, verdict="adequate", error=error)
+        meets = "meets" in headline(adequate)
+        assert meets == ("meets" in paragraph(adequate)) == (left == 1.3 * floor)
 
 
 def test_two_effects_and_rivals_at_two_places_are_told_with_their_places() -> None:

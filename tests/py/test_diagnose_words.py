@@ -12,11 +12,10 @@ import pytest
 
 from dualdrive.compare.orders import Order
 from dualdrive.compare.time_skew import Skew
-from dualdrive.diagnose import sentences
 from dualdrive.diagnose.decision import MissingTorque
-from dualdrive.diagnose.judge import Judgement
-from dualdrive.diagnose.result import Candidate, Interval, Shape, Verdict
-from dualdrive.diagnose.words import paragraph
+from dualdrive.diagnose.judge import Reason
+from dualdrive.diagnose.paragraph import paragraph
+from dualdrive.diagnose.result import Candidate, Diagnosis, Interval, Shape, Verdict
 
 ROOT = Path(__file__).resolve().parents[2]
 ERROR = {"nominal": 0.3, "refitted": 0.2, "noise_floor": 0.01}
@@ -34,19 +33,19 @@ def shape(explained: float) -> Shape:
     return Shape("table", "speed", "rad/s", "N*m", none, none, none, none, explained)
 
 
-def said(verdict: Verdict, *candidates: Candidate, **more: Any) -> str:
-    told = {"shapes": (), "warnings": (), "equation": None, "why": "", **more}
+def said(verdict: Verdict, *candidates: Candidate, why: Reason = "", **more: Any) -> str:
+    told = {"mode": "balance", "groups": (), "warnings": (), "command": "dualdrive add", **more}
     return paragraph(
-        Judgement(verdict, (), 0.0, (), 0.0, (1.0, 1.0), 0.0, told["why"]),
-        candidates,
-        (),
-        ERROR,
-        told["equation"],
-        told["shapes"],
-        None,
-        told["warnings"],
-        "dualdrive add",
-        (),
+        Diagnosis(
+            machine="axis",
+            records=("r",),
+            verdict=verdict,
+            candidates=candidates,
+            error=ERROR,
+            seconds=0.0,
+            **told,
+        ),
+        why,
     )
 
 
@@ -77,7 +76,7 @@ def test_numbers_have_units_what_was_counted_no_interval_and_what_is_held_at_not
         ("gains", "probability 0.90, too low to name it"),
     ],
 )
-def test_why_the_best_of_them_gets_no_name(why: str, words: str) -> None:
+def test_why_the_best_of_them_gets_no_name(why: Reason, words: str) -> None:
     assert words in said("unknown", candidate(), why=why)
 
 
@@ -119,12 +118,8 @@ def test_sentences_are_those_of_an_engineer() -> None:
 
 
 def in_a_loop(verdict: Verdict, *candidates: Candidate, **more: Any) -> str:
-    told = {"shapes": (), "warnings": (), "groups": (), "command": "dualdrive add", **more}
     missing = {"table": MissingTorque(3.0, 0.2)}
-    return sentences.paragraph(
-        verdict, candidates, told["groups"], ERROR, missing, told["shapes"], None,
-        told["warnings"], told["command"], (),
-    )  # fmt: skip
+    return said(verdict, *candidates, mode="closed_loop", missing_torque=missing, **more)
 
 
 def test_a_closed_loop_is_told_in_the_same_sentences() -> None:

@@ -25,9 +25,9 @@ from dualdrive.diagnose.decision import (
 )
 from dualdrive.diagnose.experiment import next_experiment
 from dualdrive.diagnose.findings import equation_of
+from dualdrive.diagnose.paragraph import paragraph
 from dualdrive.diagnose.result import Candidate, Diagnosis, Experiment, Interval
 from dualdrive.diagnose.selection import EFFORTS, Fitted, Selection, select
-from dualdrive.diagnose.sentences import paragraph
 from dualdrive.diagnose.shape import of_the_filter, shapes
 from dualdrive.diagnose.simulated_errors import Simulation, noise_floor, of_the_data_sheet
 from dualdrive.diagnose.uncertainty import Uncertainty
@@ -205,12 +205,8 @@ def _told(
     before, after = (job.compared(m, traces) for m in (refitted, improved))
     groups = [decision.group] if decision.group else []
     command = command_for(best, grey.core, numbers) if named else ""
-    said = paragraph(
-        decision.verdict, candidates, groups, error, decision.missing, curves, plan, warnings,
-        command, list(moved),
-    )  # fmt: skip
     cut = [] if found.finished else ["stopped before every law had its turn"]
-    return Diagnosis(
+    said = Diagnosis(
         machine=core_of(machine).name,
         mode="closed_loop",
         records=tuple(traces),
@@ -224,7 +220,6 @@ def _told(
         next_experiment=plan,
         warnings=list(warnings),
         cut=cut,
-        paragraph=said,
         command=command,
         seconds=0.0,
         refitted=refitted,
@@ -237,6 +232,7 @@ def _told(
         effort={"replays": grey.counter.replays, "of": grey.counter.replays},
         missing_torque=dict(decision.missing),
     )
+    return replace(said, paragraph=paragraph(said))
 
 
 def _unfollowed(grey: GreyBox, loops: Sequence[Simulation], noise: Noise) -> set[str]:

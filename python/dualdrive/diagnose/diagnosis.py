@@ -14,6 +14,7 @@ from dualdrive.compare import RecordWarning, check_records, evened
 from dualdrive.diagnose.closed_loop import Job, diagnose_closed_loop, with_time
 from dualdrive.diagnose.data_sheet import wrong_guesses
 from dualdrive.diagnose.equations import TorqueBalance
+from dualdrive.diagnose.paragraph import paragraph
 from dualdrive.diagnose.printed import Printed
 from dualdrive.diagnose.result import Diagnosis
 from dualdrive.diagnose.selection import EFFORTS
@@ -248,19 +249,8 @@ def _unfit(
         verdict="unknown",
         candidates=(),
         groups=(),
-        equation=None,
-        where=(),
         error={},
-        shapes=(),
-        next_experiment=None,
         warnings=list(warnings),
-        cut=(),
-        paragraph="",
-        command="",
         seconds=clock.used,
-        refitted=None,
-        improved=None,
-        before=None,
-        after=None,
     )
-    return replace(blank, paragraph=f"The records can't be judged. {' '.join(warnings)}")
+    return replace(blank, paragraph=paragraph(blank))

@@ -138,20 +138,20 @@ class Diagnosis:
     verdict: Verdict
     candidates: Sequence[Candidate]
     groups: Sequence[tuple[str, ...]]
-    equation: EquationAtFault | None
-    where: Sequence[Condition]
     error: Mapping[str, float]
-    shapes: Sequence[Shape]
-    next_experiment: Experiment | None
     warnings: Sequence[str]
-    cut: Sequence[str]
-    paragraph: str
-    command: str
     seconds: float
-    refitted: Any
-    improved: Any
-    before: Comparison | None
-    after: Comparison | None
+    equation: EquationAtFault | None = None
+    where: Sequence[Condition] = ()
+    shapes: Sequence[Shape] = ()
+    next_experiment: Experiment | None = None
+    cut: Sequence[str] = ()
+    paragraph: str = ""
+    command: str = ""
+    refitted: Any = None
+    improved: Any = None
+    before: Comparison | None = None
+    after: Comparison | None = None
     moved: Mapping[str, Interval] = field(default_factory=dict)
     numbers: Mapping[str, Interval] = field(default_factory=dict)
     over_floor: float = math.nan

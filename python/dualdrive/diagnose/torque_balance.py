@@ -24,12 +24,12 @@ from dualdrive.diagnose.findings import (
 )
 from dualdrive.diagnose.heldout import intervals
 from dualdrive.diagnose.judge import Judgement, judge
+from dualdrive.diagnose.paragraph import paragraph
 from dualdrive.diagnose.printed import Printed
 from dualdrive.diagnose.result import Diagnosis
 from dualdrive.diagnose.search import search
 from dualdrive.diagnose.shape import of_the_balance, shapes
 from dualdrive.diagnose.survey import Survey
-from dualdrive.diagnose.words import paragraph
 from dualdrive.diagnose.work import Clock, Work
 from dualdrive.replay import core_of
 
@@ -84,8 +84,8 @@ def _told(
     tell("errors of the torque balance")
     # who stopped a search waits: of what it found the leader's error is told, and no comparison
     stopped = verdict.verdict == "unfinished"
-    told = verdict.ranked[: 1 if stopped else TOLD]
-    candidates = [candidate_of(machine, c, found, r, p, printed) for r, p in told]
+    leaders = verdict.ranked[: 1 if stopped else TOLD]
+    candidates = [candidate_of(machine, c, found, r, p, printed) for r, p in leaders]
     candidates = [candidate_on(machine, one) for one in candidates]
     candidates += scored_only(found, candidates)
     groups = groups_of(found, verdict)
@@ -123,19 +123,7 @@ def _told(
         tell("planning the next experiment")
         plan = plan_next(machine, c, found, verdict, clock, tell)
     command = command_for(candidates[0]) if named_ and candidates else ""
-    said = paragraph(
-        verdict,
-        candidates,
-        groups,
-        error,
-        equation,
-        curves,
-        plan,
-        warnings,
-        command,
-        list(moved),
-    )
-    return Diagnosis(
+    told = Diagnosis(
         machine=core_of(machine).name,
         mode="balance",
         records=tuple(printed.traces),
@@ -149,7 +137,6 @@ def _told(
         next_experiment=plan,
         warnings=list(warnings),
         cut=list(clock.cut),
-        paragraph=said,
         command=command,
         seconds=clock.used,
         refitted=refitted,
@@ -160,3 +147,4 @@ def _told(
         numbers=known,
         over_floor=verdict.excess[1],
     )
+    return replace(told, paragraph=paragraph(told, verdict.why))
