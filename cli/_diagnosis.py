@@ -127,6 +127,14 @@ def end(stop: threading.Event, *found: Diagnosis) -> None:
         give_up("unfinished: --budget cut the search; a longer one, or none, ends it", FAILED)
 
 
+def refuse_no_step(ladder: Ladder, machine: Machine, stop: threading.Event) -> None:
+    """Fail where an improvement has no step: its records can't be judged, or it was stopped."""
+    if not ladder.steps:
+        why = " ".join(w for one in ladder.diagnoses[:1] for w in one.warnings)
+        said = ": ".join(filter(None, (machine.name, ladder.stopped, why)))
+        give_up(said, STOPPED if stop.is_set() else FAILED)
+
+
 # --- tables ---------------------------------------------------------------------------------------
 
 

@@ -18,6 +18,7 @@ from dualdrive_cli._diagnosis import (
     confronting,
     end,
     how,
+    refuse_no_step,
     save,
     show_ladder,
     told,
@@ -105,9 +106,7 @@ def command(
             )
         except FitError as error:
             give_up(f"{m.name}: {error}", STOPPED if stop.is_set() else FAILED)
-    if not found.steps:
-        why = " ".join(w for one in found.diagnoses[:1] for w in one.warnings)
-        give_up(f"{m.name}: {found.stopped}: {why}", STOPPED if stop.is_set() else FAILED)
+    refuse_no_step(found, m, stop)
     if plot:
         _draw(found, plot)
     if output:

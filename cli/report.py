@@ -15,6 +15,7 @@ from dualdrive_cli._diagnosis import (
     confronting,
     end,
     how,
+    refuse_no_step,
     save_page,
     told,
 )
@@ -98,9 +99,12 @@ def command(
             give_up(f"{m.name}: {error}", STOPPED if stop.is_set() else FAILED)
     with console(err=True).status("drawing"):
         save_page(output, found, steps, m, [*traces, *held_out])
-    write_json(json_to, (steps or found).figures())
+    climbed = steps if steps is not None and steps.steps else None
+    write_json(json_to, (climbed or found).figures())
     if json_to != "-":
         best = f": {found.best.label}" if found.best else ""
         click.echo(f"{found.verdict}{best}")
         click.echo(f"written: {output}")
+    if steps is not None:
+        refuse_no_step(steps, m, stop)
     end(stop, *(steps.diagnoses if steps else [found]))

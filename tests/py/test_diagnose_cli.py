@@ -199,6 +199,11 @@ def test_records_that_can_not_be_judged_end_in_one_line(
     none = replace(ladder(), steps=[], stopped="the records can not be judged")
     monkeypatch.setattr(dualdrive.diagnose, "improve", lambda *_, **__: none)
     refused(run("improve machine.toml fit.csv"), 1, "the records can not be judged: the clock")
+    done = run("report machine.toml fit.csv -o page.html --json page.json")
+    refused(done, 1, "the records can not be judged: the clock")
+    assert "written: page.html" in done.stdout
+    assert "The clock" in Path("page.html").read_text()
+    assert json.loads(Path("page.json").read_text())["warnings"]
 
     def fails(*_: Any, **__: Any) -> None:
         raise FitError("the simulation fails at the starting point")
