@@ -78,7 +78,9 @@ def command(
     """
     m = _machine(machine)
     recorded = read_all(traces, mapping, wanted)
-    if m is not None:
+    if m is None:
+        _refuse_currents(recorded)
+    else:
         recorded = {name: with_torques(m.core, trace) for name, trace in recorded.items()}
     found = [
         estimate_play(
@@ -104,6 +106,16 @@ def command(
 
 def _machine(name: str | None) -> Machine | None:
     return None if name is None else load(name)
+
+
+def _refuse_currents(recorded: dict[str, Trace]) -> None:
+    """Without a machine nobody knows the torque of a current. Raises ValueError."""
+    for name, trace in recorded.items():
+        for n in (1, 2):
+            if f"I_{n}" in trace and not any(f"T_{k}" in trace for k in (1, 2)):
+                rule = f"no channel T_{n}, only the current I_{n}"
+                way_out = "--machine machine.toml tells the constant that makes it a torque"
+                raise ValueError(f"{name}: {rule}; {way_out}")
 
 
 def _ratio(machine: Machine | None, connection: str, given: float | None) -> float:

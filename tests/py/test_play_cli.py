@@ -49,6 +49,11 @@ def refused(result: Result) -> str:
 # --- play -----------------------------------------------------------------------------------------
 
 
+def test_currents_alone_ask_for_the_machine(dualdrive: Callable[[str], Result]) -> None:
+    said = refused(dualdrive("play fit.csv"))
+    assert "fit: no channel T_1, only the current I_1; --machine machine.toml" in said
+
+
 def test_the_example_of_the_help_works(dualdrive: Callable[[str], Result]) -> None:
     text = " ".join(dualdrive("play --help").output.split())
     example = re.search(r"Example: dualdrive (.+)$", text)
