@@ -36,12 +36,12 @@ from dualdrive_cli._traces import (
 
 budget_option = click.option(
     "--budget",
-    type=Real(0, min_open=True),
+    type=Real(0, min_open=True, unit="s"),
     callback=lambda _ctx, _option, seconds: math.inf if seconds is None else seconds,
     show_default="none",
-    metavar="SECONDS",
-    help="Stop the search after so long; one that was cut is no answer: it is called unfinished, "
-    "and ends with exit code 1.",
+    metavar="s",
+    help="Stop the search after so long, 2min say; one that was cut is no answer: it is called "
+    "unfinished, and ends with exit code 1.",
 )
 
 

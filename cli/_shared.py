@@ -25,6 +25,7 @@ from dualdrive_cli._failures import end_with
 from dualdrive_cli._failures import give_up as give_up
 from dualdrive_cli._files import JSON, MACHINE, Files
 from dualdrive_cli._keys import SETTING
+from dualdrive_cli._numbers import Real
 from dualdrive_cli._stop import STOPPED as STOPPED
 from dualdrive_cli._stop import guard
 
@@ -141,6 +142,13 @@ method_option = click.option(
     type=click.Choice(["auto", "adams", "bdf"]),
     default="auto",
     help="Of cvode; adams or bdf asks for it.",
+)
+rtol_option = click.option(
+    "--rtol",
+    type=Real(),
+    default=1e-10,
+    show_default=True,
+    help="Relative tolerance of every step; exact takes none.",
 )
 scheduler_option = click.option(
     "--scheduler",

@@ -79,8 +79,8 @@ interpolation_option = click.option(
 _BALANCE = (
     click.option(
         "--cutoff",
-        type=Real(0, min_open=True),
-        metavar="HZ",
+        type=Real(0, min_open=True, unit="Hz"),
+        metavar="Hz",
         help="Balance: low-pass of angles and torques; unless given a tenth of the sampling rate, "
         "or less where an encoder's noise asks for it.",
     ),

@@ -38,16 +38,15 @@ from dualdrive_cli._traces import map_option, part_option, read_all, traces_argu
 @click.option("--gear-ratio", type=Real(), help="Turns of the motor per turn of the pinion.")
 @click.option(
     "--load",
-    type=Real(0, min_open=True),
+    type=Real(0, min_open=True, unit="N*m"),
     metavar="N*m",
     help="Torque from which a flank counts as closed; 0.3 of the largest unless given.",
 )
 @click.option(
     "--settle",
-    type=Real(0),
-    default=0.3,
+    type=Real(0, unit="s"),
+    default="0.3s",
     show_default=True,
-    metavar="S",
     help="So long the torque must have had one sign.",
 )
 @click.option("--confidence", type=Real(0.5, 0.9999), default=0.95, show_default=True)

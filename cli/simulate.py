@@ -16,7 +16,6 @@ from dualdrive.units import human, parse
 from dualdrive_cli._files import OUTPUT, PICTURE
 from dualdrive_cli._keys import KEY
 from dualdrive_cli._motion import MOTION, motion_of
-from dualdrive_cli._numbers import Real
 from dualdrive_cli._shared import (
     FAILED,
     analysis,
@@ -27,6 +26,7 @@ from dualdrive_cli._shared import (
     load,
     method_option,
     pairs,
+    rtol_option,
     write_json,
 )
 
@@ -42,7 +42,7 @@ from dualdrive_cli._shared import (
 )
 @click.option("--end", help="When to stop, s; else the motion says.")
 @click.option("--load", "load_torque", help="Constant load on the table, against positive motion.")
-@click.option("--initial", multiple=True, metavar="STATE=VALUE", help="Start value of a state, SI.")
+@click.option("--initial", multiple=True, metavar="STATE=VALUE", help="Start value of a state.")
 @click.option(
     "--sensitivity", "sensitivities", type=KEY, multiple=True, help="Derivatives by a parameter."
 )
@@ -51,7 +51,7 @@ from dualdrive_cli._shared import (
     "--output-step",
     help="Time between samples; unless given 1ms, in a long run what makes a million of them.",
 )
-@click.option("--rtol", type=Real(), help="Relative tolerance of the integrator.")
+@rtol_option
 @engine_option
 @method_option
 @click.option("-o", "--output", type=OUTPUT, help="Write the run as HDF5.")
@@ -67,7 +67,7 @@ def command(
     sensitivities: tuple[str, ...],
     signals: tuple[str, ...],
     output_step: str | None,
-    rtol: float | None,
+    rtol: float,
     engine: str,
     method: str,
     output: Path | None,
@@ -90,7 +90,7 @@ def command(
             motion_of(motion, m),
             end=parse(end, "s", key="--end") if end is not None else None,
             load=_load(m, load_torque),
-            initial={state: parse(value, key=state) for state, value in pairs(initial)},
+            initial=_initial(m, initial),
             sensitivities=sensitivities,
             signals=signals,
             output_step=_step(output_step),
@@ -109,6 +109,11 @@ def command(
 
 def _load(m: Machine, text: str | None) -> float | None:
     return parse(text, m.unit_of("T_load", "N*m"), key="--load") if text is not None else None
+
+
+def _initial(m: Machine, given: tuple[str, ...]) -> dict[str, float]:
+    units = {name: m.unit_of(name, unit) for name, unit in m.core.states()}
+    return {s: parse(value, units.get(s, ""), key=f"--initial {s}") for s, value in pairs(given)}
 
 
 def _step(text: str | None) -> float | None:

@@ -20,7 +20,7 @@ from dualdrive.machine import Machine
 from dualdrive.units import human, parse
 from dualdrive_cli._files import PICTURE, Writes
 from dualdrive_cli._keys import keys
-from dualdrive_cli._numbers import Real, Whole
+from dualdrive_cli._numbers import Whole
 from dualdrive_cli._shared import (
     FAILED,
     STOPPED,
@@ -33,6 +33,7 @@ from dualdrive_cli._shared import (
     load,
     method_option,
     pairs,
+    rtol_option,
     scheduler_option,
     write_json,
 )
@@ -94,7 +95,7 @@ def _check_axis(name: str, options: set[str]) -> None:
 @click.option("--output-step", default="1ms", show_default=True, help="Time between samples.")
 @click.option("--keep", is_flag=False, flag_value="all", metavar="[NAME,NAME]", help="Store whole "
               "signals too: those named, or all.")  # fmt: skip
-@click.option("--rtol", type=Real(), default=1e-10, show_default=True, help="Relative tolerance.")
+@rtol_option
 @engine_option
 @method_option
 @click.option("--energy/--no-energy", default=True, help="Keep the balance of energy of every run.")

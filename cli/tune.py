@@ -65,9 +65,9 @@ def _picture_of(step: int) -> str:
     metavar="MASTER SLAVE",
     help="Measured responses of both speed loops; step 3 judges them.",
 )
-@click.option("--tolerance-db", type=Real(0, min_open=True), default=1.0,
+@click.option("--tolerance-db", type=Real(0, min_open=True, unit="dB"), default="1dB",
               show_default=True, help="By how much the drives' responses may part.")  # fmt: skip
-@click.option("--tolerance-deg", type=Real(0, min_open=True), default=5.0,
+@click.option("--tolerance-deg", type=Real(0, min_open=True, unit="deg"), default="5deg",
               show_default=True)  # fmt: skip
 @click.option("--until", type=Whole(0, 8), default=8, show_default=True,
               help="Last step to do; 0 sets and writes drive parameters alone.")  # fmt: skip

@@ -84,3 +84,54 @@ def test_numbers_of_programs_are_refused(value: str, folder: Path) -> None:
     result = CliRunner().invoke(main, ["diagnose", "machine.toml", "traces.csv", "--budget", value])
     assert result.exit_code == 2
     assert f"{value} is not a finite number" in result.stderr
+
+
+@pytest.mark.parametrize("leaf", [pytest.param(leaf, id=leaf.name) for leaf in leaves()])
+def test_no_help_shows_a_limit_that_is_none(leaf: Leaf) -> None:
+    assert "None" not in CliRunner().invoke(main, [*leaf.words, "--help"]).output
+
+
+@pytest.mark.parametrize(
+    ("words", "option", "text", "si"),
+    [
+        ("play", "load", "5 kN*m", 5e3),
+        ("play", "settle", "300ms", 0.3),
+        ("play", "confidence", "95%", 0.95),
+        ("compare", "cutoff", "20Hz", 20.0),
+        ("diagnose", "budget", "2min", 120.0),
+        ("tune", "tolerance_db", "1dB", 1.0),
+        ("tune", "tolerance_deg", "6arcmin", 0.1),
+    ],
+)
+def test_every_number_takes_its_unit(words: str, option: str, text: str, si: float) -> None:
+    leaf = next(leaf for leaf in leaves() if leaf.name == words)
+    param = next(p for p in leaf.command.params if p.name == option)
+    assert param.type.convert(text, param, None) == pytest.approx(si, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("verb", "shown"),
+    [("play", "[default: 0.3s;"), ("tune", "[default: 1dB;"), ("tune", "[default: 5deg;")],
+)
+def test_a_default_is_told_with_its_unit(verb: str, shown: str) -> None:
+    assert shown in " ".join(CliRunner().invoke(main, [verb, "--help"]).output.split())
+
+
+def test_a_unit_of_something_else_is_refused(folder: Path) -> None:
+    result = CliRunner().invoke(main, ["play", "traces.csv", "--settle", "3m"])
+    assert result.exit_code == 2
+    assert "--settle = '3m': m does not measure s; write s, e.g. 100ms" in result.stderr
+
+
+def test_a_state_begins_in_its_own_unit() -> None:
+    line = "simulate bench --end 1ms --signal omega_m --initial omega_m=1mrad/s --json -"
+    assert CliRunner().invoke(main, line.split()).exit_code == 0
+    wrong = CliRunner().invoke(main, line.replace("mrad/s", "mrad").split())
+    assert wrong.exit_code == 2
+    assert "--initial omega_m = '1mrad': mrad does not measure rad/s" in wrong.stderr
+
+
+def test_the_usual_tolerance_is_told() -> None:
+    for verb in ("simulate", "sweep"):
+        shown = " ".join(CliRunner().invoke(main, [verb, "--help"]).output.split())
+        assert "[default: 1e-10]" in shown, verb
