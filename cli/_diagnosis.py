@@ -146,7 +146,8 @@ def show(d: Diagnosis) -> None:
     best = f": {d.best.label}" if d.best else ""
     screen.print(f"{d.verdict}{best}", style="bold", markup=False)
     screen.print(f"{d.paragraph or VERDICTS[d.verdict]}\n", markup=False)
-    screen.print(_errors(d))
+    if d.error:
+        screen.print(_errors(d))
     if d.candidates:
         screen.print(_candidates(d))
     for line in _remarks(d):

@@ -134,6 +134,11 @@ def test_dead_channels_and_records() -> None:
     rest = {c: random.normal(0.0, 1e-6, len(trace)) for c in ("theta_m", "theta_1", "theta_2")}
     assert spoilt(**rest)["still"].fatal
     assert codes(trace.between(0.0, 0.9))["short"].fatal
+    for few in (2, 3, 17):
+        told = codes(trace.take(slice(few)))["short"]
+        assert told.fatal
+        assert f"{few} samples are too few" in told.message
+        assert "record longer, at least 200" in told.message
     one_way = codes(trace.between(0.0, 4.0))["one_way"]
     assert not one_way.fatal
     assert "record a way back" in one_way.message

@@ -212,6 +212,14 @@ def test_records_that_can_not_be_judged_end_in_one_line(
     refused(run("diagnose machine.toml fit.csv"), 1, "demo-table: the simulation fails")
 
 
+def test_a_record_of_few_samples_is_told_and_no_table_is_empty(folder: Path) -> None:
+    lines = Path("fit.csv").read_text().splitlines(keepends=True)[:3]
+    Path("few.csv").write_text("".join(lines))
+    done = run("diagnose machine.toml few.csv")
+    assert "warning: few: 2 samples are too few to tell" in done.stdout
+    assert "RMS residual" not in done.stdout
+
+
 def test_the_best_that_has_no_name_stands_beside_the_errors(
     asked: Asked, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -54,6 +54,27 @@ def test_currents_alone_ask_for_the_machine(dualdrive: Callable[[str], Result]) 
     assert "fit: no channel T_1, only the current I_1; --machine machine.toml" in said
 
 
+@pytest.mark.parametrize(
+    ("line", "rows"),
+    [
+        ("compare", 2),
+        ("fit", 2),
+        ("compare --mode balance", 2),
+        ("compare --mode balance", 30),
+        ("play --machine", 2),
+        ("play --machine", 30),
+    ],
+)
+def test_a_record_of_few_samples_is_told_with_its_name(
+    dualdrive: Callable[[str], Result], line: str, rows: int
+) -> None:
+    lines = Path("fit.csv").read_text().splitlines(keepends=True)[: 1 + rows]
+    Path("few.csv").write_text("".join(lines))
+    said = refused(dualdrive(f"{line} machine.toml few.csv"))
+    assert said.startswith("dualdrive: few: ")
+    assert "record longer" in said
+
+
 def test_the_example_of_the_help_works(dualdrive: Callable[[str], Result]) -> None:
     text = " ".join(dualdrive("play --help").output.split())
     example = re.search(r"Example: dualdrive (.+)$", text)

@@ -75,6 +75,10 @@ def check_records(
 
 
 def _all(core: Any, name: str, trace: Trace, mode: str) -> Iterator[Finding]:
+    if len(trace) < _FEWEST:
+        rule = f"{len(trace)} samples are too few to tell one cause from another"
+        yield "short", f"{rule}; record longer, at least {_FEWEST}", True
+        return
     yield from _constant(trace)
     if still := list(_still(trace)):
         yield from still
@@ -134,7 +138,7 @@ def _short(trace: Trace) -> Iterator[Finding]:
     if speed is None:
         return
     moving = np.abs(speed) > _MOVES * np.max(np.abs(speed))
-    if len(trace) < _FEWEST or moving.sum() < _FEWEST_MOVING:
+    if moving.sum() < _FEWEST_MOVING:
         yield (
             "short",
             f"{len(trace)} samples, {int(moving.sum())} of them in motion: too few to tell one "

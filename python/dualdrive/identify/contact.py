@@ -13,6 +13,8 @@ from dualdrive.identify.filtering import Processing, pieces
 
 Array = NDArray[np.float64]
 
+_SHORTEST = 101  # samples between two resets of a counter that are looked at
+
 
 @dataclass(frozen=True)
 class Reading:
@@ -66,7 +68,11 @@ def readings(
         for needed in ("theta_m", f"T_{drive}"):
             if needed not in trace.channels:
                 raise ValueError(f"{name}: no channel {needed}; map it to read the play of a mesh")
-        for k, part in enumerate(_between_resets(trace, ("theta_m", angle))):
+        parts = _between_resets(trace, ("theta_m", angle))
+        if not parts:
+            rule = f"no {_SHORTEST} samples in a row between resets of a counter"
+            raise ValueError(f"{name}: {rule}, which the play of a mesh takes; record longer")
+        for k, part in enumerate(parts):
             own = name if k == 0 else f"{name}, after reset {k}"
             found += _readings(part, own, angle, scale, drive, mesh_ratio)
     return found
@@ -115,7 +121,7 @@ def _between_resets(trace: Any, angles: Sequence[str]) -> list[_Part]:
     return [
         _Part(t[i], {n: x[i] for n, x in values.items()})
         for i in np.split(np.arange(len(t)), edges)
-        if len(i) > 100
+        if len(i) >= _SHORTEST
     ]
 
 

@@ -298,7 +298,9 @@ def _values(channel: Any) -> Array:
 
 
 def _check(t: Array, channels: Mapping[str, Array], record: str) -> None:
-    if t.ndim != 1 or len(t) < 3 or not np.all(np.diff(t) > 0):
+    if t.ndim == 1 and len(t) < 3:
+        raise ValueError(f"{record}: {len(t)} samples are too few for derivatives; record longer")
+    if t.ndim != 1 or not np.all(np.diff(t) > 0):
         bad = int(np.argmin(np.diff(t))) + 1 if t.ndim == 1 and len(t) > 1 else 0
         raise ValueError(f"{record}: t must rise from row to row; row {bad} does not")
     for name, values in channels.items():

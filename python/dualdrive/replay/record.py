@@ -131,7 +131,8 @@ def records(
         own = dict((settings or {}).get(name, {}))
         parts = trace.segments(_SHORTEST)
         if not parts:
-            raise ReplayError(f"{name}: no stretch of {_SHORTEST} samples without a pause")
+            rule = f"none of its {len(trace)} samples stand in {_SHORTEST} or more without a pause"
+            raise ReplayError(f"{name}: {rule}; record longer, or without gaps")
         left_out = len(trace) - sum(len(part) for part in parts)
         for k, part in enumerate(parts, 1):
             label = name if len(parts) == 1 else f"{name} ({k})"
