@@ -67,6 +67,18 @@ def test_compare_prints_and_writes_what_the_library_finds(
     )
 
 
+def test_a_torque_balance_that_nobody_asked_for_says_so_and_why(
+    dualdrive: Callable[[str], Result],
+) -> None:
+    demo("fit").without("theta_ref").to_csv("silent.csv")
+    said = " ".join(dualdrive("compare machine.toml silent.csv").stdout.split())
+    assert "torque balance, for silent has no theta_ref to simulate the loop with: total is" in said
+    assert "T_1, T_2: I_1, I_2 times the motor's torque constant" in said
+    asked = " ".join(dualdrive("compare machine.toml fit.csv --mode balance").stdout.split())
+    assert "no theta_ref" not in asked
+    assert "total is the sum of all bodies' equations of motion" in asked
+
+
 def test_json_alone_goes_to_standard_output(dualdrive: Callable[[str], Result]) -> None:
     done = dualdrive("compare machine.toml fit.csv held_out.csv --json -")
     assert json.loads(done.stdout)["records"] == ["fit", "held_out"]

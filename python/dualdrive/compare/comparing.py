@@ -26,7 +26,7 @@ from dualdrive.identify import (
     torque_balance,
     torque_notes,
     torque_warnings,
-    which_mode,
+    why_balance,
     with_torques,
 )
 from dualdrive.identify.filtering import for_records
@@ -82,10 +82,9 @@ def compare(
     if mode not in MODES:
         raise ValueError(f"mode = {mode!r}; choose one of {', '.join(MODES)}")
     core, recorded = core_of(machine), named(traces)
-    if mode == "auto":
-        mode = which_mode(core, recorded, motion)
-    if mode == "balance":
-        return _balance(machine, recorded, offsets, processing, standstill, settings)
+    why = why_balance(core, recorded, motion) if mode == "auto" else ""
+    if why or mode == "balance":
+        return _balance(machine, recorded, offsets, processing, standstill, settings, why)
     refuse_filters(processing, standstill)
     found = evaluate(
         machine,
@@ -240,8 +239,12 @@ def _balance(
     processing: Processing | None,
     standstill: Standstill | None,
     settings: Mapping[str, Mapping[str, float]] | None,
+    why: str,
 ) -> Comparison:
-    """Every equation of motion on the recorded kinematics, with a constant torque per record."""
+    """Every equation of motion on the recorded kinematics, with a constant torque per record.
+
+    why: in words, where nobody asked for the balance
+    """
     core = core_of(machine)
     traces = {name: with_torques(core, trace) for name, trace in recorded.items()}
     process, rest = for_records(processing, traces), standstill or Standstill()
@@ -285,6 +288,8 @@ def _balance(
     late = skews(core, recorded)
     notes = [
         *(f"warning: {warning}" for warning in torque_warnings(core, traces)),
+        *_said_of_balance(why, [q.name for q in quantities]),
+        *_of_currents(recorded, traces),
         found.processing,
         *found.sample_lines(),
         "noise floor from single records (the sensors' noise carried through the balance): an "
@@ -295,6 +300,21 @@ def _balance(
     ]
     where = [*where_it_fails(situations), *as_conditions(orders)]
     return Comparison(core.name, "balance", quantities, where, {}, {}, notes, orders, late)
+
+
+def _said_of_balance(why: str, equations: Sequence[str]) -> list[str]:
+    """That this is no simulated loop where nobody asked for the balance, and what its sum is."""
+    total = "total is the sum of all bodies' equations of motion, carried to the table"
+    known = [total] if "total" in equations else []
+    balance = f"torque balance, for {why} to simulate the loop with" if why else ""
+    return [": ".join(filter(None, (balance, *known)))] if balance or known else []
+
+
+def _of_currents(recorded: Mapping[str, Trace], driven: Mapping[str, Trace]) -> list[str]:
+    """Which torques no record holds: they are made from currents."""
+    made = sorted({c for name, trace in driven.items() for c in trace if c not in recorded[name]})
+    currents = ", ".join(f"I{torque[1:]}" for torque in made)
+    return [f"{', '.join(made)}: {currents} times the motor's torque constant"] if made else []
 
 
 def _apart(one: Residual, other: Residual) -> float:

@@ -6,7 +6,7 @@ from dualdrive.identify.closed_loop import FitError
 from dualdrive.identify.evaluation import Evaluation, evaluate
 from dualdrive.identify.filtering import Processing
 from dualdrive.identify.fit_result import Direction, Fit, Fitted
-from dualdrive.identify.fitting import fit, refuse_filters, which_mode, with_torques
+from dualdrive.identify.fitting import fit, refuse_filters, which_mode, why_balance, with_torques
 from dualdrive.identify.model import Balance, BalanceModel, Declared
 from dualdrive.identify.passivity import torque_notes, torque_warnings
 from dualdrive.identify.play import estimate_play
@@ -39,5 +39,6 @@ __all__ = [
     "torque_notes",
     "torque_warnings",
     "which_mode",
+    "why_balance",
     "with_torques",
 ]

@@ -164,9 +164,18 @@ def fit(
 
 def which_mode(core: Any, traces: Mapping[str, Trace], motion: Any) -> str:
     """Closed loop where controller and commanded motion are known, else the balance."""
-    controlled = core.controller_options["kind"] != "none"
-    commanded = motion is not None or all("theta_ref" in trace for trace in traces.values())
-    return "closed_loop" if controlled and commanded else "balance"
+    return "balance" if why_balance(core, traces, motion) else "closed_loop"
+
+
+def why_balance(core: Any, traces: Mapping[str, Trace], motion: Any) -> str:
+    """What a simulation of the loop lacks, in words; nothing where it lacks nothing."""
+    if core.controller_options["kind"] == "none":
+        return f"{core.name} has no controller"
+    silent = [name for name, trace in traces.items() if "theta_ref" not in trace]
+    if motion is not None or not silent:
+        return ""
+    whose = f"{silent[0]} has" if len(silent) == 1 else f"{silent[0]} and others have"
+    return f"{whose} no theta_ref"
 
 
 def refuse_filters(processing: Processing | None, standstill: Standstill | None) -> None:
