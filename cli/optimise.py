@@ -8,14 +8,15 @@ import click
 
 from dualdrive.files import write_atomically
 from dualdrive.machine import Machine
-from dualdrive.optimise import ACCURACY, Corner, Front, OptimiseError, corners, optimise
+from dualdrive.optimise import ACCURACY, TENSION, Corner, Front, OptimiseError, corners, optimise
 from dualdrive.units import parse_values
-from dualdrive_cli._files import PICTURE
+from dualdrive_cli._files import OUTPUT, PICTURE
 from dualdrive_cli._keys import SETTING
 from dualdrive_cli._motion import MOTION, motion_of
 from dualdrive_cli._shared import (
     FAILED,
     analysis,
+    command_line,
     console,
     give_up,
     load,
@@ -55,6 +56,7 @@ from dualdrive_cli._shared import (
     show_default=True,
     help="What stands for accuracy.",
 )
+@click.option("-o", "--output", type=OUTPUT, help="Write the machine with the least tension.")
 @click.option("--plot", type=PICTURE, help="Draw the front and the flanks' margin.")
 @analysis
 def command(
@@ -65,14 +67,17 @@ def command(
     spread: tuple[str, ...],
     no_corners: bool,
     accuracy: str,
+    output: Path | None,
     plot: Path | None,
     json_to: str | None,
     overwrite: bool,
 ) -> None:
     """Find the least tension that keeps every flank closed, and trade heat against accuracy.
 
-    Every design on the grid makes the duty cycle at every corner and counts with its worst. Designs
-    whose loop is unstable at a corner have no figures; exit code 1 where all are.
+    Every design on the grid makes the duty cycle at every corner and counts with its worst; those
+    that no other beats in both are printed, and --json has all. Designs whose loop is unstable at a
+    corner have no figures; exit code 1 where all are, and where -o asks for a tension and none is
+    enough.
     """
     m = load(machine, settings)
     cases = _cases(m, spread, no_corners)
@@ -89,11 +94,18 @@ def command(
             give_up(error, FAILED)
     if plot:
         _draw(found, plot)
+    enough = found.least.tension
+    if output and enough is not None:
+        m.set(TENSION, enough)
+        m.note("least tension that keeps every flank closed", command_line())
+        m.save(output, overwrite=overwrite)
     write_json(json_to, found.figures())
     if json_to != "-":
         click.echo(found.table())
-        if plot:
-            click.echo(f"written: {plot}")
+        for path in filter(None, (plot, output if enough is not None else None)):
+            click.echo(f"written: {path}")
+    if output and enough is None:
+        give_up(f"{m.name}: {output} is not written: {found.least.reason}", FAILED)
 
 
 def _cases(m: Machine, spread: tuple[str, ...], no_corners: bool) -> list[Corner]:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from dualdrive.machine import Machine
 from dualdrive.motion import move
@@ -18,6 +20,7 @@ from dualdrive.optimise import (
     non_dominated,
     optimise,
 )
+from dualdrive_cli.main import main
 
 TENSION = "controller.T_ten"
 
@@ -60,6 +63,11 @@ def test_no_design_beats_one_on_the_front() -> None:
             better = other.peak_error < one.peak_error * (1 - 1e-3) and other.heat <= one.heat
             assert not better
     assert json.dumps(front.figures(), allow_nan=False)
+    head, *rows = front.rows()
+    hunting = [row[head.index("hunting")].partition(" ") for row in rows]
+    assert len({unit for _, _, unit in hunting}) == 1
+    assert all(size == "0" or float(size) > 1e-6 for size, _, _ in hunting)
+    assert f"the best {len(rows)} of 12 designs" in front.table()
 
 
 def test_heat_at_rest_is_that_of_the_tension() -> None:
@@ -111,6 +119,26 @@ def test_a_heavier_corner_needs_more() -> None:
     assert alone.tension < robust.tension
     assert robust.tension == same.tension  # the heavy corner is the 100 t table
     assert "table.J 165 %" in robust.reason
+
+
+def test_the_machine_with_the_least_tension_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    line = "optimise heavy-table-100t --no-corners --over controller.T_ten=0,50 -o quiet.toml"
+    done = CliRunner().invoke(main, [*line.split(), "--json", "front.json"])
+    assert done.exit_code == 0, done.output
+    assert "least tension that keeps every flank closed" in done.output
+    least = json.loads(Path("front.json").read_text())["least_tension"]["value"]
+    quiet = Machine.load("quiet.toml")
+    assert quiet.get(TENSION) == least
+    assert "least tension" in quiet.history[-1]["change"]
+    moving = "--motion move:0.02,v=0.03,a=0.02,j=0.2,start=2"
+    line = f"optimise heavy-table-550t --no-corners --over controller.T_ten=50 {moving} -o no.toml"
+    none = CliRunner().invoke(main, line.split())
+    assert none.exit_code == 1
+    assert "no.toml is not written: a flank opens at every tension" in none.stderr
+    assert not Path("no.toml").exists()
 
 
 def test_where_no_tension_is_enough_it_is_said() -> None:

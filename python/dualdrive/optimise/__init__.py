@@ -11,12 +11,13 @@ print(optimise(machine).table())
 from dualdrive.optimise.duty import duty_cycle
 from dualdrive.optimise.errors import OptimiseError
 from dualdrive.optimise.front import ACCURACY, Front, non_dominated, optimise
-from dualdrive.optimise.objective import Design, evaluate
+from dualdrive.optimise.objective import TENSION, Design, evaluate
 from dualdrive.optimise.tension import LeastTension, least_tension
 from dualdrive.optimise.worst_case import Corner, corners
 
 __all__ = [
     "ACCURACY",
+    "TENSION",
     "Corner",
     "Design",
     "Front",

@@ -36,6 +36,7 @@ ACCURACY = {
 }
 _TENSIONS = 21
 _WORTH = 1e-3  # of the error: what gains less is no trade for more heat
+_ROUNDING = 1e-9  # of the largest figure in the same unit: what is less is none
 _GAINS = (0.5, 0.75, 1.0, 1.25, 1.5)
 
 
@@ -47,7 +48,7 @@ class Front(Displayed, picture="pareto"):
     best:      the front, by rising heat: places in `designs`
     accuracy:  name of the figure that stands for it, of `ACCURACY`
     cost:      torque_rms or heat: heat where the machine has windings
-    least:     the least tension that keeps flanks apart, with the machine's own gain
+    least:     the least tension that keeps every flank closed, with the machine's own gain
     """
 
     machine: Machine
@@ -78,13 +79,12 @@ class Front(Displayed, picture="pareto"):
 
     def rows(self) -> list[tuple[str, ...]]:
         """The front as text: a head, then one row per design."""
-        units, paths = self.units(), list(self.designs[0].values)
+        paths = list(self.designs[0].values)
         names = [self.cost, "torque_rms", self.accuracy, "hunting", "margin"]
-        names = list(dict.fromkeys(names))
-        rows = [(*paths, *names, "flanks")]
-        for place in self.best:
+        columns = {name: self._column(name) for name in names}
+        rows = [(*paths, *columns, "flanks")]
+        for place, *numbers in zip(self.best, *columns.values(), strict=True):
             design = self.designs[place]
-            numbers = [human(getattr(design, name), units[name]) for name in names]
             chosen = [
                 human(value, self.machine.parameter(path).unit)
                 for path, value in design.values.items()
@@ -92,11 +92,23 @@ class Front(Displayed, picture="pareto"):
             rows.append((*chosen, *numbers, "closed" if design.apart else "open"))
         return rows
 
+    def _column(self, name: str) -> list[str]:
+        """A figure of every design of the front, all in one unit; what rounding leaves is 0."""
+        unit = self.units()[name]
+        alike = [other for other, own in self.units().items() if own == unit]
+        best = [self.designs[place] for place in self.best]
+        most = max(abs(getattr(design, other) or 0.0) for design in best for other in alike)
+        values = [float(getattr(design, name)) for design in best]
+        sizes = [0.0 if abs(value) < _ROUNDING * most else value for value in values]
+        like = max(map(abs, sizes)) or most
+        return [human(size, unit, like=like) for size in sizes]
+
     def remarks(self) -> list[str]:
         """Lines to print below the table."""
         found = [
-            f"{len(self.designs)} designs at {len(self.cases)} corners each: "
-            + "; ".join(case.name for case in self.cases)
+            f"the best {len(self.best)} of {len(self.designs)} designs: no other has both less "
+            f"{self.cost.replace('_', ' ')} and less {self.accuracy.replace('_', ' ')}",
+            f"each at {len(self.cases)} corners: " + "; ".join(case.name for case in self.cases),
         ]
         if self.unstable:
             found.append(f"{self.unstable} designs are unstable at a corner and have no figures")
@@ -107,7 +119,9 @@ class Front(Displayed, picture="pareto"):
             found.append(f"least tension: none, {self.least.reason}")
         else:
             size = human(self.least.tension, "N*m")
-            found.append(f"least tension that keeps flanks apart: {size}; {self.least.reason}")
+            found.append(
+                f"least tension that keeps every flank closed: {size}; {self.least.reason}"
+            )
         return found
 
     def table(self) -> str:
