@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import tomllib
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -75,6 +76,17 @@ def test_what_no_manual_was_read_for_is_marked(heavy: Machine) -> None:
     assert rows
     assert all(line.endswith("to be verified") for line in rows)
     assert table_csv(table).count("to be verified") == len(rows)
+
+
+def test_the_printed_table_has_the_names_and_every_word_under_its_head(heavy: Machine) -> None:
+    table = drive_parameters(heavy, LIMITS)
+    head, *lines = table_text(table).splitlines()
+    names = ("number", "name", "value", "unit", "set in", "meaning", "source")
+    at = [head.index(name) for name in names]
+    cells = [[line[a:b].strip() for a, b in pairwise([*at, None])] for line in lines]
+    for cell, (number, row) in zip(cells, table_json(table).items(), strict=True):
+        told = [row[key] for key in ("name", "unit", "where", "meaning", "source")]
+        assert [cell[0], cell[1], *cell[3:]] == [number, *told]
 
 
 def toml_of(text: str) -> str:

@@ -143,7 +143,7 @@ def _reached(machine: Machine, job: Job) -> str:
         if share >= 0.95 or not math.isfinite(machine.get(limit)):
             break
         machine.core.set(limit, 1.5 * machine.get(limit))
-    return f"at the first command {share:.0%} of the tension are there"
+    return f"at the first command {share:.0%} of the tension is there"
 
 
 def _calm(machine: Machine, job: Job) -> list[str]:

@@ -46,14 +46,13 @@ def _rows(table: DriveTable) -> list[dict[str, Any]]:
 
 def table_text(table: DriveTable) -> str:
     """Aligned columns to type from: five digits, a dash where the control keeps what it has."""
-    head = ("number", "value", "unit", "set in", "meaning", "number and unit")
+    head = ("number", "name", "value", "unit", "set in", "meaning", "source")
     rows = [head]
     for row in _rows(table):
         given = [v for v in (row["master"], row["slave"]) if v is not None]
         value = " / ".join(f"{v:.5g}" for v in dict.fromkeys(given)) or "-"
-        rows.append(
-            (row["number"], value, row["unit"], row["where"], row["meaning"], row["source"])
-        )
+        words = (row[key] for key in ("unit", "where", "meaning", "source"))
+        rows.append((row["number"], row["name"], value, *words))
     widths = [max(len(row[k]) for row in rows) for k in range(len(head))]
     return "\n".join(
         "  ".join(word.ljust(w) for word, w in zip(row, widths, strict=True)).rstrip()
