@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import pairwise
 from math import asin, inf, pi, sqrt
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 
 from dualdrive import Machine, cycles, linear, simulate
 from dualdrive.cycles.describing import share_of_stiffness, size_for_share
+from dualdrive.cycles.flow import Flow
 from dualdrive.cycles.orbit import half_range
 from dualdrive.motion import step
 
@@ -225,6 +227,38 @@ def test_hunting_ends_in_a_fold_and_simulation_knows_it() -> None:
         run = simulate(machine, step(0.0, end=120.0), initial=start, signals=["theta_m"],
                        times=np.linspace(110, 120, 1001), energy=False)  # fmt: skip
         assert (np.ptp(run["theta_m"]) > 10 * ARCSEC) == hunts
+
+
+def test_no_step_along_a_curve_goes_along_its_orbits() -> None:
+    """The same orbit from another point is no way: what drifted there turned back on itself."""
+    machine = Machine.load("heavy-table-550t")
+    machine.set("controller.T_ten", 0.0)
+    orbits = cycles.branch(cycles.shooting(machine), "controller.T_ten", 20.0, points=4).orbits
+    for one, other in pairwise(orbits):
+        flow = Flow(one.machine)
+        state = np.array(list(one.state.values()))
+        size = np.abs(flow.along(state, one.period)).max(0)
+        moving = np.array([not name.startswith("controller.") for name in one.state])
+        rate = (flow.rate(state, one.period) / size)[moving]
+        step = ((np.array(list(other.state.values())) - state) / size)[moving]
+        assert abs(rate @ step) < 0.02 * np.linalg.norm(rate) * np.linalg.norm(step)
+
+
+@pytest.mark.long
+def test_however_many_points_a_curve_turns_back_once() -> None:
+    machine = Machine.load("heavy-table-550t")
+    machine.set("controller.T_ten", 0.0)
+    orbit = cycles.shooting(machine)
+    curves = [cycles.branch(orbit, "controller.T_ten", 20.0, points=n) for n in (30, 60)]
+    for curve in curves:
+        assert curve.folds == pytest.approx([13.89], abs=0.03)
+        assert (curve.amplitude > 4 * ARCSEC).all()
+    lower = [c.values[c.values.argmax() :][::-1] for c in curves]
+    periods = [
+        np.interp([2.0, 4.0, 8.0], v, (1 / c.frequency_hz)[-v.size :][::-1])
+        for v, c in zip(lower, curves, strict=True)
+    ]
+    np.testing.assert_allclose(periods[0], periods[1], rtol=0.02)
 
 
 def test_a_map_says_where_there_is_a_cycle_and_why_not() -> None:

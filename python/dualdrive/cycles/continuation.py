@@ -1,7 +1,8 @@
 """How a cycle changes with one number of the machine, through folds: pseudo-arclength continuation.
 
 Source: Keller, *Numerical solution of bifurcation and nonlinear eigenvalue problems*, in
-Applications of Bifurcation Theory, 1977.
+Applications of Bifurcation Theory, 1977. The phase, across the flow of the orbit before: Seydel,
+*Practical Bifurcation and Stability Analysis*, 2010, chapter 7.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from dualdrive.cycles.errors import CycleError
 from dualdrive.cycles.flow import Flow
 from dualdrive.cycles.orbit import Orbit, describe
-from dualdrive.cycles.shooting_method import scales
+from dualdrive.cycles.shooting_method import refuse_rest, scales
 from dualdrive.display import Displayed
 
 __all__ = ["Branch", "branch"]
@@ -27,6 +28,7 @@ Progress = Callable[[int, int], None]
 _CLOSED = 1e-8
 _ITERATIONS = 8
 _SHORTEST, _LONGEST = 1 / 256, 2.0  # of the first step
+_BENDS = 0.5  # cosine of the largest angle between one step and the next
 _DIFFERENCE = 1e-5  # of the parameter's range
 
 
@@ -146,19 +148,43 @@ class _Curve:
         way[-1] = self.range
         if len(self.points) > 1:
             way = last - self.points[-2]
+        phase = self._phase(last, weight)
+        way -= phase * (phase * weight**2 @ way)  # the same orbit from another point is no way
         way /= np.linalg.norm(way * weight)
         predicted, way = self._within(last, way, step)
         try:
-            found = self._correct(predicted, way, size, weight)
+            found = self._correct(predicted, way, phase, size, weight)
             if found is None:
                 return False
             point, M, miss = found
+            if not self._goes_on(point, weight):
+                return False
+            refuse_rest(self._flow(point), point[:-2], float(point[-2]), size[:-2])
             orbit = describe(self._flow(point), point[:-2], float(point[-2]), M, miss)
         except ValueError:  # a number the machine refuses, a run that fails
             return False
         self.points.append(point)
         self.orbits.append(orbit)
         return True
+
+    def _goes_on(self, point: Array, weight: Array) -> bool:
+        """Whether the curve bends little on the way to a point; else it may lie on another one.
+
+        The angle between two steps: Allgower, Georg, *Introduction to Numerical Continuation
+        Methods*, 2003, chapter 6. Through a fold, shorter steps bend less each.
+        """
+        if len(self.points) == 1:
+            return True
+        before = (self.points[-1] - self.points[-2]) * weight
+        now = (point - self.points[-1]) * weight
+        along = before @ now / (np.linalg.norm(before) * np.linalg.norm(now))
+        return bool(along > _BENDS)
+
+    def _phase(self, point: Array, weight: Array) -> Array:
+        """The unit vector along the orbit itself."""
+        along = np.zeros_like(point)
+        along[:-2] = self._flow(point).rate(point[:-2], float(point[-2]))
+        return np.asarray(along / np.linalg.norm(along * weight))
 
     def _within(self, last: Array, way: Array, step: float) -> tuple[Array, Array]:
         """A step's end and what is held there: the parameter itself where it meets its limits."""
@@ -188,10 +214,15 @@ class _Curve:
         return self._flow(point).after(point[:-2], float(point[-2])) - point[:-2]
 
     def _correct(
-        self, predicted: Array, way: Array, size: Array, weight: Array
+        self, predicted: Array, way: Array, phase: Array, size: Array, weight: Array
     ) -> tuple[Array, Array, float] | None:
-        """Newton's method on the map, a phase, and the plane across the way."""
+        """Newton's method on the map, the plane across the flow, and the one across the way.
+
+        Across the flow of the point before: a phase that drifts with the steps would count as a
+        way along the curve, and what turned back in it as a fold.
+        """
         n, point = predicted.size - 2, predicted
+        across = phase * weight**2
         miss = self._miss(point)
         size = size.copy()
         size[:n] = np.maximum(size[:n], np.abs(miss))  # a filter that stood at zero wakes
@@ -207,10 +238,13 @@ class _Curve:
             by_number = (self._miss(point + nudge) - self._miss(point - nudge)) / (2 * nudge[-1])
             J = np.zeros((n + 2, n + 2))
             J[:n] = np.column_stack([M - np.eye(n), rate, by_number]) * size / size[:n, None]
-            J[n, int(np.abs(rate / size[:n]).argmax())] = 1.0  # the phase: one state stays
+            J[n] = across * size
             J[n + 1] = way * weight**2 * size
             wrong = np.concatenate(
-                [miss / size[:n], [0.0, (way * weight**2) @ (point - predicted)]]
+                [
+                    miss / size[:n],
+                    [across @ (point - predicted), (way * weight**2) @ (point - predicted)],
+                ]
             )
             point = point - size * np.linalg.lstsq(J, wrong, rcond=1e-14)[0]
             if not (np.isfinite(point).all() and 0.3 < point[-2] / predicted[-2] < 3):

@@ -22,7 +22,7 @@ from dualdrive.cycles.orbit import Orbit, describe
 from dualdrive.linear.contacts import frozen
 from dualdrive.machine import Machine
 
-__all__ = ["Closure", "close", "scales", "shooting"]
+__all__ = ["Closure", "close", "refuse_rest", "scales", "shooting"]
 
 Array = NDArray[np.float64]
 
@@ -103,7 +103,8 @@ def close(flow: Flow, state: Array, period: float) -> Closure:
         now = better
     if now.size < _ROUNDED:
         M = flow.monodromy(now.state, now.period, search.scale)
-        return _refuse_rest(flow, Closure(now.state, now.period, M, now.size), search.scale)
+        refuse_rest(flow, now.state, now.period, search.scale)
+        return Closure(now.state, now.period, M, now.size)
     raise NoCycleError(
         f"{flow.machine.name}: no orbit closes near this guess (period {period:.4g} s; best miss "
         f"{now.size:.2g} of the states' size); try another guess"
@@ -159,9 +160,8 @@ class _Search:
         return np.asarray(np.linalg.lstsq(columns, -now.miss, rcond=1e-13)[0])
 
 
-def _refuse_rest(flow: Flow, found: Closure, scale: Array) -> Closure:
-    """A machine at rest repeats itself with any period."""
-    moved = np.ptp(flow.along(found.state, found.period), axis=0)
+def refuse_rest(flow: Flow, state: Array, period: float, scale: Array) -> None:
+    """A machine at rest repeats itself with any period. Raises NoCycleError."""
+    moved = np.ptp(flow.along(state, period), axis=0)
     if (moved <= 1e-6 * scale).all():
         raise NoCycleError(f"{flow.machine.name}: the search ended at rest, not in a cycle")
-    return found
