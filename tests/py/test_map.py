@@ -181,6 +181,47 @@ def test_a_headless_angle_and_speed_give_the_sample_time(tmp_path: Path) -> None
     assert proposal.mapping.time.sample_time == "0.001 s"
 
 
+def test_a_first_column_that_rises_evenly_is_the_clock(tmp_path: Path) -> None:
+    late = T + 3e-4 * np.sin(900 * T)  # stamps of a bus, not quite even
+    proposal = propose(recording(tmp_path / "bare.csv", "", late, ANGLE, SPEED, PUSH))
+    assert channels(proposal) == {"column 2": "theta_m", "column 3": "omega_m", "column 4": "T_1"}
+    assert proposal.mapping.time.column == "column 1"
+    assert "column 1 rises evenly: the clock, s assumed from steps of 0.00" in " ".join(
+        proposal.notes
+    )
+    np.testing.assert_allclose(proposal.trace().t, late, atol=1e-8)
+
+
+def test_an_angle_that_rises_evenly_is_no_clock(tmp_path: Path) -> None:
+    path = recording(tmp_path / "log.csv", "Motor1_Lage,Moment", T, PUSH)
+    assert propose(path).mapping.time.sample_time == "1ms"
+
+
+@pytest.mark.parametrize(
+    ("header", "channel"),
+    [
+        ("Sollwert Tisch [rad]", "theta_ref"),
+        ("Tisch Ist [arcsec]", "theta_m"),
+        ("Geschw Soll [rad/s]", "omega_ref"),
+        ("I_eff in A", "I_1"),
+        ("n_ist (1/min)", "omega_1"),
+        ("M_ist [N*m]", "T_1"),
+        ("Phase [deg]", ""),
+        ("Versorgung [V]", ""),
+        ("Heizung in A", ""),
+    ],
+)
+def test_where_no_word_says_it_the_unit_does(header: str, channel: str, tmp_path: Path) -> None:
+    proposal = propose(recording(tmp_path / "log.csv", f"t,{header}", T, ANGLE))
+    assert list(channels(proposal).values()) == ([channel] if channel else [])
+
+
+def test_an_effective_current_is_read_as_one(tmp_path: Path) -> None:
+    proposal = propose(recording(tmp_path / "log.csv", "t,I_eff in A", T, ANGLE))
+    np.testing.assert_allclose(proposal.trace()["I_1"], np.sqrt(3) * ANGLE, atol=1e-8)
+    assert '"eff"' in reason(proposal, "I_eff")
+
+
 # --- reading afterwards ---------------------------------------------------------------------------
 
 

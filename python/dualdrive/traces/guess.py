@@ -31,6 +31,7 @@ _NO_CLOCK: Final = "No clock found, 1 ms assumed: state [time] column, or sample
 _COUNTS: Final = 50  # whole numbers that spread this far without a unit are hardly SI
 _SETTING: Final = 12  # different values, at most, of what is set and not measured ...
 _LONG: Final = 1000  # ... in a record of this many rows
+_CLOCKED: Final = 10  # rows, at least, of a clock that has no name
 _CLOCK_UNIT: Final = {"s": "s", "sec": "s", "seconds": "s", "ms": "ms", "us": "us", "min": "min"}
 
 
@@ -166,7 +167,7 @@ class _Guess:
                 also = f"could also be {channel}, like {self.taken[channel]}"
                 self.why[column] = f"{also}; kept as extra"
             else:
-                self._take(column, channel, said.unit, f"says {words}")
+                self._take(column, channel, said.unit, f"says {words}", said.current)
 
     def _set_by_hand(self, column: str) -> bool:
         values, _ = numbers(self.table.columns[column])
@@ -187,10 +188,12 @@ class _Guess:
         numbered = any(m.of_a_drive and m.number is not None for m in self.said.values())
         return None if said.number is not None or numbered else 1
 
-    def _take(self, column: str, channel: str, unit: str, why: str) -> None:
+    def _take(self, column: str, channel: str, unit: str, why: str, current: str = "") -> None:
         stated = self.table.units.get(column, "")
         self.taken[channel] = column
-        self.rules[column] = ColumnRule(channel=channel, unit="" if unit == stated else unit)
+        self.rules[column] = ColumnRule(
+            channel=channel, unit="" if unit == stated else unit, current=current
+        )
         told = "" if unit or stated else f"; no unit stated, {CHANNELS[channel].unit} assumed"
         self.why[column] = why
         self.assumed[column] = told
@@ -274,10 +277,29 @@ def _guess_clock(table: Table, notes: list[str]) -> tuple[str, TimeRule]:
             return column, TimeRule(column=column)
         unit = table.units.get(column, "") or _CLOCK_UNIT.get(words[-1], "")
         if not unit:
-            steps = np.diff(values[np.isfinite(values)])
-            step = float(np.median(steps)) if steps.size else 0.0
-            unit = "ms" if step >= 0.5 and step == round(step) else "s"
-            notes.append(f"{column}: no unit stated, {unit} assumed from steps of {step:g}.")
+            return column, _in_unit(column, values, notes, f"{column}: no unit stated")
         return column, TimeRule(column=column, unit=unit)
+    first = next(iter(table.columns), "")
+    if first and not meaning(first, table.units.get(first, "")).quantity:
+        values, bad = numbers(table.columns[first])
+        if not bad.any() and _rises_evenly(values):
+            return first, _in_unit(first, values, notes, f"{first} rises evenly: the clock")
     notes.append(_NO_CLOCK)
     return "", TimeRule(sample_time="1ms")
+
+
+def _in_unit(column: str, values: NDArray[np.float64], notes: list[str], why: str) -> TimeRule:
+    """A clock whose unit its steps must tell."""
+    steps = np.diff(values[np.isfinite(values)])
+    step = float(np.median(steps)) if steps.size else 0.0
+    unit = "ms" if step >= 0.5 and step == round(step) else "s"
+    notes.append(f"{why}, {unit} assumed from steps of {step:.4g}.")
+    return TimeRule(column=column, unit=unit)
+
+
+def _rises_evenly(values: NDArray[np.float64]) -> bool:
+    """Whether no value is further from a straight line than a step of it."""
+    if values.size < _CLOCKED or not (np.diff(values) > 0).all():
+        return False
+    line = np.linspace(values[0], values[-1], values.size)
+    return bool(np.abs(values - line).max() < line[1] - line[0])

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from dualdrive.units import UnitError, conversion
+
 from .names import is_canonical
 
 __all__ = ["Meaning", "meaning", "words_of"]
@@ -25,6 +27,12 @@ _ROLE: Final = {
     "motor": "motor mot drive fc inverter antrieb umrichter servo master slave",
     "table": "table ring load axis tisch achse direct last output secondary enc encoder",
 }
+# Where no word says it, the unit does, beside a place, a drive, or the letter of a formula.
+_MEASURES: Final = {"rad": "theta", "rad/s": "omega", "N*m": "T", "A": "I", "V": "U"}
+_LETTERS: Final = {
+    "theta": "phi alpha", "omega": "n w", "T": "m t md", "I": "i iq", "U": "u v",
+}  # fmt: skip
+_EFFECTIVE: Final = frozenset({"eff", "rms"})
 _NUMBER: Final = {"1": "a master", "2": "b slave"}
 _AXIS: Final = frozenset({"ax", "axis", "achse", "joint", "gelenk", "j"})
 _UNIT: Final = {
@@ -43,6 +51,7 @@ class Meaning:
     number:    of a drive or an axis, as counted in the file
     axis:      whether it counts axes (ax1, joint 2), of which each has a motor of its own
     unit:      as the name has it
+    current:   rms, of a current whose name says so
     words:     those that were understood
     """
 
@@ -51,6 +60,7 @@ class Meaning:
     number: int | None = None
     axis: bool = False
     unit: str = ""
+    current: str = ""
     words: tuple[str, ...] = ()
 
     def channel(self, drive: int | None) -> str:
@@ -90,8 +100,29 @@ def meaning(column: str, unit: str = "") -> Meaning:
         counted = lettered
     else:
         counted = str(number) if before in (placed, said) else f"{before} {number}".strip()
-    understood = (word for word in (placed, said, counted) if word)
-    return Meaning(quantity, role, number, axis, found, tuple(dict.fromkeys(understood)))
+    if not quantity:
+        quantity = _measured_in(found)
+        lettered_so = words[:1] and words[0] in _LETTERS.get(quantity, "").split()
+        said = words[0] if lettered_so else ""
+        if not (role or number or lettered_so):
+            quantity = ""
+        elif quantity and not said:
+            said = found
+    effective = next((w for w in words if w in _EFFECTIVE and quantity == "I"), "")
+    understood = (word for word in (placed, said, effective, counted) if word)
+    current = "rms" if effective else ""
+    return Meaning(quantity, role, number, axis, found, current, tuple(dict.fromkeys(understood)))
+
+
+def _measured_in(unit: str) -> str:
+    """The quantity that is measured in this unit; "" where it is none of them."""
+    for si, quantity in _MEASURES.items() if unit else ():
+        try:
+            conversion(unit, si)
+        except UnitError:
+            continue
+        return quantity
+    return ""
 
 
 def words_of(name: str) -> list[str]:
