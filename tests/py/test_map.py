@@ -246,6 +246,19 @@ def test_the_picture_has_a_panel_for_each_kind_and_every_column_left_out(tmp_pat
     assert "foo" in [axes.get_title(loc="left") for axes in figure.axes]
 
 
+def test_the_table_has_an_axis_beside_the_motors_and_columns_their_own_unit(tmp_path: Path) -> None:
+    header = "t,theta_ref,theta_m,theta_1,theta_2,M_ist [%],oil [degC],foo [furlong]"
+    motor, share = 3000 * ANGLE, 80 * ANGLE / np.max(np.abs(ANGLE))
+    columns = (T, ANGLE, ANGLE, motor, motor, share, 30 + T, T**2)
+    figure = picture(propose(recording(tmp_path / "log.csv", header, *columns)))
+    shown = {axes.get_ylabel().split(" [")[0]: axes for axes in figure.axes}
+    assert {"table angle", "motor angle"} <= set(shown)
+    assert len(shown["table angle"].get_lines()) == len(shown["motor angle"].get_lines()) == 2
+    small = {axes.get_title(loc="left"): axes for axes in figure.axes}
+    for title, values in {"M_ist [%]": share, "oil [degC]": 30 + T, "foo [furlong]": T**2}.items():
+        np.testing.assert_allclose(small[title].get_lines()[0].get_ydata(), values, atol=1e-6)
+
+
 def test_columns_that_nobody_recognises_are_drawn_and_written_too(tmp_path: Path) -> None:
     path = recording(tmp_path / "log.csv", "t,foo,bar", T, np.sin(40 * T), T % 0.3)
     target, plot = tmp_path / "log.map.toml", tmp_path / "log.png"

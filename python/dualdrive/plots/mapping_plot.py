@@ -8,8 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.plots.style import COMMAND, LIMIT, TABLE, drive_colour, picture, scale
+from dualdrive.units import conversion
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -19,14 +22,9 @@ __all__ = ["mapping"]
 
 Array = NDArray[np.float64]
 
-#: what shares a panel -> how channels of it begin
-_PANELS: Final = {
-    "angle": ("theta_",),
-    "speed": ("omega_",),
-    "torque": ("T_",),
-    "current": ("I_",),
-    "voltage": ("U_",),
-}
+#: a kind of channel -> how its names begin
+_KINDS: Final = {"angle": "theta_", "speed": "omega_", "torque": "T_", "current": "I_",
+                 "voltage": "U_"}  # fmt: skip
 _ACROSS: Final = 4  # small pictures of what is left out
 _MOST: Final = 24
 _LINES: Final = (1.9, 0.9)  # points, the first line and the last
@@ -35,7 +33,7 @@ _WIDTH, _HEIGHT, _SMALL, _LABELS = 10.0, 1.9, 1.05, 0.4  # inches
 
 @picture
 def mapping(proposal: Proposal) -> Figure:
-    """Mapped channels by kind, each named after its column; below, small, the other columns.
+    """Mapped channels by kind and place, each named after its column; below, small, the others.
 
     Raises TraceError where the recording can't be read with the proposal.
     """
@@ -43,7 +41,7 @@ def mapping(proposal: Proposal) -> Figure:
 
     trace = proposal.trace()
     columns = {guess.channel: guess.column for guess in proposal.columns if guess.channel}
-    panels = {kind: own for kind in _PANELS if (own := _of(kind, columns))}
+    panels = _panels(columns)
     left = [guess for guess in proposal.unmapped if _changes(trace, guess)]
     rows = -(-min(len(left), _MOST) // _ACROSS)
     # a title and an axis label come to each part
@@ -65,8 +63,24 @@ def mapping(proposal: Proposal) -> Figure:
     return figure
 
 
-def _of(kind: str, columns: dict[str, str]) -> list[str]:
-    return [name for name in columns if name.startswith(_PANELS[kind])]
+def _panels(channels: Iterable[str]) -> dict[str, list[str]]:
+    """What shares an axis -> its channels: table, pinions and motors are geared, and never do."""
+    found: dict[str, list[str]] = {}
+    for kind, stem in _KINDS.items():
+        places: dict[str, list[str]] = {}
+        for name in channels:
+            if name.startswith(stem):
+                places.setdefault(_place(name.removeprefix(stem)), []).append(name)
+        alone = len(places) == 1
+        found |= {kind if alone else f"{place} {kind}": own for place, own in places.items()}
+    return found
+
+
+def _place(end: str) -> str:
+    """Where a channel is, by the end of its name."""
+    if end in ("m", "ref", "load"):
+        return "table"
+    return "pinion" if end.startswith("c") else "motor"
 
 
 def _draw(axes: Axes, trace: Trace, kind: str, columns: dict[str, str]) -> None:
@@ -103,8 +117,12 @@ def _changes(trace: Trace, guess: ColumnGuess) -> bool:
 def _left_out(grid: NDArray[Any], trace: Trace, left: list[ColumnGuess]) -> None:
     for axes, guess in zip(grid.flat, left, strict=False):
         t, y = _broken(trace, trace[guess.column])
+        title, unit = guess.column, trace.units[guess.column]
+        if guess.unit:
+            factor, zero = conversion(guess.unit, unit)
+            y, title = (y - zero) / factor, f"{title} [{guess.unit}]"
         axes.plot(t, y, color=LIMIT, lw=0.8)
-        axes.set_title(guess.column, fontsize=7, fontweight="normal", pad=2)
+        axes.set_title(title, fontsize=7, fontweight="normal", pad=2)
         axes.tick_params(labelsize=6)
     for axes in grid.flat[len(left) :]:
         axes.set_axis_off()
