@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, ParamSpec
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,6 +35,18 @@ __all__ = [
 #: bytes of a harmonic, and of a move with its seven phases, while they are put together
 _LINE: Final = 100
 _MOVE: Final = 1000
+
+
+#: argument of the core -> what motions call it
+_OWN: Final = {
+    "speed": ("v", "speeds"),
+    "acceleration": ("a",),
+    "jerk": ("j",),
+    "frequency_hz": ("f",),
+    "base_frequency_hz": ("f",),
+}
+_OF_CORE: Final = re.compile(rf"\w+: ({'|'.join(_OWN)}) = (.*)", re.DOTALL)
+P = ParamSpec("P")
 
 
 class MotionError(InputError):
@@ -93,10 +107,29 @@ def _text(kind: str, arguments: Mapping[str, Any]) -> str:
     return f"{kind}:{','.join(words)}"
 
 
+def _in_its_words(build: Callable[P, Motion]) -> Callable[P, Motion]:
+    """What the core refuses is told by the argument's own name: v, not speed."""
+
+    @functools.wraps(build)
+    def built(*args: P.args, **kwargs: P.kwargs) -> Motion:
+        try:
+            return build(*args, **kwargs)
+        except ValueError as error:
+            told = _OF_CORE.fullmatch(str(error))
+            if told is None:
+                raise
+            own = inspect.signature(build).parameters
+            name = next(name for name in _OWN[told[1]] if name in own)
+            raise MotionError(f"{build.__name__}: {name} = {told[2]}") from None
+
+    return built
+
+
 def _floats(values: ArrayLike) -> tuple[float, ...]:
     return tuple(np.atleast_1d(np.asarray(values, float)).tolist())
 
 
+@_in_its_words
 def move(
     distance: float,
     v: float,
@@ -125,6 +158,7 @@ def move(
     return _motion("move", waveform, waveform.end() + settle if end is None else end, arguments)
 
 
+@_in_its_words
 def cycle(
     targets: Sequence[float] | ArrayLike,
     v: float,
@@ -156,6 +190,7 @@ def cycle(
     return _motion("cycle", waveform, over, arguments)
 
 
+@_in_its_words
 def shuttle(
     distance: float,
     speeds: Sequence[float] | ArrayLike,
@@ -188,12 +223,14 @@ def shuttle(
     return _motion("shuttle", _core.sum(moves), over if end is None else end, arguments)
 
 
+@_in_its_words
 def step(height: float, at: float = 0.0, settle: float = 10.0, end: float | None = None) -> Motion:
     """A jump of the commanded angle by `height` rad at `at`, s."""
     arguments = {"height": height, "at": at, "settle": settle, "end": end}
     return _motion("step", _core.step(height, at), at + settle if end is None else end, arguments)
 
 
+@_in_its_words
 def sine(
     amplitude: float,
     f: float,
@@ -215,6 +252,7 @@ def sine(
     return _motion("sine", waveform, start + periods / f if end is None else end, arguments)
 
 
+@_in_its_words
 def multisine(
     rms: float,
     f: float,
@@ -261,6 +299,7 @@ def multisine(
     return _motion("multisine", waveform, over, arguments)
 
 
+@_in_its_words
 def sampled(t: ArrayLike, values: ArrayLike, interpolation: str = "cubic") -> Motion:
     """A recorded motion: `values` (rad) at times `t` (s), shapes (n,), n >= 2.
 

@@ -72,7 +72,8 @@ def parse_motion(text: str, *, axis: str = "rotary") -> Motion:
         arguments[name] = _spoken(name, value, axis, text)
     missing = [n for n, p in known.items() if p.default is p.empty and n not in arguments]
     if missing:
-        raise MotionError(f"motion {text!r}: {', '.join(missing)} missing; a {kind} needs it")
+        them = "them" if len(missing) > 1 else "it"
+        raise MotionError(f"motion {text!r}: {', '.join(missing)} missing; a {kind} needs {them}")
     try:
         return BUILDERS[kind](**arguments)
     except MotionError:
