@@ -38,6 +38,7 @@ def test_small_sines_are_answered_as_the_linear_machine_does(
 def test_dry_friction_drops_out_while_the_table_turns() -> None:
     table = Machine.load("heavy-table-250t")
     turning = linear.stepped_sine(table, "theta_ref", "theta_m", [1.0], 1e-5, speed=0.005)
+    assert turning.note == "stepped sine of 2.063 arcsec; speed 5 mrad/s"
     right = linear.frequency_response(table, "theta_ref", "theta_m", [1.0])
     np.testing.assert_allclose(turning.response, right.response, rtol=1e-8)
 

@@ -199,12 +199,16 @@ def _at(
 
 def unit_of(machine: Machine | _core.Machine, system: SmallSignal, source: str, output: str) -> str:
     """The unit of an output over an input, on this machine's axis."""
-    above, below = (system.units.get(name, "") for name in (output, source))
-    if isinstance(machine, Machine):
-        above, below = machine.unit_of(output, above), machine.unit_of(source, below)
+    above, below = (own_unit(machine, system, name) for name in (output, source))
     if above == below:
         return ""
     return f"{above or '1'}/({below})" if below else above
+
+
+def own_unit(machine: Machine | _core.Machine, system: SmallSignal, name: str) -> str:
+    """The unit of an input or output on this machine's axis."""
+    unit = system.units.get(name, "")
+    return machine.unit_of(name, unit) if isinstance(machine, Machine) else unit
 
 
 def _note(system: SmallSignal, late: Sequence[Late], cut: Sequence[str]) -> str:

@@ -17,11 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 from dualdrive import _core
 from dualdrive.linear.errors import LinearError
 from dualdrive.linear.excite import Bench, bench_for
-from dualdrive.linear.frequency import poles, unit_of
+from dualdrive.linear.frequency import own_unit, poles, unit_of
 from dualdrive.linear.response import FrequencyResponse
 from dualdrive.linear.small_signal import small_signal
 from dualdrive.machine import Machine
 from dualdrive.simulation import simulate
+from dualdrive.units import human
 
 __all__ = ["multisine", "spaced", "stepped_sine", "worth_measuring"]
 
@@ -87,7 +88,8 @@ def stepped_sine(
         if progress:
             progress(k + 1, f.size)
     response, distortion, coherence = (np.array(column) for column in zip(*found, strict=True))
-    note = _words(f"stepped sine of {_span(sizes)}", speed, load)
+    said = _Said(machine, input)
+    note = said.note(f"stepped sine of {said.span(sizes)}", speed, load)
     return _simulated(machine, input, output, f, response, note, coherence, distortion)
 
 
@@ -144,7 +146,9 @@ def multisine(
     answered = np.abs(G * rms * np.sqrt(2 / lines))
     coherence = np.abs(mean) ** 2 / np.maximum((np.abs(G) ** 2).mean(0), 1e-300)
     distortion = np.sqrt((np.array(even) ** 2).mean(0) / np.maximum((answered**2).mean(0), 1e-300))
-    note = _words(f"{realisations} multisines of {rms:g} RMS", speed, load)
+    said = _Said(machine, input)
+    size = said.span(np.array([rms]))
+    note = said.note(f"{realisations} multisines of {size} RMS", speed, load)
     return _simulated(machine, input, output, f, mean, note, coherence, distortion)
 
 
@@ -239,12 +243,26 @@ def _waiting(machine: Machine, settle: float | None) -> float:
     return min(_DECAYED / float(slow.min()), _LONGEST) if slow.size else _LONGEST
 
 
-def _span(sizes: Array) -> str:
-    low, high = float(sizes.min()), float(sizes.max())
-    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
+class _Said:
+    """What a measurement is called: sizes with the units of this machine."""
 
+    def __init__(self, machine: Machine, source: str) -> None:
+        self._units = {
+            name: own_unit(machine, small_signal(machine.core), name)
+            for name in (source, "omega_m", "T_load")
+        }
+        self._source = source
 
-def _words(text: str, speed: float, load: float) -> str:
-    return "; ".join(
-        [text, *([f"speed {speed:g}"] if speed else []), *([f"load {load:g}"] if load else [])]
-    )
+    def span(self, sizes: Array) -> str:
+        """The size of the input, or from which to which."""
+        low, high = (self._human(self._source, float(f(sizes))) for f in (np.min, np.max))
+        return low if low == high else f"{low} to {high}"
+
+    def note(self, text: str, speed: float, load: float) -> str:
+        """The words, and what went on meanwhile."""
+        steady = [("speed", "omega_m", speed), ("load", "T_load", load)]
+        more = [f"{word} {self._human(name, value)}" for word, name, value in steady if value]
+        return "; ".join([text, *more])
+
+    def _human(self, name: str, value: float) -> str:
+        return human(value, self._units[name])
