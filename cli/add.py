@@ -11,11 +11,13 @@ import click
 from dualdrive_cli._files import MACHINE, OUTPUT
 from dualdrive_cli._shared import (
     command_line,
+    json_option,
     load,
     overwrite_option,
     pairs,
     set_option,
     verb,
+    write_json,
 )
 
 
@@ -35,6 +37,7 @@ from dualdrive_cli._shared import (
     "for a surface. All values are 0.",
 )
 @click.option("-o", "--output", type=OUTPUT, required=True, help="The new machine file.")
+@json_option
 @overwrite_option
 @verb
 def command(
@@ -44,6 +47,7 @@ def command(
     formula: str | None,
     curves: tuple[str, ...],
     output: Path,
+    json_to: str | None,
     overwrite: bool,
 ) -> None:
     """Write a new machine file that has one more effect, and says so in its history.
@@ -60,7 +64,12 @@ def command(
     label = m.add(effect, **own, **_axes(curves))
     m.note(f"added {label}", command_line())
     m.save(output, overwrite=overwrite)
-    click.echo(f"{output}: {m.name} with {label}")
+    added = [p for p in m.parameters() if p.path.startswith(f"{label}.")]
+    numbers = {p.path: {"value": p.value, "unit": p.unit} for p in added}
+    written = {"machine": m.name, "file": str(output), "effect": label, "parameters": numbers}
+    write_json(json_to, written)
+    if json_to != "-":
+        click.echo(f"{output}: {m.name} with {label}")
 
 
 def _axes(curves: tuple[str, ...]) -> dict[str, list[Any]]:

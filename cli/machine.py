@@ -91,22 +91,36 @@ def _page(m: Machine) -> Group:
     epilog="Example: dualdrive machine new --preset bench --set table.J=0.3 -o rig.toml"
 )
 @click.option(
-    "--preset", type=MACHINE, default=DEFAULT, show_default=True, help="What to begin with."
+    "--preset",
+    type=MACHINE,
+    default=DEFAULT,
+    show_default=True,
+    metavar="NAME|FILE",
+    help="What to begin with: a preset or a machine file.",
 )
 @click.option("--name", help="Name of the new machine; else the file's.")
 @set_option
 @click.option("-o", "--output", type=OUTPUT, required=True, help="The machine file to write.")
+@json_option
 @overwrite_option
 @verb
 def new(
-    preset: str, name: str | None, settings: tuple[str, ...], output: Path, overwrite: bool
+    preset: str,
+    name: str | None,
+    settings: tuple[str, ...],
+    output: Path,
+    json_to: str | None,
+    overwrite: bool,
 ) -> None:
     """Write a machine file that stands on its own, to be edited."""
     m = load(preset, settings)
     m.name = name or output.stem
     m.note(f"made from {preset}" + "".join(f", {text}" for text in settings), command_line())
     m.save(output, overwrite=overwrite)
-    click.echo(f"{output}: {m.title}")
+    change = m.history[-1]["change"]
+    write_json(json_to, {"machine": m.name, "file": str(output), "change": change})
+    if json_to != "-":
+        click.echo(f"{output}: {m.title}")
 
 
 @command.command(epilog="Example: dualdrive machine history rig.toml")
@@ -134,13 +148,16 @@ def history(machine: str, json_to: str | None, overwrite: bool) -> None:
 @command.command(epilog="Example: dualdrive machine undo rig.toml -o rig-before.toml")
 @click.argument("machine", type=MACHINE)
 @click.option("-o", "--output", type=OUTPUT, help="Write here; else the file itself is replaced.")
+@json_option
 @overwrite_option
 @verb
-def undo(machine: str, output: Path | None, overwrite: bool) -> None:
+def undo(machine: str, output: Path | None, json_to: str | None, overwrite: bool) -> None:
     """Take back the last change of a machine file: numbers, effects and choices as they were."""
     path = Path(machine)
     with nullcontext() if output else claim(path):
         m = Machine.load(path)
         change = m.undo()
         m.save(output or path, overwrite=overwrite or output is None)
-    click.echo(f"{output or path}: without {change!r}")
+    write_json(json_to, {"machine": m.name, "file": str(output or path), "undone": change})
+    if json_to != "-":
+        click.echo(f"{output or path}: without {change!r}")

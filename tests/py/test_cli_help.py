@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from commands import leaves
 from dualdrive import Machine, parse_motion, simulate
 from dualdrive.echo import once
 from dualdrive.traces.log import Issue
@@ -34,6 +35,13 @@ def test_the_help_speaks_in_whole_sentences() -> None:
     listed = text.partition("Model a machine:")[2]
     assert "..." not in listed
     assert all(section.rstrip().endswith(".") for section in listed.split("\n\n"))
+
+
+def test_every_verb_writes_its_figures_as_json() -> None:
+    without = [
+        leaf.name for leaf in leaves() if "json_to" not in {p.name for p in leaf.command.params}
+    ]
+    assert not without
 
 
 @pytest.mark.parametrize(
