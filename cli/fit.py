@@ -89,7 +89,7 @@ def command(
     """Fit a machine to measured traces, with intervals, and test it on others.
 
     Without --free: inertias, viscous friction, stiffness, play, and every number of its effects.
-    Ctrl-C keeps the best point so far. Ends with 1 if the fit did not converge.
+    Ctrl-C keeps the best point once there is one. Ends with 1 if the fit did not converge.
     """
     m = load(machine, settings)
     recorded, unseen = read_all(traces, mapping, wanted), read_all(held_out, mapping)

@@ -74,7 +74,7 @@ def test_a_map_and_a_branch_are_drawn(dualdrive: Callable[[str], Result]) -> Non
         ("bode bench --frequencies 5:1:3", "needs 0 < start < stop", 2),
         ("bode bench --open-loop position --simulate 1", "leave --open-loop and --cut out", 2),
         ("bode bench --measured none.csv", "none.csv: cannot be read", 2),
-        ("cycles heavy-table-550t", "comes to rest after a kick", 1),
+        ("cycles heavy-table-550t", "try a larger --kick (kick=), or --guess", 1),
         ("cycles linear-axis", "shooting needs a machine without delays and sampled loops", 2),
         ("cycles heavy-table-550t --branch K_v", "is not PARAMETER=STOP", 2),
     ],

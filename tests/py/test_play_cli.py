@@ -126,7 +126,7 @@ def test_what_play_cannot_use_is_refused_in_one_line(dualdrive: Callable[[str], 
         ("play known.csv --drive 2", "neither theta_c2 nor theta_2"),
         ("play known.csv --load 100", "no 0.3 s of torque beyond 100"),
         ("play known.csv --part Test=1", "the mapping splits nothing"),
-        ("play missing.csv", "no such file"),
+        ("play missing.csv", "missing.csv: there is no such file; check its name"),
     ):
         assert words in refused(dualdrive(line))
 

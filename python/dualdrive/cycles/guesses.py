@@ -40,13 +40,14 @@ def from_simulation(flow: Flow, kick: float, settle: float) -> tuple[Array, floa
     if half_range(e) <= _AT_REST * play or half_range(e) == 0:
         raise NoCycleError(
             f"{name}: comes to rest after a kick of {kick:g} rad/s: no cycle was started; "
-            "try a larger kick, or a guess from the describing function"
+            "try a larger --kick (kick=), or --guess 'describing function' (guess=)"
         )
     times = _rising(t, e - e.mean())
     lengths = np.diff(times)[-_PERIODS:]
     if lengths.size < 2:
         raise NoCycleError(
-            f"{name}: less than two swings in {span:g} s; give a longer settle, or a guess"
+            f"{name}: less than two swings in {span:g} s; give a longer --settle (settle=), or a "
+            "--guess (guess=)"
         )
     for count in (1, 2, 3, 4):  # an orbit may close after several swings only
         sums = np.convolve(lengths, np.ones(count), "valid")
@@ -54,7 +55,7 @@ def from_simulation(flow: Flow, kick: float, settle: float) -> tuple[Array, floa
             return flow.after(late, float(times[-1 - count])), float(sums.mean())
     raise NoCycleError(
         f"{name}: does not repeat itself after {settle:g} s (swings last {lengths.min():.3g} s to "
-        f"{lengths.max():.3g} s); give a longer settle"
+        f"{lengths.max():.3g} s); give a longer --settle (settle=)"
     )
 
 

@@ -193,5 +193,6 @@ def _unsettled(machine: Machine, cycle: Cycle, target: float, moved: float, seen
         f"{machine.name}: the table does not stand still: at target {place} "
         f"it moves by {human(float(moved), unit)} within the last {cycle.window:g} s of its dwell "
         f"(allowed {human(cycle.still, unit)}): it hunts or has not settled; no position is read. "
-        f"Dwell for longer than {cycle.dwell:g} s, tension or tune the drives, or allow more: still"
+        f"Give a --dwell (dwell=) longer than {cycle.dwell:g} s, tension or tune the drives, or "
+        "allow more: --still (still=)"
     )

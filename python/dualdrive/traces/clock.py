@@ -147,7 +147,7 @@ def _repeated(seconds: Floats, rule: TimeRule, table: Table, recorder: Recorder)
         return seconds
     rows = table.rows[same]
     if rule.repeated == "refuse":
-        way_out = "set [time] repeated to first, last or spread, or state sample_time"
+        way_out = 'write repeated = "first", "last" or "spread" in [time], or state sample_time'
         raise recorder.error("repeated_time", "different rows at one time", way_out, rows)
     if rule.repeated == "spread":
         recorder.add("repeated_time", "spread evenly up to the next time stamp", rows)
@@ -187,7 +187,7 @@ def _backwards(
         return seconds, []
     rows = table.rows[back]
     if rule.backwards == "refuse":
-        way_out = "cut the file there, or set [time] backwards to split, or wrap to its period"
+        way_out = 'cut the file there, or write backwards = "split" or wrap = its period in [time]'
         raise recorder.error("time_backwards", "time runs backwards", way_out, rows)
     usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
     recorder.add("time_backwards", "a new segment begins", rows)

@@ -89,7 +89,8 @@ def read_table(path: Path, mapping: TraceMap, recorder: Recorder, group: str = "
     """The columns of a file as they stand in it."""
     _refuse_folder(path, recorder)
     if not path.is_file():
-        raise recorder.error("file", f"no such file ({path})", "check its name")
+        where = "" if path.parent == Path() else f" in {path.parent}"
+        raise recorder.error("file", f"there is no such file{where}", "check its name")
     if path.stat().st_size == 0:
         raise recorder.error("file", "the file is empty", "export the recording again")
     layout = replace(mapping.file, group=group) if group else mapping.file
