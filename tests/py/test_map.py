@@ -256,7 +256,8 @@ def test_the_table_has_an_axis_beside_the_motors_and_columns_their_own_unit(tmp_
     assert len(shown["table angle"].get_lines()) == len(shown["motor angle"].get_lines()) == 2
     small = {axes.get_title(loc="left"): axes for axes in figure.axes}
     for title, values in {"M_ist [%]": share, "oil [degC]": 30 + T, "foo [furlong]": T**2}.items():
-        np.testing.assert_allclose(small[title].get_lines()[0].get_ydata(), values, atol=1e-6)
+        drawn = np.asarray(small[title].get_lines()[0].get_ydata(), float)
+        np.testing.assert_allclose(drawn, values, atol=1e-6)
 
 
 def test_columns_that_nobody_recognises_are_drawn_and_written_too(tmp_path: Path) -> None:

@@ -7,11 +7,14 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
+from dualdrive import tune
+from dualdrive.motion import move
 from dualdrive.plots import (
     PlotError,
     Step,
@@ -25,8 +28,12 @@ from dualdrive.plots import (
     reversal_zoom,
     torque_speed,
     torques,
+    tuning_step,
 )
 from dualdrive.plots.style import scale
+from dualdrive.plots.sweep_figures import sweep_figures
+from dualdrive.sweeps import sweep
+from dualdrive.tune.result import Assessment, Curve, Panel
 from pictured import ARCSEC, comparison, hunting, linear, swing, trace_of
 
 if TYPE_CHECKING:
@@ -147,3 +154,32 @@ def test_the_callers_own_style_is_left_alone() -> None:
 def test_importing_the_pictures_loads_no_matplotlib() -> None:
     code = "import sys, dualdrive.plots; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_map_begins_where_its_axes_can(tmp_path: Path) -> None:
+    path = tmp_path / "grid.h5"
+    grid = {"meshes.gap": "0:4mrad:3", "table.J": "0.2,0.3"}
+    motion = move(0.01, v=0.1, a=0.5, end=0.4)
+    with sweep("bench", grid, motion=motion, output=path) as found:
+        axes = sweep_figures(found, "peak_error").axes[0]
+    assert axes.get_xlim()[0] == 0.0
+    assert 0.0 < axes.get_ylim()[0] < 0.2
+
+
+def test_marks_of_a_step_can_be_told_apart() -> None:
+    x = np.linspace(0.0, 1.0, 5)
+    curves = (Curve("all closed", x, x), Curve("one open", x, x**2))
+    marks = ((0.4, "edge, all closed"), (0.6, "edge, one open"), (0.6, "edge, two"), (0.9, "set"))
+    panel = Panel("growth", "gain", "1/s", curves, marks)
+    none = Assessment(True, -1.0, 1.0, {}, {}, None)
+    step = tune.Step(4, "gain", (), none, none, panels=(panel,))
+    (axes,) = tuning_step(step).axes
+    lines = {str(line.get_label()): line for line in axes.get_lines()}
+    assert list(lines)[2:] == [
+        "edge, all closed: 0.4",
+        "edge, one open\nedge, two: 0.6",
+        "set: 0.9",
+    ]
+    drawn = list(lines.values())
+    assert [line.get_color() for line in drawn[2:4]] == [line.get_color() for line in drawn[:2]]
+    assert len({line.get_linestyle() for line in drawn[2:]}) == 3

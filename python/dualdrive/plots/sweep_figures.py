@@ -126,13 +126,18 @@ def _axis(sweep: Sweep, path: str) -> tuple[np.ndarray[Any, Any], str]:
 
 
 def _edges(values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Borders of cells half-way between rising values, shape (n + 1,)."""
+    """Borders of cells half-way between rising values, shape (n + 1,).
+
+    None is negative where no value is.
+    """
     rising = np.sort(values)
     if len(rising) == 1:
         half = 0.5 * (abs(float(rising[0])) or 1.0)
         return np.array([rising[0] - half, rising[0] + half])
     middle = (rising[1:] + rising[:-1]) / 2
     first, last = 2 * rising[0] - middle[0], 2 * rising[-1] - middle[-1]
+    if rising[0] >= 0:  # a gap, a tension: an axis below zero would show what there can't be
+        first = max(first, 0.0)
     return np.concatenate([[first], middle, [last]])
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from itertools import cycle
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 __all__ = ["tuning", "tuning_step"]
 
 
+#: lines of marks that stand in one panel
+_MARKS: Final = (":", "--", "-.", (0, (6, 1, 1, 1, 1, 1)))
 _FEW = 3  # lines in a legend that find room within the axes
 
 
@@ -51,9 +54,10 @@ def _panel(axes: Axes, panel: Panel) -> None:
         if panel.y_range:
             axes.set_ylim(*panel.y_range)
             axes.axhline(0.0, color=LIMIT, lw=0.8)
-        for place, word in panel.marks:
-            axes.axvline(place, color=COMMAND, lw=0.9, ls=":", label=f"{word}: {place:.4g}")
-        entries = len(panel.curves) + len(panel.marks)
+        marks = _marks(panel)
+        for (place, word, colour), style in zip(marks, cycle(_MARKS), strict=False):
+            axes.axvline(place, color=colour, lw=1.2, ls=style, label=f"{word}: {place:.4g}")
+        entries = len(panel.curves) + len(marks)
         if entries > _FEW:
             axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
         elif entries > 1:
@@ -61,6 +65,20 @@ def _panel(axes: Axes, panel: Panel) -> None:
     axes.set_title(panel.title)
     axes.set_xlabel(panel.x)
     axes.set_ylabel(panel.y)
+
+
+def _marks(panel: Panel) -> list[tuple[float, str, str]]:
+    """Place, words and colour, which is that of the curve they name; one for each place."""
+    found: dict[str, tuple[float, list[str], str]] = {}
+    for place, word in panel.marks:
+        named = (
+            drive_colour(k)
+            for k, c in enumerate(panel.curves, 1)
+            if c.label and word.endswith(c.label)
+        )
+        colour = next(named, COMMAND)
+        found.setdefault(f"{place:.4g}", (place, [], colour))[1].append(word)
+    return [(place, "\n".join(words), colour) for place, words, colour in found.values()]
 
 
 def _alike(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
