@@ -229,3 +229,8 @@ def test_a_late_recorder_is_taken_back_once() -> None:
     spoilt = with_changed(trace, theta_m=late)
     known = fit(machine, spoilt, [], "balance").error
     assert compare(machine, spoilt, "balance").error["headline"] == pytest.approx(known)
+
+
+def test_a_ladder_without_steps_closes_no_gap() -> None:
+    """Records that can't be judged have none."""
+    assert Ladder((), (), "the records can't be judged", "", 0.0).gap_closed == 0.0

@@ -25,7 +25,7 @@ from dualdrive.traces import Trace
 
 MOST = 4  # effects that are added one after the other
 _LAST = 0.1  # of the time: with less left nothing is begun
-_BY_HAND = "stopped by hand"
+_BY_HAND = "by hand"
 _BARE = 2  # rungs without an effect: nominal and refitted
 _WORTH = 0.98  # held-out error of the next step over that of the last, at most
 
@@ -266,7 +266,10 @@ def _halved(trace: Trace) -> tuple[Trace, Trace]:
     """Two halves, cut where the motion rests if it does anywhere near the middle."""
     t = trace.t
     if len(t) < 200:
-        raise ValueError(f"{trace.name}: {len(t)} samples are too few to halve; give held-out data")
+        raise ValueError(
+            f"{trace.name}: {len(t)} samples are too few to halve; hold out a record of its own "
+            "(--held-out)"
+        )
     middle = len(t) // 2
     name = next((n for n in ("theta_ref", "theta_m", "theta_1") if n in trace), None)
     if name is not None:

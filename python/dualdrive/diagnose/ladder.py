@@ -46,6 +46,8 @@ class Ladder:
     @property
     def gap_closed(self) -> float:
         """Share of the refitted machine's held-out error above the floor that went."""
+        if not self.steps:  # records that can't be judged
+            return 0.0
         refitted, last = self.steps[min(1, len(self.steps) - 1)], self.steps[-1]
         gap = refitted.held_out - refitted.noise_floor
         return float((refitted.held_out - last.held_out) / gap) if gap > 0 else 0.0
