@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from dualdrive import Machine, _core
 from dualdrive.describe import meaning, scale_on, spoken_on, unit_on
 from dualdrive.diagnose import diagnose
-from dualdrive.diagnose.findings import _stuck
+from dualdrive.diagnose.balance_findings import _stuck
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.machine_file.frames import linear_unit
 from dualdrive.report import page

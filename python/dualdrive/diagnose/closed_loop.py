@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,7 +14,6 @@ from dualdrive.compare.equation import EquationAtFault
 from dualdrive.diagnose.axis import candidate_on, numbers_on, shape_on
 from dualdrive.diagnose.decision import (
     Decision,
-    MissingTorque,
     beside_the_data_sheet,
     decide,
     leaves_too_much,
@@ -24,9 +23,18 @@ from dualdrive.diagnose.decision import (
     takes_too_little,
 )
 from dualdrive.diagnose.experiment import next_experiment
-from dualdrive.diagnose.findings import equation_of
+from dualdrive.diagnose.findings import (
+    RIVALS,
+    TOLD,
+    Effects,
+    command_for,
+    equation_by_name,
+    moved_numbers,
+    screened,
+    with_effects,
+)
 from dualdrive.diagnose.paragraph import paragraph
-from dualdrive.diagnose.result import Candidate, Diagnosis, Experiment, Interval
+from dualdrive.diagnose.result import Candidate, Diagnosis, Experiment, Shape
 from dualdrive.diagnose.selection import EFFORTS, Fitted, Selection, select
 from dualdrive.diagnose.shape import of_the_filter, shapes
 from dualdrive.diagnose.simulated_errors import Simulation, noise_floor, of_the_data_sheet
@@ -34,16 +42,12 @@ from dualdrive.diagnose.uncertainty import Uncertainty
 from dualdrive.estimation.unknowns import Unknown, default_free, default_tolerances, unknowns
 from dualdrive.identify import FitError
 from dualdrive.innovations import Counter, GreyBox, Noise, predictable, values
-from dualdrive.replay import (
-    Record,
-    core_of,
-)
+from dualdrive.replay import Record, core_of
 from dualdrive.said import Counted, Said
 from dualdrive.traces import Trace
 
 Array = NDArray[np.float64]
 
-_TOLD = 8  # candidates in the result
 #: relative tolerances of the motors' numbers that a record of currents shows
 _ELECTRIC = {"K_d": 0.05, "R": 0.1}
 
@@ -93,7 +97,7 @@ def diagnose_closed_loop(
     best, probability = decision.ranked[0]
     leader = f"{best.variant.label}, probability {probability:.2g}" if best.variant.effects else ""
     job.tell(Said("errors of the simulated loop", leader))
-    return _told(machine, grey, found, decision, sure, played, traces, warnings, job)
+    return _told(machine, grey, found, decision, sure, traces, warnings, job)
 
 
 def nominal_unknowns(core: Any, tolerance: float | Mapping[str, float] | None) -> list[Unknown]:
@@ -136,91 +140,48 @@ def _told(
     found: Selection,
     decision: Decision,
     sure: Uncertainty,
-    played: Sequence[Record],
     traces: Mapping[str, Trace],
     warnings: Sequence[str],
     job: Job,
 ) -> Diagnosis:
-    named = decision.verdict in ("effect", "ambiguous")
-    leaders = [f for f, _ in decision.ranked if f.variant.effects]
-    best = leaders[0] if leaders else found.base
-    refitted = machine_at(machine, grey, found.base)
-    improved = machine_at(machine, grey, best) if named else None
-    loops = {f.variant.key: Simulation.of(grey, f) for f in (found.base, *leaders[:_TOLD])}
-    told = (found.base, best) if named else (found.base,)
-    out = _unfollowed(grey, [loops[f.variant.key] for f in told], decision.best.noise)
-    errors = {key: loop.error(out) for key, loop in loops.items()}
-    refitted_error = errors[found.base.variant.key]
-    error = {
-        "nominal": of_the_data_sheet(grey).error(out),
-        "refitted": refitted_error,
-        "noise_floor": noise_floor(grey, decision.best, out),
-        "held_out_refitted": refitted_error * sure.cross_validated(found.base),
-    }
-    error["best"] = errors[best.variant.key] if named else refitted_error
-    error["held_out_best"] = (
-        error["best"] * sure.cross_validated(best) if named else error["held_out_refitted"]
-    )
-    if out:
-        warnings = [*warnings, _left_out(sorted(out))]
-    decision = replace(decision, verdict=beside_the_data_sheet(decision.verdict, error))
-    denials = (objection, takes_too_little, leaves_too_much)
-    why = next(filter(None, (deny(decision.verdict, error) for deny in denials)), "")
-    if why and named and found.quiet:
-        decision = numbers_alone(sure, found, decision)
-        error |= {"best": refitted_error, "held_out_best": error["held_out_refitted"]}
-        named, improved, why = False, None, ""
+    each, error, out = _errors(grey, found, decision, sure)
+    decision, error, why = _upheld(found, decision, sure, error)
+    warnings = [*warnings, *_left_out(sorted(out))]
     if why:
-        decision = replace(decision, verdict="unknown", group=())
-        warnings = [*warnings, f"no verdict but unknown can stand: {why}"]
-        named, improved = False, None
+        warnings.append(f"no verdict but unknown can stand: {why}")
     candidates = [
-        _candidate(grey, found, sure, f, p, errors[f.variant.key], error)
+        candidate_on(machine, _candidate(grey, found, sure, f, p, each[f.variant.key], error))
         for f, p in decision.ranked
-        if f.variant.effects and f.variant.key in errors
+        if f.variant.effects and f.variant.key in each
     ]
-    candidates = [candidate_on(machine, c) for c in candidates]
-    candidates += _screened(found, candidates)
-    stands = best if named else found.base
+    candidates += screened(_scores(found), candidates)
+    stands = _stands(found, decision)
+    named = stands is not found.base
     numbers = numbers_on(machine, sure.intervals(stands))
     nominal = {p.path: numbers[p.path] for p in grey.nominal}
-    moved = {
-        p.path: nominal[p.path]
-        for p in grey.nominal
-        if not nominal[p.path].low <= p.nominal <= nominal[p.path].high
-        and abs(nominal[p.path].value - p.nominal) > 0.01 * abs(p.nominal)
-    }
+    moved = moved_numbers(grey.nominal, nominal)
     if decision.verdict == "parameters" and not moved:  # told apart, but by next to nothing
         decision = replace(decision, verdict="adequate")
-    equation = _equation(decision, candidates)
-    curves = []
-    if decision.verdict not in ("adequate", "parameters") and not job.stop():
-        job.tell("the shape of what is missing")
-        courses = of_the_filter(grey, found.base.point, found.base.gains)
-        curves = [shape_on(machine, s) for s in shapes(courses)]
-    plan = None
-    if job.experiment and decision.verdict == "ambiguous" and not job.stop():
-        job.tell("planning the next experiment")
-        plan = _plan(machine, grey, found, decision, played, job)
+    curves = _curves(machine, grey, found, decision, job)
+    plan = _plan(machine, grey, found, decision, job)
+    refitted = machine_at(machine, grey, found.base)
+    improved = machine_at(machine, grey, stands) if named else None
     before, after = (job.compared(m, traces) for m in (refitted, improved))
-    groups = [decision.group] if decision.group else []
-    command = command_for(best, grey.core, numbers) if named else ""
-    cut = [] if found.finished else ["stopped before every law had its turn"]
-    said = Diagnosis(
+    told = Diagnosis(
         machine=core_of(machine).name,
         mode="closed_loop",
         records=tuple(traces),
         verdict=decision.verdict,
         candidates=candidates,
-        groups=groups,
-        equation=equation,
+        groups=[decision.group] if decision.group else [],
+        equation=_equation(decision, candidates),
         where=before.where if before is not None else (),
         error=error,
         shapes=curves,
         next_experiment=plan,
-        warnings=list(warnings),
-        cut=cut,
-        command=command,
+        warnings=warnings,
+        cut=[] if found.finished else ["stopped before every law had its turn"],
+        command=command_for(added(grey.core, stands), numbers) if named else "",
         seconds=0.0,
         refitted=refitted,
         improved=improved,
@@ -232,7 +193,49 @@ def _told(
         effort={"replays": grey.counter.replays, "of": grey.counter.replays},
         missing_torque=dict(decision.missing),
     )
-    return replace(said, paragraph=paragraph(said))
+    return replace(told, paragraph=paragraph(told))
+
+
+def _stands(found: Selection, decision: Decision) -> Fitted:
+    """What the answer rests on: the leader where it has a name, else refitted numbers alone."""
+    return decision.best if decision.verdict in ("effect", "ambiguous") else found.base
+
+
+def _errors(
+    grey: GreyBox, found: Selection, decision: Decision, sure: Uncertainty
+) -> tuple[dict[str, float], dict[str, float], set[str]]:
+    """Error of each law by its key, headline errors, and names of the records these leave out."""
+    base, stands = found.base, _stands(found, decision)
+    leaders = [f for f, _ in decision.ranked if f.variant.effects][:TOLD]
+    loops = {f.variant.key: Simulation.of(grey, f) for f in (base, *leaders)}
+    both = {f.variant.key: f for f in (base, stands)}
+    out = _unfollowed(grey, [loops[key] for key in both], decision.best.noise)
+    each = {key: loop.error(out) for key, loop in loops.items()}
+    held_out = {key: each[key] * sure.cross_validated(f) for key, f in both.items()}
+    headline = {
+        "nominal": of_the_data_sheet(grey).error(out),
+        "refitted": each[base.variant.key],
+        "noise_floor": noise_floor(grey, decision.best, out),
+        "held_out_refitted": held_out[base.variant.key],
+        "best": each[stands.variant.key],
+        "held_out_best": held_out[stands.variant.key],
+    }
+    return each, headline, out
+
+
+def _upheld(
+    found: Selection, decision: Decision, sure: Uncertainty, error: dict[str, float]
+) -> tuple[Decision, dict[str, float], str]:
+    """Decision and errors that can stand beside one another; if none but unknown can, why."""
+    decision = replace(decision, verdict=beside_the_data_sheet(decision.verdict, error))
+    denials = (objection, takes_too_little, leaves_too_much)
+    why = next(filter(None, (deny(decision.verdict, error) for deny in denials)), "")
+    if why and found.quiet and decision.verdict in ("effect", "ambiguous"):
+        alone = {"best": error["refitted"], "held_out_best": error["held_out_refitted"]}
+        return numbers_alone(sure, found, decision), {**error, **alone}, ""
+    if why:
+        decision = replace(decision, verdict="unknown", group=())
+    return decision, error, why
 
 
 def _unfollowed(grey: GreyBox, loops: Sequence[Simulation], noise: Noise) -> set[str]:
@@ -241,29 +244,23 @@ def _unfollowed(grey: GreyBox, loops: Sequence[Simulation], noise: Noise) -> set
     return out if len(out) < len(grey.records) else set()
 
 
-def _left_out(names: Sequence[str]) -> str:
+def _left_out(names: Sequence[str]) -> list[str]:
+    """What to say of records that the errors leave out."""
+    if not names:
+        return []
     which = f"record {names[0]}" if len(names) == 1 else f"records {', '.join(names)}"
-    return (
+    return [
         f"the errors of the simulated loop leave out {which}: begun as little elsewhere as the "
         "sensors can't tell, the same machine goes another way there, so that no simulation "
         "follows it. The likelihood, which decides, counts every record."
-    )
+    ]
 
 
 def machine_at(machine: Any, grey: GreyBox, f: Fitted) -> Any:
     """A copy of the machine with a hypothesis in it, all numbers as fitted."""
-    copy = machine.copy()
-    core = core_of(copy)
-    for effect, member in added(grey.core, f):
-        if hasattr(copy, "add"):
-            copy.add(effect, member)
-        else:
-            core.add_effect(effect, member)
     fitted = grey.machine(f.variant, f.point.theta)
-    known = [p.path for p in grey.nominal] + [p.path for p in f.variant.extra]
-    for path in [*known, *f.variant.fixed]:
-        core.set(path, fitted.get(path))
-    return copy
+    paths = [*(p.path for p in (*grey.nominal, *f.variant.extra)), *f.variant.fixed]
+    return with_effects(machine, added(grey.core, f), {path: fitted.get(path) for path in paths})
 
 
 def added(core: Any, f: Fitted) -> list[tuple[str, str]]:
@@ -311,21 +308,14 @@ def _at_bound(f: Fitted) -> str:
     return f"needs {' and '.join(stuck)}: implausible" if stuck else ""
 
 
-def _screened(found: Selection, known: Sequence[Candidate]) -> list[Candidate]:
-    """The best by score alone, of those without a refit of their own."""
-    labels, rest, nan = {c.label for c in known}, list[Candidate](), float("nan")
+def _scores(found: Selection) -> Iterator[tuple[Effects, float, str]]:
+    """Effects that have no fit of their own, what they gain, and a note, best score first."""
     for _, s in found.screened:
-        v = s.variant
-        if v.label in labels or not s.gain > 0.0 or len(known) + len(rest) >= _TOLD:
-            continue
-        refitted = found.tried.get(v.key)
-        if refitted is not None and not refitted > 0.0:
-            continue  # its score promised what no refit kept
-        labels.add(v.label)
-        note = "screened only" if refitted is None else "refitted beside the data sheet's noise"
-        gain = s.gain if refitted is None else refitted
-        rest.append(Candidate(v.effects, 0.0, {}, nan, nan, gain, nan, False, note))
-    return rest
+        refitted = found.tried.get(s.variant.key)
+        if refitted is None:
+            yield s.variant.effects, s.gain, "screened only"
+        elif s.gain > 0.0:  # dropped where its score promised what no refit kept
+            yield s.variant.effects, refitted, "refitted beside the data sheet's noise"
 
 
 def _equation(decision: Decision, candidates: Sequence[Candidate]) -> EquationAtFault | None:
@@ -333,35 +323,35 @@ def _equation(decision: Decision, candidates: Sequence[Candidate]) -> EquationAt
     if decision.verdict in ("adequate", "parameters"):
         return None
     if decision.verdict in ("effect", "ambiguous") and candidates:
-        shares: dict[str, float] = {}
-        for c in candidates:
-            if c.resolved:
-                name = equation_of(*c.effects[0])
-                shares[name] = shares.get(name, 0.0) + c.probability
-        best = max(shares, key=lambda n: shares[n])
-        return EquationAtFault(best, min(shares[best], 1.0), shares, "probability")
-    missing: Mapping[str, MissingTorque] = decision.missing
-    if not missing:
+        return equation_by_name(c for c in candidates if c.resolved)
+    shares: dict[str, float] = {}
+    for body, m in decision.missing.items():
+        name = body if body == "table" else "drive"
+        shares[name] = max(shares.get(name, 0.0), m.share)
+    if not shares:
         return None
-    shares = {body if body == "table" else "drive": 0.0 for body in missing}
-    for body, m in missing.items():
-        key = body if body == "table" else "drive"
-        shares[key] = max(shares[key], m.share)
-    best = max(shares, key=lambda n: shares[n])
-    whole = sum(shares.values())
-    probability = shares[best] / whole if whole > 0.0 else 0.0
-    return EquationAtFault(best, probability, shares, "torque")
+    best, whole = max(shares, key=lambda n: shares[n]), sum(shares.values())
+    return EquationAtFault(best, shares[best] / whole if whole > 0.0 else 0.0, shares, "torque")
+
+
+def _curves(
+    machine: Any, grey: GreyBox, found: Selection, decision: Decision, job: Job
+) -> list[Shape]:
+    """The shape of what is missing, where anything is."""
+    if decision.verdict in ("adequate", "parameters") or job.stop():
+        return []
+    job.tell("the shape of what is missing")
+    courses = of_the_filter(grey, found.base.point, found.base.gains)
+    return [shape_on(machine, s) for s in shapes(courses)]
 
 
 def _plan(
-    machine: Any,
-    grey: GreyBox,
-    found: Selection,
-    decision: Decision,
-    played: Sequence[Record],
-    job: Job,
+    machine: Any, grey: GreyBox, found: Selection, decision: Decision, job: Job
 ) -> Experiment | None:
     """The experiment that tells the possible names apart, None where there is none."""
+    if not job.experiment or decision.verdict != "ambiguous" or job.stop():
+        return None
+    job.tell("planning the next experiment")
     rivals, noise = list[tuple[str, Any]](), dict[str, float]()
     for f, _ in decision.ranked:
         if f.variant.label in decision.group and f.variant.label not in {n for n, _ in rivals}:
@@ -374,25 +364,7 @@ def _plan(
                 noise[c.name] = max(noise.get(c.name, 0.0), float(np.sqrt(variance)))
     try:
         return next_experiment(
-            rivals[:3], noise=noise, channels=list(noise), progress=job.tell, stop=job.stop
+            rivals[:RIVALS], noise=noise, channels=list(noise), progress=job.tell, stop=job.stop
         )
     except (ValueError, FitError):
         return None
-
-
-def command_for(best: Fitted, core: Any, known: Mapping[str, Interval]) -> str:
-    """The commands that add the leader, one per effect."""
-    lines, source, effects = [], "MACHINE", added(core, best)
-    for k, (effect, place) in enumerate(effects, 1):
-        label = f"{effect}@{place}"
-        own = {p: v for p, v in known.items() if p.startswith(f"{label}.")}
-        sets = " ".join(f"--set {p.rpartition('.')[2]}={v.value:.6g}" for p, v in own.items())
-        target = "grown.toml" if k == len(effects) else f"grown-{k}.toml"
-        lines.append(f"dualdrive add {source} {label} {sets} -o {target}".replace("  ", " "))
-        source = target
-    return " && ".join(lines)
-
-
-def with_time(found: Diagnosis, seconds: float) -> Diagnosis:
-    """The same with the time it took."""
-    return replace(found, seconds=seconds)

@@ -11,7 +11,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from dualdrive.compare import RecordWarning, check_records, evened
-from dualdrive.diagnose.closed_loop import Job, diagnose_closed_loop, with_time
+from dualdrive.diagnose.closed_loop import Job, diagnose_closed_loop
 from dualdrive.diagnose.data_sheet import wrong_guesses
 from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.paragraph import paragraph
@@ -147,7 +147,7 @@ def diagnose(
             driven = all(_driven(core, trace) for trace in recorded.values())
             asked = chosen == "auto" and looped.verdict == "unknown" and driven
             if not asked or drives_close(looped) or stop.is_set():
-                return with_time(looped, clock.used)
+                return replace(looped, seconds=clock.used)
             tell("the torque balance")
             try:
                 balanced = diagnose(
@@ -163,13 +163,11 @@ def diagnose(
                     progress=progress,
                 )
             except (ValueError, FitError):  # the records allow none: what the loop says stands
-                return with_time(looped, clock.used)
+                return replace(looped, seconds=clock.used)
             why = foreign_loop(looped, balanced)
             if not why:
-                return with_time(looped, clock.used)
-            said = f"{balanced.paragraph} Mind: {why}."
-            told = replace(balanced, warnings=[*warnings, why], paragraph=said)
-            return with_time(told, clock.used)
+                return replace(looped, seconds=clock.used)
+            return _minding(balanced, warnings, why, clock)
         c = TorqueBalance(
             core, recorded, own, processing, standstill, apart=not late, tolerance=tolerance
         )
@@ -195,10 +193,14 @@ def diagnose(
             progress=progress,
         )
         if not (why := wrong_guesses(core, told, free)):
-            return with_time(told, clock.used)
-        said = f"{free.paragraph} Mind: {why}."
-        free = replace(free, warnings=[*free.warnings, why], paragraph=said)
-        return with_time(free, clock.used)
+            return replace(told, seconds=clock.used)
+        return _minding(free, free.warnings, why, clock)
+
+
+def _minding(d: Diagnosis, warnings: Sequence[str], why: str, clock: Clock) -> Diagnosis:
+    """The same with a reason to mind why it was given beside what was asked first."""
+    said = f"{d.paragraph} Mind: {why}."
+    return replace(d, warnings=[*warnings, why], paragraph=said, seconds=clock.used)
 
 
 def foreign_loop(looped: Diagnosis, balanced: Diagnosis) -> str:

@@ -7,21 +7,19 @@ from dataclasses import replace
 from typing import Any
 
 from dualdrive.diagnose.axis import candidate_on, numbers_on, shape_on
-from dualdrive.diagnose.decision import beside_the_data_sheet, objection
-from dualdrive.diagnose.equations import TorqueBalance
-from dualdrive.diagnose.findings import (
-    TOLD,
+from dualdrive.diagnose.balance_findings import (
     candidate_of,
-    command_for,
     equation_at,
     errors_of,
     errors_of_the_refitted,
     groups_of,
     machine_of,
-    moved_numbers,
     plan_next,
-    scored_only,
+    scores_of,
 )
+from dualdrive.diagnose.decision import beside_the_data_sheet, objection
+from dualdrive.diagnose.equations import TorqueBalance
+from dualdrive.diagnose.findings import TOLD, command_for, moved_numbers, screened
 from dualdrive.diagnose.heldout import intervals
 from dualdrive.diagnose.judge import Judgement, judge
 from dualdrive.diagnose.paragraph import paragraph
@@ -87,7 +85,7 @@ def _told(
     leaders = verdict.ranked[: 1 if stopped else TOLD]
     candidates = [candidate_of(machine, c, found, r, p, printed) for r, p in leaders]
     candidates = [candidate_on(machine, one) for one in candidates]
-    candidates += scored_only(found, candidates)
+    candidates += screened(scores_of(found), candidates)
     groups = groups_of(found, verdict)
     named_ = verdict.verdict in ("effect", "ambiguous")
     # where nothing is missing what is left is noise, and the final refit under it is the best
@@ -109,7 +107,6 @@ def _told(
         groups, named_, improved, after = [], False, None, None
     every = intervals(found.evidence, best if named_ else stands, found.inflation)
     known = numbers_on(machine, {p.path: every[p.path] for p in c.nominal})
-    moved = {path: known[path] for path in moved_numbers(c, known)}
     tell("the shape of what is missing")
     equation = equation_at(verdict, candidates, refitted, printed.traces, clock)
     curves = []
@@ -122,7 +119,6 @@ def _told(
     if experiment and verdict.verdict == "ambiguous" and clock.allows("the next experiment"):
         tell("planning the next experiment")
         plan = plan_next(machine, c, found, verdict, clock, tell)
-    command = command_for(candidates[0]) if named_ and candidates else ""
     told = Diagnosis(
         machine=core_of(machine).name,
         mode="balance",
@@ -137,13 +133,13 @@ def _told(
         next_experiment=plan,
         warnings=list(warnings),
         cut=list(clock.cut),
-        command=command,
+        command=command_for(candidates[0].effects, candidates[0].parameters) if named_ else "",
         seconds=clock.used,
         refitted=refitted,
         improved=improved,
         before=before,
         after=after,
-        moved=moved,
+        moved=moved_numbers(c.nominal, known),
         numbers=known,
         over_floor=verdict.excess[1],
     )
