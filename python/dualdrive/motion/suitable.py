@@ -27,18 +27,19 @@ def default_motion(machine: Machine) -> Motion:
     scale = 1.0 / core.get("controller.K_v") if controlled and core.get("controller.K_v") else 0.2
     v = _round(0.6 * speed if math.isfinite(speed) else 0.05 / scale * 0.2)
     a = _round(min(v / (15 * scale), 0.5 * acceleration))
-    distance = _round(3.2 * v * scale)
+    distance, jerk = _round(3.2 * v * scale), _round(a / scale)
+    none = MotionError(
+        f"{core.name}: no motion suits it: at a speed of {v:g} and an acceleration of {a:g} "
+        "(SI) nothing moves; look at omega_max, T_max, K_v and the inertias, or give a motion"
+    )
+    if not all(math.isfinite(x) and x > 0.0 for x in (distance, v, a, jerk)):
+        raise none
     try:
-        return move(
-            distance, v, a, _round(a / scale), start=_round(10 * scale), settle=_round(25 * scale)
-        )
+        return move(distance, v, a, jerk, start=_round(10 * scale), settle=_round(25 * scale))
     except MotionError:  # too long to be held, say
         raise
     except ValueError:
-        raise MotionError(
-            f"{core.name}: no motion suits it: at a speed of {v:g} and an acceleration of {a:g} "
-            "(SI) nothing moves; look at omega_max, T_max, K_v and the inertias, or give a motion"
-        ) from None
+        raise none from None
 
 
 def _limits(machine: Machine) -> tuple[float, float]:
