@@ -237,6 +237,7 @@ def test_cost_over_time_and_switches_is_that_of_the_case() -> None:
 # ------------------------------------------------------------------------------- how it is told
 
 
+@pytest.mark.long
 def test_quick_leaves_out_what_is_slow() -> None:
     engines, _ = run.available(quick=True)
     assert not any("BDF" in one.name or "Radau" in one.name for one in engines)

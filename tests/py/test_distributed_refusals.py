@@ -61,6 +61,7 @@ def test_a_worker_of_another_build_that_joins_later_computes_nothing() -> None:
         distributed._run({**fingerprint(), "core": "0"}, print, "never")
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("hasty")
 def test_a_scheduler_without_workers(mortal: Cluster, tmp_path: Path) -> None:
     with pytest.raises(SchedulerError, match="no workers; begin some with 'dask worker tcp://127"):
