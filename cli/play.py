@@ -110,11 +110,11 @@ def _machine(name: str | None) -> Machine | None:
 def _refuse_currents(recorded: dict[str, Trace]) -> None:
     """Without a machine nobody knows the torque of a current. Raises ValueError."""
     for name, trace in recorded.items():
-        for n in (1, 2):
-            if f"I_{n}" in trace and not any(f"T_{k}" in trace for k in (1, 2)):
-                rule = f"no channel T_{n}, only the current I_{n}"
-                way_out = "--machine machine.toml tells the constant that makes it a torque"
-                raise ValueError(f"{name}: {rule}; {way_out}")
+        current = next((channel for channel in trace if channel.startswith("I_")), None)
+        if current and not any(channel.startswith("T_") for channel in trace):
+            rule = f"no channel T{current[1:]}, only the current {current}"
+            way_out = "--machine machine.toml tells the constant that makes it a torque"
+            raise ValueError(f"{name}: {rule}; {way_out}")
 
 
 def _ratio(machine: Machine | None, connection: str, given: float | None) -> float:

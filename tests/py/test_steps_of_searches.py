@@ -14,7 +14,7 @@ from dualdrive.diagnose.screening import Library
 from dualdrive.diagnose.selection import Fitted, Selection
 from dualdrive.diagnose.selection.parts import brings
 from dualdrive.diagnose.selection.refits import with_rivals
-from dualdrive.innovations import Point, Variant, carried, first_noise
+from dualdrive.innovations import GreyBox, Point, Variant, carried, first_noise
 from dualdrive.innovations.levenberg_marquardt import as_foretold, curvature, gentle
 from dualdrive.innovations.prediction import substeps
 from dualdrive.replay import ratio_to_table
@@ -22,6 +22,14 @@ from test_innovations import bench
 
 J = np.array([[1.0, 0.5], [-0.3, 2.0]])
 BENT = np.array([0.4, -0.7])
+
+
+def white() -> tuple[GreyBox, Variant, Point]:
+    """Records of the bench, the machine as it is, and a point of it that leaves nothing."""
+    own = grey_box(Machine.load("bench"), bench({}), 500, seed=8)
+    nothing = Variant(own.core)
+    blank = tuple(np.zeros_like(r.measured) for r in own.records)
+    return own, nothing, Point(nothing, own.start(nothing), blank, 0.0, 0.0)
 
 
 def test_the_curvature_along_a_step_is_that_of_a_parabola() -> None:
@@ -65,10 +73,8 @@ def test_laws_that_pass_fast_are_integrated_in_small_steps() -> None:
 
 
 def test_numbers_are_carried_to_another_law_by_their_names() -> None:
-    own = grey_box(Machine.load("bench"), bench({}), 500, seed=8)
-    nothing = Variant(own.core)
-    blank = tuple(np.zeros_like(r.measured) for r in own.records)
-    base = Point(nothing, own.start(nothing), blank, 0.0, 0.0)
+    own, nothing, base = white()
+    blank = base.residuals
     known = {v.label: v for v in Library(own.core, own).variants(nothing, base)}
     dry, late = known["coulomb@table"], known["sensor_delay@theta_m"]
     numbers = np.arange(own.shared + len(dry.extra), dtype=float)
@@ -81,10 +87,8 @@ def test_numbers_are_carried_to_another_law_by_their_names() -> None:
 
 
 def test_two_orders_of_a_law_are_compared_and_no_third() -> None:
-    own = grey_box(Machine.load("bench"), bench({}), 500, seed=8)
-    nothing = Variant(own.core)
-    blank = tuple(np.zeros_like(r.measured) for r in own.records)
-    base = Point(nothing, own.start(nothing), blank, 0.0, 0.0)
+    own, nothing, base = white()
+    blank = base.residuals
     noise = first_noise(own.core, own.records, 1e-3)
     laws = Library(own.core, own).variants(nothing, base)
     law = next(v for v in laws if v.label == "cogging@motors")
@@ -94,14 +98,11 @@ def test_two_orders_of_a_law_are_compared_and_no_third() -> None:
 
 
 def test_a_law_is_as_probable_as_all_its_orders_together() -> None:
-    own = grey_box(Machine.load("bench"), bench({}), 500, seed=8)
-    nothing = Variant(own.core)
-    blank = tuple(np.zeros_like(r.measured) for r in own.records)
-    base = Point(nothing, own.start(nothing), blank, 0.0, 0.0)
+    own, nothing, base = white()
+    blank = base.residuals
     noise = first_noise(own.core, own.records, 1e-3)
-    laws = Library(own.core, own).variants(nothing, base)
-    law = next(v for v in laws if v.label == "cogging@motors")
-    other = next(v for v in laws if v.label == "coulomb@table")
+    laws = {v.label: v for v in Library(own.core, own).variants(nothing, base)}
+    law, other = laws["cogging@motors"], laws["coulomb@table"]
     orders = [replace(law, fixed=dict.fromkeys(law.fixed, n)) for n in (24.0, 6.0)]
     fits = [
         Fitted(Point(v, base.theta, blank, 0.0, 0.0), noise, 1.0, criterion, [])

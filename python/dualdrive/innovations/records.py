@@ -84,8 +84,8 @@ class Predictable:
         readings = self.measured[self.sampled.starts]
         first = {c: y - offsets.get(c, 0.0) for c, y in zip(self.channels, readings.T, strict=True)}
         for c in self.channels:
-            places = [p for p in _places(core, c) if reads(core, p)] if c[0] == "t" else []
-            if places:
+            places = [p for p in _places(core, c) if reads(core, p)]
+            if places and c.startswith("theta_"):
                 first[c] = read_at(core, places, first[c])
         rows = zip(*(y.tolist() for y in first.values()), strict=True)
         return [dict(zip(first, row, strict=True)) for row in rows]

@@ -32,7 +32,7 @@ class Contest:
         effort: how much is tried.
         leader: who leads so far.
         tell: progress.
-        tried: label -> gain of laws refitted under a leader's noise, over the inflation; filled.
+        tried: key -> gain of laws refitted under a leader's noise, over the inflation; filled.
 
     """
 

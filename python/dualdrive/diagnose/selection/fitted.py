@@ -61,7 +61,7 @@ class Selection:
     base:     nothing but refitted numbers
     finals:   best first, `base` among them
     screened: every score test that was done, best gain first: (beside what, score)
-    tried:    label -> gain of laws refitted under a base's noise, over the inflation
+    tried:    key -> gain of laws refitted under a base's noise, over the inflation
     finished: False: it was stopped
     quiet:    whether numbers alone leave noise, in a simulation, too
     """
