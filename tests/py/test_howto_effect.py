@@ -44,6 +44,7 @@ def apply(diff: str, text: str) -> str:
     return text.replace(anchor, f"{anchor}\n{added}")
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not has_doctest(), reason="needs a C++ compiler and doctest")
 def test_the_printed_effect_passes_every_effect_test(tmp_path: Path) -> None:
     shutil.copytree(ROOT / "cpp" / "include", tmp_path / "include")

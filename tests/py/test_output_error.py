@@ -64,6 +64,7 @@ def test_its_play_is_found_and_nothing_unknown_is_asked_for() -> None:
     assert sure.high - sure.low > 1e-3 * GAP, "told under the filter's noise"
 
 
+@pytest.mark.long
 def test_it_stands_only_where_it_is_likelier_than_its_filter() -> None:
     """Of a play that is there; not of one that a friction was taken for."""
     for own, stands in ((recorded(), True), (grey(0.4), False)):

@@ -223,6 +223,7 @@ def test_figure_6_vibrates_under_tension_and_is_smooth_when_adjusted() -> None:
         assert (size > 100) == (gain >= 2.0)
 
 
+@pytest.mark.long
 def test_all_exhibits_speak_from_the_paper_s_text() -> None:
     for name in EXHIBITS[:6]:
         assert exhibit(name).about.startswith("From the paper's text"), name
