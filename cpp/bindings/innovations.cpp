@@ -2,6 +2,7 @@
 
 #include <nanobind/eigen/dense.h>
 #include <nanobind/stl/map.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
@@ -19,6 +20,7 @@ using Table = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::c
 using ChannelTuple = std::pair<std::string, std::vector<std::string>>;
 using NoiseTuple = std::tuple<double, double, double>;
 using TorqueTuple = std::pair<double, double>;
+using NeighbourTuple = std::tuple<const Machine*, std::vector<std::map<std::string, double>>, std::vector<double>>;
 
 std::vector<double> vector_of(const auto& a) { return {a.data(), a.data() + a.size()}; }
 
@@ -162,6 +164,40 @@ void bind_innovations(nb::module_& m) {
         "lacks of this record; else that is worked out again each time.\n"
         "Returns a dict: residuals (n, channels), whitened; log_det; finite; switches. The GIL is released. Raises "
         "ValueError.");
+
+    m.def("has_sensitivities", &has_sensitivities, nb::arg("machine"), nb::arg("record"),
+          "Whether first-order changes of a replay can be told: no law of the machine that is not affine, no loop that "
+          "ticks, no delay.");
+
+    m.def(
+        "sensitivities",
+        [](const Machine& machine, const SampledRecord& record, KalmanGains& gains,
+           const std::vector<NeighbourTuple>& neighbours, std::vector<std::map<std::string, double>> initial,
+           const std::vector<double>& offsets, int given) {
+            const PredictionOptions options{std::move(initial), offsets, 1, given};
+            std::vector<Neighbour> others;
+            for (const auto& [other, begin, add] : neighbours) others.push_back({other, begin, add});
+            std::vector<std::vector<double>> found;
+            {
+                const nb::gil_scoped_release unlocked;
+                found = sensitivities(machine, record, gains, options, others);
+            }
+            std::vector<std::optional<Array<double>>> told;
+            for (auto& own : found) {
+                if (own.empty())
+                    told.emplace_back();
+                else
+                    told.emplace_back(array(std::move(own), {record.times().size(), record.channels().size()}));
+            }
+            return told;
+        },
+        nb::arg("machine"), nb::arg("record"), nb::arg("gains"), nb::arg("neighbours"), nb::kw_only(),
+        nb::arg("initial") = nb::list(), nb::arg("offsets") = nb::list(), nb::arg("given") = 0,
+        "How whitened innovations change, to first order, where neighbours of a machine take its place.\n\n"
+        "neighbours: (machine, initial, offsets) of each; all else as in `predict`. Returns for each an array (n, "
+        "channels), None where that can't be told (`has_sensitivities`), and of neighbours with other states or "
+        "switches. "
+        "The GIL is released. Raises ValueError.");
 }
 
 }  // namespace dualdrive::python

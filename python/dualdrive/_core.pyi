@@ -740,4 +740,16 @@ def predict(machine: Machine, record: SampledRecord, gains: KalmanGains, *, init
     Returns a dict: residuals (n, channels), whitened; log_det; finite; switches. The GIL is released. Raises ValueError.
     """
 
+def has_sensitivities(machine: Machine, record: SampledRecord) -> bool:
+    """
+    Whether first-order changes of a replay can be told: no law of the machine that is not affine, no loop that ticks, no delay.
+    """
+
+def sensitivities(machine: Machine, record: SampledRecord, gains: KalmanGains, neighbours: Sequence[tuple[Machine, Sequence[Mapping[str, float]], Sequence[float]]], *, initial: Sequence[Mapping[str, float]] = [], offsets: Sequence[float] = [], given: int = 0) -> list[NDArray[numpy.float64] | None]:
+    """
+    How whitened innovations change, to first order, where neighbours of a machine take its place.
+
+    neighbours: (machine, initial, offsets) of each; all else as in `predict`. Returns for each an array (n, channels), None where that can't be told (`has_sensitivities`), and of neighbours with other states or switches. The GIL is released. Raises ValueError.
+    """
+
 __version__: str

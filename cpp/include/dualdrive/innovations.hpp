@@ -50,6 +50,7 @@ struct NoiseModel {
     std::map<std::string, TorqueNoise> torque;  // by body
     bool drifts() const;                        // whether any sensor's zero does
     bool of_order_two() const;                  // whether any sensor's autoregression is
+    std::vector<std::string> bodies() const;    // that torques of unknown course drive
 };
 
 // A record, or stretches of one end to end: times about evenly spaced, what was commanded, and what the sensors said.
@@ -193,5 +194,22 @@ struct Prediction {
 // One replay. `gains` belong to a machine of the same states; with `learn` they are completed.
 Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGains& gains,
                    const PredictionOptions& options);
+
+// A machine nearly that of a replay, or with a law more, and what is known of a record for it.
+struct Neighbour {
+    const Machine* machine;
+    std::vector<std::map<std::string, double>> initial;  // as in PredictionOptions
+    std::vector<double> offsets;                         // likewise
+};
+
+// Whether first-order changes of a replay can be told: no law of the machine that is not affine, no loop that ticks, no delay.
+bool has_sensitivities(const Machine& machine, const SampledRecord& record);
+
+// By how much whitened innovations change, to first order, where a neighbour takes the machine's place: samples × channels;
+// gains held, and those of PredictionOptions that are not the neighbours' own. Empty where that can't be told, nor of
+// neighbours with other states or switches.
+std::vector<std::vector<double>> sensitivities(const Machine& machine, const SampledRecord& record, KalmanGains& gains,
+                                               const PredictionOptions& options,
+                                               const std::vector<Neighbour>& neighbours);
 
 }  // namespace dualdrive

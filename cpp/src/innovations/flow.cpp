@@ -160,6 +160,20 @@ void Flow::start(std::size_t sample, const std::map<std::string, double>& initia
     tick(t);
 }
 
+const double* Flow::rates(std::size_t sample, const Flow& other, Scope scope) {
+    modes_ = other.modes_;
+    cell_ = other.cell_;
+    evaluate(record_.times()[sample], other.y_.data(), scope);
+    return model_.rate().data();
+}
+
+const std::vector<std::size_t>& Flow::held() {
+    held_.clear();
+    for (const int element : sticks_)
+        if (modes_[static_cast<std::size_t>(element)] == stick::stuck) held_.push_back(resting(element));
+    return held_;
+}
+
 // What the laws add to the tangent at (t, y): the rates less A y.
 void Flow::remainder(double t, const double* y, double* n) {
     evaluate(t, y);

@@ -73,6 +73,7 @@ class Flow final {
     Frozen& now() { return *now_; }
     const Modes& modes() const { return modes_; }
     double* y() { return y_.data(); }
+    const double* y() const { return y_.data(); }
     // Torques of unknown course, one a body, and where they stand in y. What rests they move no more than any other torque does:
     // as far as friction lets them.
     double* torques() { return y_.data() + reader_.size(); }
@@ -103,6 +104,18 @@ class Flow final {
     std::size_t phase(std::size_t sample) const;
     // e^{A h} from one sample to the next, the ticks of sampled loops in it.
     Eigen::MatrixXd over_a_sample(const Frozen& frozen, std::size_t phase);
+    // Whether a tangent over a sample has all that the flow does: nothing is late, and no loop ticks.
+    bool told_by_tangents() const { return layout_.delays.empty() && delays_.empty() && layout_.clocks.empty(); }
+    // Of y.
+    int width() const { return n_; }
+    // The tangent in these modes, where all laws are affine.
+    Frozen tangent_in(const Modes& modes);
+    // Speeds that friction holds at 0 at present.
+    const std::vector<std::size_t>& held();
+    // Rates of the states at a sample where another flow is, in its modes; of driven ones at least. The layouts are alike.
+    const double* rates(std::size_t sample, const Flow& other, Scope scope);
+    const std::vector<int>& driven() const { return driven_; }
+    Scope scope() const { return scope_; }
 
   private:
     Frozen prepare(const exact::Laws<double>& laws, const Modes& modes) const;
@@ -204,6 +217,7 @@ class Flow final {
     std::vector<double> falling_;  // a guard's share in each term of a series
     std::vector<double> out_, terms_, trial_, n0_, n1_, slope_, bend_, shift_, g0_, g1_, shown_, earlier_;
     std::vector<double> arriving_;
+    std::vector<std::size_t> held_;
     double ticked_at_ = -1.0;  // s
     Cell cell_;
     std::vector<long> ticks_, put_out_;

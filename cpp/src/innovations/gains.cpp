@@ -17,6 +17,12 @@ bool NoiseModel::of_order_two() const {
     return std::any_of(sensors.begin(), sensors.end(), [](const SensorNoise& s) { return s.second != 0.0; });
 }
 
+std::vector<std::string> NoiseModel::bodies() const {
+    std::vector<std::string> found;
+    for (const auto& [body, noise] : torque) found.push_back(body);
+    return found;
+}
+
 bool KalmanGains::alike(const KalmanGains& other) const {
     if (elements != other.elements || carrying != other.carrying || at_first.size() != other.at_first.size() ||
         at_first != other.at_first)
@@ -296,9 +302,7 @@ KalmanGains kalman_gains(const Machine& machine, const SampledRecord& record, co
     if (noise.sensors.size() != record.channels().size())
         throw std::invalid_argument("kalman_gains: " + std::to_string(noise.sensors.size()) + " noises for " +
                                     std::to_string(record.channels().size()) + " channels");
-    std::vector<std::string> bodies;
-    for (const auto& [body, torque] : noise.torque) bodies.push_back(body);
-    innovations::Flow flow(machine, record, 1, bodies);
+    innovations::Flow flow(machine, record, 1, noise.bodies());
     KalmanGains gains;
     gains.noise = noise;
     gains.speed = speed;

@@ -5,49 +5,16 @@
 
 #include "../solvers/exact/generator.hpp"
 #include "../solvers/exact/kernels.hpp"
-#include "dualdrive/effects.hpp"
-#include "dualdrive/recorder.hpp"
 #include "gain_schedule.hpp"
+#include "reading.hpp"
+#include "sensitivity.hpp"
+#include "sensor_states.hpp"
 
 namespace dualdrive {
 
 namespace innovations {
 
 namespace {
-
-// What becomes of a signal on its way into the record; the delay's whole samples shift the record, the rest goes along the
-// signal's own slope and curvature (`Flow::outputs`), so that a residual is smooth in it.
-class Reading {
-  public:
-    Reading(const Machine& machine, const SampledRecord& record, std::size_t channel)
-        : effects_(reading_effects(machine, record.channels()[channel].places)),
-          measures_(record.channels()[channel].name.starts_with("theta_") ? Measures::angle : Measures::other) {
-        double late = 0.0;
-        for (const auto& effect : effects_) late += effect->delay();
-        shift_ = static_cast<std::size_t>(std::max(0.0, std::round(late / record.step())));
-        rest_ = late - static_cast<double>(shift_) * record.step();
-    }
-    std::size_t shift() const { return shift_; }
-    // How much earlier than the state it is, s: less than a sample.
-    double rest() const { return rest_; }
-    // Of a signal at the time of a state; the reading `shift` samples later.
-    double read(double t, double signal) const {
-        for (const auto& effect : effects_) signal = effect->reading(signal, {t, measures_});
-        return signal;
-    }
-
-  private:
-    std::vector<std::unique_ptr<Effect<double>>> effects_;
-    Measures measures_;
-    std::size_t shift_ = 0;
-    double rest_ = 0.0;
-};
-
-std::vector<Reading> readings_of(const Machine& machine, const SampledRecord& record) {
-    std::vector<Reading> readings;
-    for (std::size_t j = 0; j < record.channels().size(); ++j) readings.emplace_back(machine, record, j);
-    return readings;
-}
 
 // Of a sensor's noise, by what a step of integration may bend. It stays in the state for many samples.
 constexpr double bent = 1e-2;
@@ -62,64 +29,23 @@ std::vector<Flow::Output> outputs_of(const std::vector<Reading>& readings, const
     return outputs;
 }
 
-std::vector<std::string> pushed(const NoiseModel& noise) {
-    std::vector<std::string> bodies;
-    for (const auto& [body, torque] : noise.torque) bodies.push_back(body);
-    return bodies;
-}
-
-// What the sensors add to a sample, as the filter has it: their autoregressions, and their zeros where those drift.
-class SensorStates {
-  public:
-    explicit SensorStates(const NoiseModel& noise)
-        : noise_(noise),
-          second_(noise.of_order_two()),
-          drifts_(noise.drifts()),
-          now_(noise.sensors.size(), 0.0),
-          before_(now_),
-          zero_(now_) {}
-    // Of the filter's state.
-    std::size_t size() const { return now_.size() * (second_ ? 2 : 1) + (drifts_ ? now_.size() : 0); }
-    void forget() {
-        for (auto* part : {&now_, &before_, &zero_}) std::fill(part->begin(), part->end(), 0.0);
-    }
-    double added(std::size_t channel) const { return now_[channel] + zero_[channel]; }
-    // Corrected by K e, and on to the next sample.
-    void flow(const double* moved) {
-        const std::size_t m = now_.size();
-        const double* const past = moved + m;
-        const double* const drifted = second_ ? past + m : past;
-        for (std::size_t j = 0; j < m; ++j) {
-            const SensorNoise& sensor = noise_.sensors[j];
-            now_[j] += moved[j];
-            if (second_) before_[j] += past[j];
-            const double next = sensor.memory * (1.0 - sensor.second) * now_[j] + sensor.second * before_[j];
-            before_[j] = std::exchange(now_[j], next);
-            if (drifts_) zero_[j] = sensor.drift.memory * (zero_[j] + drifted[j]);
-        }
-    }
-
-  private:
-    const NoiseModel& noise_;
-    const bool second_, drifts_;
-    std::vector<double> now_, before_, zero_;
-};
-
 // One record, sample by sample.
 class Replay {
   public:
-    Replay(const Machine& machine, const SampledRecord& record, KalmanGains& gains, const PredictionOptions& options)
+    Replay(const Machine& machine, const SampledRecord& record, KalmanGains& gains, const PredictionOptions& options,
+           Sensitivities* changes = nullptr)
         : record_(record),
           options_(options),
           readings_(readings_of(machine, record)),
-          bodies_(pushed(gains.noise)),
+          bodies_(gains.noise.bodies()),
           sensors_(gains.noise),
           flow_(machine, record, options.substeps, bodies_, outputs_of(readings_, gains.noise)),
           schedule_(machine, record, gains, options.learn, flow_),
           channels_(record.channels().size()),
           states_(static_cast<std::size_t>(flow_.states())),
           torques_(bodies_.size()),
-          offsets_(options.offsets) {
+          offsets_(options.offsets),
+          changes_(changes) {
         if (offsets_.empty()) offsets_.assign(channels_, 0.0);
         if (offsets_.size() != channels_) throw std::invalid_argument("predict: one offset per channel");
         if (options.initial.size() > record.starts().size())
@@ -143,6 +69,7 @@ class Replay {
                                       gain.stacked.data(), static_cast<int>(channels_), e_.data(), 1,
                                       corrected_.data());
             if (!keep(k, gain)) return lost();
+            if (changes_) changes_->correct(k, outputs_, gain, counts(k));
             correct(k, gain);
             if (k + 1 < end_ && !go_on(k)) return lost();
         }
@@ -174,8 +101,10 @@ class Replay {
     // A stretch.
     void begin(std::size_t k) {
         static const std::map<std::string, double> at_zero;
+        const auto& initial = stretch_ < options_.initial.size() ? options_.initial[stretch_] : at_zero;
         begin_ = k;
-        flow_.start(k, stretch_ < options_.initial.size() ? options_.initial[stretch_] : at_zero);
+        flow_.start(k, initial);
+        if (changes_) changes_->begin(stretch_, k, flow_, initial);
         sensors_.forget();
         end_ = ++stretch_ < record_.starts().size() ? record_.starts()[stretch_] : record_.times().size();
         schedule_.begin(flow_.now().pattern, flow_.phase(k));
@@ -183,7 +112,7 @@ class Replay {
 
     // e, what the sample tells that was not predicted. Of one whose reading comes after the stretch, nothing.
     void innovate(std::size_t k) {
-        const double* const outputs = flow_.outputs(k);
+        const double* const outputs = outputs_ = flow_.outputs(k);
         for (std::size_t j = 0; j < channels_; ++j) {
             const std::size_t row = k + readings_[j].shift();
             e_[j] = row < end_ ? record_.measured(row)[j] - offsets_[j] -
@@ -192,14 +121,17 @@ class Replay {
         }
     }
 
+    // Whether what it leaves does.
+    bool counts(std::size_t k) const { return k - begin_ >= static_cast<std::size_t>(options_.given); }
+
     // The whitened innovation. What is not known of the state at first costs a model with more states more: that is not held
     // against it.
     bool keep(std::size_t k, const KalmanGains::Set& gain) {
-        const bool counts = k - begin_ >= static_cast<std::size_t>(options_.given);
-        if (counts) out_.log_det += gain.log_det;
+        const bool counted = counts(k);
+        if (counted) out_.log_det += gain.log_det;
         for (std::size_t j = 0; j < channels_; ++j) {
             if (!std::isfinite(corrected_[j])) return false;
-            out_.residuals[k * channels_ + j] = counts ? corrected_[j] : 0.0;
+            out_.residuals[k * channels_ + j] = counted ? corrected_[j] : 0.0;
         }
         return true;
     }
@@ -221,7 +153,9 @@ class Replay {
 
     bool go_on(std::size_t k) {
         schedule_.depart(flow_.now().pattern, flow_.phase(k));
+        if (changes_) changes_->depart(flow_, flow_.phase(k));
         if (!flow_.flow(k)) return false;
+        if (changes_) changes_->arrive(k + 1, flow_);
         for (std::size_t j = 0; j < torques_; ++j) flow_.torques()[j] *= memory_[j];
         return true;
     }
@@ -236,6 +170,8 @@ class Replay {
     const std::size_t channels_, states_, torques_;
     std::vector<double> offsets_, memory_;  // by channel; of the torques of unknown course
     std::vector<double> e_, corrected_;     // (r, K e)
+    const double* outputs_ = nullptr;       // at the present sample
+    Sensitivities* const changes_;          // null: nobody asks for them
     std::size_t stretch_ = 0, begin_ = 0, end_ = 0;
     Prediction out_;
 };
@@ -247,6 +183,22 @@ class Replay {
 Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGains& gains,
                    const PredictionOptions& options) {
     return innovations::Replay(machine, record, gains, options).run();
+}
+
+bool has_sensitivities(const Machine& machine, const SampledRecord& record) {
+    return innovations::Sensitivities::told(innovations::Flow(machine, record, 1, {}),
+                                            innovations::readings_of(machine, record));
+}
+
+std::vector<std::vector<double>> sensitivities(const Machine& machine, const SampledRecord& record, KalmanGains& gains,
+                                               const PredictionOptions& options,
+                                               const std::vector<Neighbour>& neighbours) {
+    using namespace innovations;
+    const auto readings = readings_of(machine, record);
+    Sensitivities changes(machine, record, gains, neighbours, readings, options.offsets);
+    if (changes.any() && !Replay(machine, record, gains, options, &changes).run().finite)
+        return std::vector<std::vector<double>>(neighbours.size());
+    return changes.found();
 }
 
 }  // namespace dualdrive

@@ -48,6 +48,10 @@ Modes Flow::carrying() const {
     return pattern;
 }
 
+Frozen Flow::tangent_in(const Modes& modes) {
+    return prepare(affine_ ? reader_.read(modes) : reader_.tangent(modes, cell_.low, y_.data()), modes);
+}
+
 Frozen Flow::tangent(const Modes& pattern, double speed) {
     std::vector<double> z(static_cast<std::size_t>(states()), 0.0);
     for (int g = 0; g < layout_.groups; ++g) z[static_cast<std::size_t>(g)] = speed;

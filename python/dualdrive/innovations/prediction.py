@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -59,6 +59,41 @@ def predicted(
         substeps=substeps(there, record),
         **options,
     )
+
+
+def sensitivities(
+    core: Any,
+    offsets: Mapping[str, float],
+    record: Predictable,
+    gains: Any,
+    neighbours: Sequence[tuple[Any, Mapping[str, float]]],
+) -> list[Array | None]:
+    """How whitened innovations change, to first order, where others take a machine's place.
+
+    Args:
+        core: the machine, the record's own settings not yet in it.
+        offsets: channel -> what its sensor adds.
+        record: what was measured.
+        gains: of `GreyBox.gains`.
+        neighbours: (machine, offsets) of each.
+
+    Returns:
+        Of each, shape (n, channels); None where the first order can't tell.
+
+    """
+
+    def begun(
+        own: Any, adds: Mapping[str, float]
+    ) -> tuple[Any, list[dict[str, float]], list[float]]:
+        there = with_settings(own, record.record.settings)
+        return there, record.initial(there, adds), [adds.get(c, 0.0) for c in record.channels]
+
+    there, initial, adds = begun(core, offsets)
+    found: list[Array | None] = _core.sensitivities(
+        there, record.sampled, gains, [begun(*x) for x in neighbours],
+        initial=initial, offsets=adds, given=GIVEN,
+    )  # fmt: skip
+    return found
 
 
 def substeps(core: Any, record: Predictable) -> int:

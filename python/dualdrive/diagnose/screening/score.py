@@ -88,7 +88,7 @@ def scores(
     """
     r = flat(base.residuals)
     apart = residual_maker(grey, base, columns)
-    rest = apart(r)
+    left = apart(r)
 
     within = _WITHIN * min(x.sampled.step for x in grey.records)
     jobs: list[tuple[int, Variant, Array, _Probe]] = []
@@ -107,18 +107,25 @@ def scores(
         if grey.counter.stop():
             break
         batch = jobs[first : first + _BATCH]
-        points = grey.points([j[1] for j in batch], [j[2] for j in batch], gains)
-        for (k, _, _, probe), p in zip(batch, points, strict=True):
-            if not p.lost:
-                found.setdefault(k, []).append((probe, apart(flat(p.residuals) - r)))
+        told = grey.changes(base, [(j[1], j[2]) for j in batch], gains)
+        rest = [k for k, change in enumerate(told) if change is None]
+        points = grey.points([batch[k][1] for k in rest], [batch[k][2] for k in rest], gains)
+        for k, p in zip(rest, points, strict=True):
+            told[k] = None if p.lost else flat(p.residuals) - r
+        known = [(j, change) for j, change in zip(batch, told, strict=True) if change is not None]
+        if not known:
+            continue
+        left_apart = apart(np.stack([change for _, change in known]))
+        for ((k, _, _, probe), _), own_part in zip(known, left_apart, strict=True):
+            found.setdefault(k, []).append((probe, own_part))
         tell(min(first + _BATCH, len(jobs)), len(jobs))
-    return [_scored(v, found.get(k, []), rest, inflation) for k, v in enumerate(variants)]
+    return [_scored(v, found.get(k, []), left, inflation) for k, v in enumerate(variants)]
 
 
 def residual_maker(
     grey: GreyBox, base: Point, columns: Sequence[Array]
 ) -> Callable[[Array], Array]:
-    """What the numbers of a base point, moved within their priors, leave of a change.
+    """What the numbers of a base point, moved within their priors, leave of changes.
 
     The residual maker of a regression on its derivatives (Greene, Econometric Analysis, 3.2).
 
@@ -127,13 +134,16 @@ def residual_maker(
         base: the point.
         columns: derivatives of its innovations by all its unknowns.
 
+    Returns:
+        Of one change, shape (rows,), or of several, (changes, rows).
+
     """
     J = np.stack(columns)
     prior = np.zeros(len(base.theta))
     prior[: grey.shared] = 1.0 / grey.sigma**2
     H = J @ J.T + np.diag(prior + 1e-12 * np.max(np.abs(np.diag(J @ J.T))))
     factor = np.linalg.inv(H)
-    return lambda change: change - J.T @ (factor @ (J @ change))
+    return lambda change: change - ((change @ J.T) @ factor) @ J
 
 
 def _probes(core: Any, free: Sequence[Unknown]) -> list[_Probe]:

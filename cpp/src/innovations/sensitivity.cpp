@@ -1,0 +1,281 @@
+#include "sensitivity.hpp"
+
+#include <algorithm>
+
+#include "../solvers/exact/generator.hpp"
+#include "../solvers/exact/kernels.hpp"
+#include "dense.hpp"
+
+namespace dualdrive::innovations {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+
+constexpr int at_once = 8;  // rows that the kernels take together
+
+bool late(const std::vector<Reading>& readings) {
+    return std::any_of(readings.begin(), readings.end(),
+                       [](const Reading& r) { return r.shift() != 0 || r.rest() != 0.0; });
+}
+
+double value(const std::map<std::string, double>& of, const std::string& name) {
+    const auto known = of.find(name);
+    return known == of.end() ? 0.0 : known->second;
+}
+
+}  // namespace
+
+bool Sensitivities::told(const Flow& flow, const std::vector<Reading>& readings) {
+    return flow.told_by_tangents() && flow.affine() && !late(readings);
+}
+
+Sensitivities::Sensitivities(const Machine& machine, const SampledRecord& record, const KalmanGains& gains,
+                             const std::vector<Neighbour>& neighbours, const std::vector<Reading>& own,
+                             const std::vector<double>& offsets)
+    : record_(record),
+      gains_(gains),
+      neighbours_(neighbours),
+      own_(own),
+      channels_(record.channels().size()),
+      found_(neighbours.size()) {
+    const auto bodies = gains.noise.bodies();
+    flow_ = std::make_unique<Flow>(machine, record, 1, bodies);
+    if (!told(*flow_, own)) return;
+    std::vector<Column> laws;
+    for (std::size_t p = 0; p < neighbours.size(); ++p) {
+        const Machine& other = *neighbours[p].machine;
+        Column own_column{p, std::make_unique<Flow>(other, record, 1, bodies), readings_of(other, record),
+                          neighbours[p].offsets};
+        const Flow& flow = *own_column.flow;
+        if (late(own_column.readings) || !flow.told_by_tangents() || flow.elements() != flow_->elements() ||
+            flow.layout().state_names != flow_->layout().state_names)
+            continue;
+        own_column.offsets.resize(channels_, 0.0);
+        for (std::size_t j = 0; j < std::min(channels_, offsets.size()); ++j) own_column.offsets[j] -= offsets[j];
+        (flow.affine() ? columns_ : laws).push_back(std::move(own_column));
+    }
+    laws_ = laws.size();
+    std::move(laws.begin(), laws.end(), std::back_inserter(columns_));
+    const auto m = static_cast<int>(channels_);
+    n_ = flow_->width();
+    states_ = flow_->states();
+    torques_ = flow_->torque_count();
+    size_ = states_ + torques_ + m * (1 + gains.noise.of_order_two() + gains.noise.drifts());
+    rows_ = (size_ + m + at_once - 1) / at_once * at_once;
+    const auto rows = static_cast<std::size_t>(rows_), all = columns_.size();
+    y_.assign(static_cast<std::size_t>(n_) * many, 0.0);
+    differing_.assign(rows * many * all, 0.0);
+    for (auto* v : {&x_, &next_}) v->assign(rows * all, 0.0);
+    for (auto* v : {&felt_, &before_}) v->assign(static_cast<std::size_t>(states_) * laws_, 0.0);
+    rates_.assign(felt_.size() * many, 0.0);
+    e_.assign(channels_ * all, 0.0);
+    for (Moment& moment : waiting_) moment.outputs.assign(channels_, 0.0);
+    for (const Column& c : columns_) found_[c.neighbour].assign(record.times().size() * channels_, 0.0);
+}
+
+// Rows of a column that a propagator of y brings about: states, torques of unknown course, outputs.
+MatrixXd Sensitivities::machine_rows(const MatrixXd& flow, const MatrixXd& outputs) const {
+    MatrixXd all = MatrixXd::Zero(rows_, flow.cols());
+    all.topRows(states_) = flow.topRows(states_);
+    all.middleRows(size_, outputs.rows()) = product(outputs, flow);
+    return all;
+}
+
+// [F; C F] of the filter: the machine's, the memories of torques and of sensors' noise; inputs don't change.
+MatrixXd Sensitivities::filter(const MatrixXd& machine) const {
+    const auto m = static_cast<Eigen::Index>(channels_);
+    const bool second = gains_.noise.of_order_two(), drifts = gains_.noise.drifts();
+    const Eigen::Index torque = states_, sensor = states_ + torques_, zero = sensor + m * (second ? 2 : 1);
+    MatrixXd F = MatrixXd::Zero(rows_, size_);
+    F.leftCols(states_) = machine.leftCols(states_);
+    F.middleCols(torque, torques_) = machine.middleCols(flow_->first_torque(), torques_);
+    Eigen::Index b = torque;
+    for (const auto& [body, noise] : gains_.noise.torque) {
+        F(b, b) = noise.memory;
+        ++b;
+    }
+    for (Eigen::Index j = 0; j < m; ++j) {
+        const SensorNoise& s = gains_.noise.sensors[static_cast<std::size_t>(j)];
+        const Eigen::Index now = sensor + j, output = size_ + j;
+        F(now, now) = F(output, now) = s.memory * (1.0 - s.second);
+        if (second) {
+            F(now, now + m) = F(output, now + m) = s.second;
+            F(now + m, now) = 1.0;
+        }
+        if (drifts) F(zero + j, zero + j) = F(output, zero + j) = s.drift.memory;
+    }
+    return F;
+}
+
+const Sensitivities::Tangent& Sensitivities::tangent(const Flow& flow, std::size_t phase) {
+    if (now_ && phase == phase_ && flow.modes() == modes_) return *now_;
+    modes_ = flow.modes();
+    phase_ = phase;
+    const auto [at, added] = tangents_.try_emplace({modes_, phase});
+    Tangent& own = at->second;
+    if (!added) return own;
+    const Frozen frozen = flow_->tangent_in(modes_);
+    const MatrixXd whole = machine_rows(flow_->over_a_sample(frozen, phase), frozen.outputs);
+    own.flow = filter(whole);
+    own.shown = frozen.outputs.leftCols(states_);
+    for (std::size_t c = 0; c < columns_.size(); ++c) {
+        Flow& other = *columns_[c].flow;
+        const Frozen theirs = other.tangent_in(modes_);
+        own.showing.emplace_back(theirs.outputs - frozen.outputs);
+        if (c < columns_.size() - laws_)
+            own.apart.emplace_back(machine_rows(other.over_a_sample(theirs, phase), theirs.outputs) - whole);
+    }
+    if (laws_) own.pushed = machine_rows(exponentials(frozen.A, record_.step()).phi1, frozen.outputs).leftCols(states_);
+    return own;
+}
+
+void Sensitivities::begin(std::size_t stretch, std::size_t sample, const Flow& flow,
+                          const std::map<std::string, double>& initial) {
+    static const std::map<std::string, double> at_zero;
+    flush();
+    now_ = &tangent(flow, flow.phase(sample));
+    const auto& names = flow.layout().state_names;
+    for (std::size_t c = 0; c < columns_.size(); ++c) {
+        const auto& theirs = neighbours_[columns_[c].neighbour].initial;
+        const auto& other = stretch < theirs.size() ? theirs[stretch] : at_zero;
+        double* const x = column(x_, c);
+        std::fill_n(x, rows_, 0.0);
+        for (std::size_t k = 0; k < names.size(); ++k) x[k] = value(other, names[k]) - value(initial, names[k]);
+        Eigen::Map<VectorXd>(x + size_, static_cast<Eigen::Index>(channels_)) =
+            now_->shown * Eigen::Map<const VectorXd>(x, states_) +
+            now_->showing[c] * Eigen::Map<const VectorXd>(flow.y(), n_);
+    }
+    if (laws_) feel(sample, flow);
+}
+
+// What laws add to the rates of the machine at a sample, before it is corrected.
+void Sensitivities::feel(std::size_t sample, const Flow& flow) {
+    const std::size_t first = columns_.size() - laws_;
+    const bool whole = std::any_of(columns_.begin() + static_cast<std::ptrdiff_t>(first), columns_.end(),
+                                   [](const Column& c) { return c.flow->scope() == Scope::whole; });
+    const double* const own = flow_->rates(sample, flow, whole ? Scope::whole : Scope::plant);
+    for (std::size_t c = first; c < columns_.size(); ++c) {
+        Flow& other = *columns_[c].flow;
+        const double* const rates = other.rates(sample, flow, other.scope());
+        double* const felt = felt_.data() + (c - first) * static_cast<std::size_t>(states_);
+        for (const int k : other.driven()) felt[k] = rates[k] - own[k];
+    }
+}
+
+void Sensitivities::correct(std::size_t sample, const double* outputs, const KalmanGains::Set& gain, bool counts) {
+    if (count_ == many) flush();
+    Moment& now = waiting_[count_++];
+    now.sample = sample;
+    now.counts = counts;
+    now.leaving = nullptr;
+    now.held.clear();
+    std::copy_n(outputs, channels_, now.outputs.begin());
+    now.gain.assign(gain.stacked.data(), gain.stacked.data() + gain.stacked.size());
+}
+
+void Sensitivities::depart(Flow& flow, std::size_t phase) {
+    Moment& now = waiting_[count_ - 1];
+    now_ = now.leaving = &tangent(flow, phase);
+    now.held = flow.held();
+    std::copy_n(flow.y(), n_, y_.data() + (count_ - 1) * static_cast<std::size_t>(n_));
+    std::swap(felt_, before_);
+}
+
+void Sensitivities::arrive(std::size_t sample, const Flow& flow) {
+    if (!laws_) return;
+    feel(sample, flow);
+    const std::size_t first = columns_.size() - laws_, at = count_ - 1, states = static_cast<std::size_t>(states_);
+    for (std::size_t c = 0; c < laws_; ++c) {
+        double* const amid = rates_.data() + (c * many + at) * states;
+        const double *const now = felt_.data() + c * states, *const before = before_.data() + c * states;
+        for (std::size_t k = 0; k < states; ++k) amid[k] = 0.5 * (now[k] + before[k]);
+        const MatrixXd& differ = now_->showing[first + c];
+        Eigen::Map<VectorXd>(differing_.data() + ((first + c) * many + at) * static_cast<std::size_t>(rows_) + size_,
+                             static_cast<Eigen::Index>(channels_)) = differ * Eigen::Map<const VectorXd>(flow.y(), n_);
+    }
+}
+
+// w of all that waits, and C w.
+void Sensitivities::otherwise() {
+    const std::size_t affine = columns_.size() - laws_;
+    const auto rows = static_cast<std::size_t>(rows_);
+    std::vector<double> pushed(rows * many);
+    for (std::size_t i = 0; i < count_;) {
+        const Tangent* const leaving = waiting_[i].leaving;
+        std::size_t end = i + 1;
+        while (end < count_ && waiting_[end].leaving == leaving) ++end;
+        const auto together = static_cast<int>(end - i);
+        for (std::size_t c = 0; leaving && c < columns_.size(); ++c) {
+            double* const to = differing_.data() + (c * many + i) * rows;
+            if (c < affine) {
+                exact::kernels().product(rows_, n_, leaving->apart[c].data(), n_,
+                                         y_.data() + i * static_cast<std::size_t>(n_), together, to);
+                continue;
+            }
+            exact::kernels().product(rows_, states_, leaving->pushed.data(), states_,
+                                     rates_.data() + ((c - affine) * many + i) * static_cast<std::size_t>(states_),
+                                     together, pushed.data());
+            for (std::size_t k = 0; k < rows * static_cast<std::size_t>(together); ++k)
+                to[k] = pushed[k] + (k % rows < static_cast<std::size_t>(size_) ? 0.0 : to[k]);
+        }
+        i = end;
+    }
+}
+
+// δe at a sample.
+void Sensitivities::innovate(const Moment& now) {
+    const double t = record_.times()[now.sample];
+    const std::size_t m = channels_, sensor = static_cast<std::size_t>(states_ + torques_),
+                      zero = static_cast<std::size_t>(size_) - m;
+    const bool drifts = gains_.noise.drifts();
+    for (std::size_t c = 0; c < columns_.size(); ++c) {
+        const Column& own = columns_[c];
+        const double *const x = column(x_, c), *const shown = x + size_;
+        for (std::size_t j = 0; j < m; ++j) {
+            double more = shown[j];
+            if (!own.readings[j].plain() || !own_[j].plain()) {
+                const double added = x[sensor + j] + (drifts ? x[zero + j] : 0.0);
+                more = own.readings[j].read(t, now.outputs[j] + more - added) - own_[j].read(t, now.outputs[j]) + added;
+            }
+            e_[c * m + j] = -more - own.offsets[j];
+        }
+    }
+}
+
+void Sensitivities::flush() {
+    otherwise();
+    const auto all = static_cast<int>(columns_.size()), m = static_cast<int>(channels_);
+    const auto rows = static_cast<std::size_t>(rows_);
+    for (std::size_t i = 0; i < count_; ++i) {
+        const Moment& now = waiting_[i];
+        innovate(now);
+        const std::size_t tall = now.gain.size() / channels_;
+        moved_.resize(tall * columns_.size());
+        exact::kernels().product(static_cast<int>(tall), m, now.gain.data(), m, e_.data(), all, moved_.data());
+        for (std::size_t c = 0; c < columns_.size(); ++c) {
+            const double *const r = moved_.data() + c * tall, *const moved = r + channels_;
+            if (now.counts) std::copy_n(r, channels_, found_[columns_[c].neighbour].data() + now.sample * channels_);
+            double* const x = column(x_, c);
+            for (int k = 0; k < size_; ++k) x[k] += moved[k];
+            for (const std::size_t k : now.held) x[k] = 0.0;
+        }
+        if (!now.leaving) continue;
+        exact::kernels().product(rows_, size_, now.leaving->flow.data(), rows_, x_.data(), all, next_.data());
+        for (std::size_t c = 0; c < columns_.size(); ++c) {
+            const double* const w = differing_.data() + (c * many + i) * rows;
+            double* const next = column(next_, c);
+            for (std::size_t k = 0; k < rows; ++k) next[k] += w[k];
+        }
+        std::swap(x_, next_);
+    }
+    count_ = 0;
+}
+
+std::vector<std::vector<double>> Sensitivities::found() {
+    flush();
+    return std::move(found_);
+}
+
+}  // namespace dualdrive::innovations

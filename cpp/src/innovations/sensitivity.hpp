@@ -1,0 +1,106 @@
+// How a replay changes, to first order, where neighbours of its machine take its place.
+//
+// Modes and gains held, the change δx of the filter's state obeys the predictor's own recursion (Ljung, System Identification,
+// 2nd ed., §10.3):
+//
+//   δe_k = −C δx_k − v_k,   δx_{k+1} = F (δx_k + K_s δe_k) + w_k,   δr_k = S_s^(−1/2) δe_k
+//
+// w_k is what the neighbour does otherwise over a sample from the replayed state on, v_k what its sensors say otherwise of it.
+// Forces of meshes and friction are continuous where modes change, and so is δx.
+#pragma once
+
+#include <array>
+#include <map>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "flow.hpp"
+#include "reading.hpp"
+
+namespace dualdrive::innovations {
+
+class Sensitivities {
+  public:
+    // Machine, record, gains, neighbours and readings must outlive it. own: how the machine itself is read. offsets: of its
+    // sensors.
+    Sensitivities(const Machine& machine, const SampledRecord& record, const KalmanGains& gains,
+                  const std::vector<Neighbour>& neighbours, const std::vector<Reading>& own,
+                  const std::vector<double>& offsets);
+
+    // Whether they can be told of a machine at all.
+    static bool told(const Flow& flow, const std::vector<Reading>& readings);
+    bool any() const { return !columns_.empty(); }  // whether there is one that can be told so
+
+    // In the order of a replay, whose flow it is: a stretch begins; what a sample corrects; to the next one, before the flow
+    // goes there and after.
+    void begin(std::size_t stretch, std::size_t sample, const Flow& flow, const std::map<std::string, double>& initial);
+    // outputs: of the replay; counts: whether its residuals do.
+    void correct(std::size_t sample, const double* outputs, const KalmanGains::Set& gain, bool counts);
+    void depart(Flow& flow, std::size_t phase);
+    void arrive(std::size_t sample, const Flow& flow);
+
+    // Per neighbour, samples × channels; empty for those that can't be told so.
+    std::vector<std::vector<double>> found();
+
+  private:
+    // One pattern's propagator over a sample, [F; C F], and what constant rates of the states become; of neighbours whose laws
+    // are affine, what theirs differs by.
+    struct Tangent {
+        Eigen::MatrixXd flow, pushed;
+        std::vector<Eigen::MatrixXd> apart;
+        Eigen::MatrixXd shown;                 // C of the machine's states and torques
+        std::vector<Eigen::MatrixXd> showing;  // by how much the neighbours' differ
+    };
+    struct Column {
+        std::size_t neighbour;
+        std::unique_ptr<Flow> flow;
+        std::vector<Reading> readings;
+        std::vector<double> offsets;  // less the machine's own
+    };
+    // A sample of the replay. What it does to neighbours waits until there are some of them: matrices serve many at once.
+    struct Moment {
+        std::size_t sample;
+        bool counts;
+        const Tangent* leaving;  // null: a stretch ends
+        std::vector<std::size_t> held;
+        std::vector<double> outputs, gain;
+    };
+    static constexpr std::size_t many = 16;
+    double* column(std::vector<double>& of, std::size_t c) const {
+        return of.data() + c * static_cast<std::size_t>(rows_);
+    }
+    Eigen::MatrixXd machine_rows(const Eigen::MatrixXd& flow, const Eigen::MatrixXd& outputs) const;
+    Eigen::MatrixXd filter(const Eigen::MatrixXd& machine) const;
+    const Tangent& tangent(const Flow& flow, std::size_t phase);
+    void feel(std::size_t sample, const Flow& flow);
+    void otherwise();
+    void innovate(const Moment& now);
+    void flush();
+
+    const SampledRecord& record_;
+    const KalmanGains& gains_;
+    const std::vector<Neighbour>& neighbours_;
+    const std::vector<Reading>& own_;
+    const std::size_t channels_;
+    std::unique_ptr<Flow> flow_;   // of the machine, apart from the replay's, whose state it would disturb
+    std::vector<Column> columns_;  // those with a law that is not affine last
+    std::size_t laws_ = 0;         // how many these are
+    int n_ = 0;                    // of y
+    // of a column: states and torques of unknown course; all that the filter has; and with outputs, padded
+    int states_ = 0, torques_ = 0, size_ = 0, rows_ = 0;
+    std::map<std::pair<Modes, std::size_t>, Tangent> tangents_;
+    const Tangent* now_ = nullptr;  // of these modes at this phase
+    Modes modes_;
+    std::size_t phase_ = 0;
+    std::array<Moment, many> waiting_;
+    std::size_t count_ = 0;          // of them
+    std::vector<double> y_;          // per moment, as the replay left it
+    std::vector<double> differing_;  // per column and moment: w, and C w with what sensors say otherwise
+    std::vector<double> felt_, before_,
+        rates_;  // per law, what it adds to rates: now, a sample before, and per moment, amid
+    std::vector<double> x_, next_, e_, moved_;  // per column
+    std::vector<std::vector<double>> found_;
+};
+
+}  // namespace dualdrive::innovations

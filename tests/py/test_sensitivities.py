@@ -1,0 +1,167 @@
+"""First-order changes of a replay against differences of replays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from dualdrive import _core
+from test_innovations import (
+    CHANNELS,
+    REVERSALS,
+    SENSORS,
+    bench,
+    coloured,
+    record,
+    run,
+)
+
+Array = NDArray[np.float64]
+
+TORQUE = {"motor_1": (1e-3, 0.98), "motor_2": (1e-3, 0.98), "table": (2e-3, 0.99)}
+GIVEN = 500  # till then flanks meet that lay apart, and that is forgotten
+SECOND, DRIFTS = [0.1] * 5, [(1e-8, 0.999)] * 5
+
+
+def seen(core: Any, samples: int = 3000) -> Any:
+    """A record of the bench, noise in it."""
+    inputs = {"theta_ref": REVERSALS}
+    measured = run(core, inputs, samples) + coloured(np.random.default_rng(1), samples)
+    return record(inputs, measured)
+
+
+def with_law(law: str, numbers: Mapping[str, float]) -> Any:
+    return bench({law: numbers})
+
+
+def both(
+    core: Any,
+    other: Any,
+    record: Any,
+    offsets: Mapping[str, float] | None = None,
+    **gains: Any,
+) -> tuple[Array | None, Array]:
+    """By the recursion, and by a replay of the other machine."""
+    held = _core.kalman_gains(core, record, SENSORS, TORQUE, **gains)
+    now = _core.predict(core, record, held, given=GIVEN, learn=True)["residuals"]
+    adds = [(offsets or {}).get(c, 0.0) for c in CHANNELS]
+    after = _core.predict(other, record, held, given=GIVEN, offsets=adds)["residuals"]
+    [told] = _core.sensitivities(core, record, held, [(other, [], adds)], given=GIVEN)
+    return told, after - now
+
+
+def apart(told: Array | None, change: Array) -> float:
+    assert told is not None
+    return float(np.linalg.norm(told - change) / np.linalg.norm(change))
+
+
+@pytest.mark.parametrize("more", [{}, {"second": SECOND, "drifts": DRIFTS}], ids=["one", "more"])
+@pytest.mark.parametrize(
+    ("path", "share"),
+    [
+        ("table.J", 1e-6),
+        ("motors.R", 1e-2),  # hardly felt: the current is controlled
+        ("meshes.stiffness", 1e-6),
+        ("meshes.gap", 1e-6),
+        ("motor_1.K_d", 1e-6),
+        ("controller.K_v", 1e-6),
+    ],
+)
+def test_a_number_that_moves(path: str, share: float, more: dict[str, Any]) -> None:
+    core = bench()
+    other = core.copy()
+    other.set(path, core.get(path) * (1.0 + share))
+    assert apart(*both(core, other, seen(core), **more)) < 2e-3
+
+
+def test_a_sensor_that_adds() -> None:
+    core = bench()
+    assert apart(*both(core, core, seen(core), offsets={"theta_1": 1e-6, "I_2": 1e-4})) < 1e-4
+
+
+def test_where_a_stretch_begins() -> None:
+    core, whole = bench(), seen(bench())
+    held = _core.kalman_gains(core, whole, SENSORS, TORQUE)
+    found = _core.predict(core, whole, held, states=True)
+    begins = dict(zip(found["states"], map(float, found["trajectory"][1000]), strict=True))
+    moved = begins | {"theta_m": begins["theta_m"] + 1e-8}
+    here = whole.stretches([(1000, 500)])
+    now, after = (
+        _core.predict(core, here, held, initial=[begin])["residuals"] for begin in (begins, moved)
+    )
+    [told] = _core.sensitivities(core, here, held, [(core, [moved], [])], initial=[begins])
+    assert apart(told, after - now) < 2e-3
+
+
+def test_through_every_change_of_contact() -> None:
+    """Where flanks part and meet the two need not part at the same instant, to first order."""
+    core = bench()
+    core.set("controller.T_ten", 0.0)
+    other = core.copy()
+    other.set("table.J", core.get("table.J") * (1.0 + 1e-6))
+    assert apart(*both(core, other, seen(core))) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("law", "numbers", "error"),
+    [
+        ("torque_ripple@motor_1", {"amplitude": 1e-5, "order": 6.0}, 0.05),
+        ("cogging@motor_1", {"amplitude": 1e-7, "order": 6.0, "phase": 1.0}, 0.01),
+        ("eccentricity@table", {"amplitude": 1e-9}, 1e-3),
+        ("torque_constant_saturation@motors", {"loss": 1e-5}, 0.1),
+        ("encoder_eccentricity@table", {"amplitude": 1e-6}, 0.01),
+        ("hydrostatic_drag@table", {"quadratic": 1e-4}, 5e-3),
+        ("position_dependent_inertia@table", {"amplitude": 1e-6}, 0.02),
+        ("mesh_damping@meshes", {"coefficient": 1e-4}, 1e-3),
+        ("tension_mismatch@motor_2", {"error": 1e-5}, 1e-4),
+    ],
+)
+def test_a_law_that_is_let_in(law: str, numbers: dict[str, float], error: float) -> None:
+    """What it adds to rates is held over a sample, and felt before the sample corrects it."""
+    core = bench()
+    assert apart(*both(core, with_law(law, numbers), seen(core))) < error
+
+
+@pytest.mark.parametrize(
+    ("law", "numbers"),
+    [
+        ("coulomb@table", {"torque": 0.1}),  # one switch more
+        ("gearbox_backlash@gearboxes", {"gap": 1e-4}),  # states more
+        ("sensor_delay@theta_1", {"time": 1e-4}),
+    ],
+)
+def test_what_it_cannot_tell(law: str, numbers: dict[str, float]) -> None:
+    core = bench()
+    other = with_law(law, numbers)
+    here = seen(core, 200)
+    held = _core.kalman_gains(core, here, SENSORS, TORQUE)
+    assert _core.sensitivities(core, here, held, [(other, [], []), (core, [], [])])[0] is None
+    assert _core.has_sensitivities(core, here)
+
+
+@pytest.mark.parametrize("law", ["stribeck@table", "torque_ripple@motors"])
+def test_none_beside_a_law_that_is_not_affine(law: str) -> None:
+    core = with_law(law, {})
+    here = seen(bench(), 200)
+    assert not _core.has_sensitivities(core, here)
+
+
+def test_neighbours_do_not_see_each_other() -> None:
+    """One alone, or among others: the same bits."""
+    core = bench()
+    others: list[tuple[Any, list[Any], list[float]]] = []
+    for k in range(5):
+        own = core.copy()
+        own.set("table.J", core.get("table.J") * (1.0 + 1e-5 * (k + 1)))
+        others.append((own, [], []))
+    others.insert(2, (with_law("torque_ripple@motor_1", {"amplitude": 1e-4}), [], []))
+    here = seen(core, 500)
+    held = _core.kalman_gains(core, here, SENSORS, TORQUE)
+    together = _core.sensitivities(core, here, held, others)
+    for own, among in zip(others, together, strict=True):
+        [alone] = _core.sensitivities(core, here, held, [own])
+        np.testing.assert_array_equal(alone, among)
