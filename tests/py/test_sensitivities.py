@@ -143,37 +143,11 @@ def test_what_it_cannot_tell(law: str, numbers: dict[str, float]) -> None:
     assert _core.has_sensitivities(core, here)
 
 
-@pytest.mark.parametrize("path", ["table.J", "meshes.stiffness", "motor_1.K_d"])
-@pytest.mark.parametrize(
-    ("law", "numbers", "error"),
-    [
-        ("torque_ripple@motors", {"amplitude": 0.03, "order": 6.0}, 0.03),
-        ("cogging@motors", {"amplitude": 0.01, "order": 6.0}, 4e-3),
-        ("hydrostatic_drag@table", {"quadratic": 0.3}, 2e-3),
-        ("eccentricity@table", {"amplitude": 1e-4}, 2e-4),
-        # rests at every reversal, and breaks loose a little sooner or later
-        ("stribeck@table", {"torque": 0.3}, 0.3),
-    ],
-)
-def test_beside_a_law_that_is_not_affine(
-    law: str, numbers: dict[str, float], error: float, path: str
-) -> None:
-    """Numbers of the machine, and the size of the law itself, whose course is held over samples."""
-    core = with_law(law, numbers)
-    here = seen(core)
-    for moved, most in (
-        (path, min(error, 2e-3) if "stribeck" not in law else error),
-        (f"{law}.{next(iter(numbers))}", error),
-    ):
-        other = core.copy()
-        other.set(moved, core.get(moved) * (1.0 + 1e-5))
-        assert apart(*both(core, other, here)) < most
-
-
-@pytest.mark.parametrize("law", ["lugre@table", "transport_delay@controller"])
-def test_none_beside_a_memory(law: str) -> None:
-    core = with_law(law, {"delta_c": 2e-3} if "delay" in law else {})
-    assert not _core.has_sensitivities(core, seen(bench(), 200))
+@pytest.mark.parametrize("law", ["stribeck@table", "torque_ripple@motors"])
+def test_none_beside_a_law_that_is_not_affine(law: str) -> None:
+    core = with_law(law, {})
+    here = seen(bench(), 200)
+    assert not _core.has_sensitivities(core, here)
 
 
 def test_neighbours_do_not_see_each_other() -> None:

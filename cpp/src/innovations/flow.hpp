@@ -104,22 +104,17 @@ class Flow final {
     std::size_t phase(std::size_t sample) const;
     // e^{A h} from one sample to the next, the ticks of sampled loops in it.
     Eigen::MatrixXd over_a_sample(const Frozen& frozen, std::size_t phase);
-    // Whether a tangent over a sample has what the flow does: nothing is late, no loop ticks, no law relaxes within a sample.
-    bool told_by_tangents() const {
-        return layout_.delays.empty() && delays_.empty() && layout_.clocks.empty() && relaxing_.empty();
-    }
+    // Whether a tangent over a sample has all that the flow does: nothing is late, and no loop ticks.
+    bool told_by_tangents() const { return layout_.delays.empty() && delays_.empty() && layout_.clocks.empty(); }
     // Of y.
     int width() const { return n_; }
-    // The tangent where another flow is, whose layout is alike, in its modes; of laws that are not affine as if its bodies
-    // turned at `speed` at least.
-    Frozen tangent_at(const Flow& other, double speed, Scope scope = Scope::whole);
+    // The tangent in these modes, where all laws are affine.
+    Frozen tangent_in(const Modes& modes);
     // Speeds that friction holds at 0 at present.
     const std::vector<std::size_t>& held();
     // Rates of the states at a sample where another flow is, in its modes; of driven ones at least. The layouts are alike.
     const double* rates(std::size_t sample, const Flow& other, Scope scope);
     const std::vector<int>& driven() const { return driven_; }
-    // Slopes of rates there, states × states, of driven rates along states that laws feel; all others are the tangent's.
-    Eigen::MatrixXd slopes(std::size_t sample, const Flow& other, const Eigen::MatrixXd& tangent, Scope scope);
     Scope scope() const { return scope_; }
 
   private:

@@ -1,7 +1,6 @@
 #include "sensitivity.hpp"
 
 #include <algorithm>
-#include <set>
 
 #include "../solvers/exact/generator.hpp"
 #include "../solvers/exact/kernels.hpp"
@@ -29,7 +28,7 @@ double value(const std::map<std::string, double>& of, const std::string& name) {
 }  // namespace
 
 bool Sensitivities::told(const Flow& flow, const std::vector<Reading>& readings) {
-    return flow.told_by_tangents() && !late(readings);
+    return flow.told_by_tangents() && flow.affine() && !late(readings);
 }
 
 Sensitivities::Sensitivities(const Machine& machine, const SampledRecord& record, const KalmanGains& gains,
@@ -48,15 +47,14 @@ Sensitivities::Sensitivities(const Machine& machine, const SampledRecord& record
     for (std::size_t p = 0; p < neighbours.size(); ++p) {
         const Machine& other = *neighbours[p].machine;
         Column own_column{p, std::make_unique<Flow>(other, record, 1, bodies), readings_of(other, record),
-                          neighbours[p].offsets, false};
+                          neighbours[p].offsets};
         const Flow& flow = *own_column.flow;
         if (late(own_column.readings) || !flow.told_by_tangents() || flow.elements() != flow_->elements() ||
             flow.layout().state_names != flow_->layout().state_names)
             continue;
         own_column.offsets.resize(channels_, 0.0);
         for (std::size_t j = 0; j < std::min(channels_, offsets.size()); ++j) own_column.offsets[j] -= offsets[j];
-        own_column.affine = flow.affine() && flow_->affine();
-        (own_column.affine ? columns_ : laws).push_back(std::move(own_column));
+        (flow.affine() ? columns_ : laws).push_back(std::move(own_column));
     }
     laws_ = laws.size();
     std::move(laws.begin(), laws.end(), std::back_inserter(columns_));
@@ -72,18 +70,6 @@ Sensitivities::Sensitivities(const Machine& machine, const SampledRecord& record
     for (auto* v : {&x_, &next_}) v->assign(rows * all, 0.0);
     for (auto* v : {&felt_, &before_}) v->assign(static_cast<std::size_t>(states_) * laws_, 0.0);
     rates_.assign(felt_.size() * many, 0.0);
-    amid_.assign(y_.size(), 0.0);
-    own_rates_.assign(static_cast<std::size_t>(states_) * many, 0.0);
-    for (auto* v : {&own_felt_, &own_before_}) v->assign(static_cast<std::size_t>(states_), 0.0);
-    for (auto* v : {&there_, &there_before_}) v->assign(static_cast<std::size_t>(n_), 0.0);
-    std::set<int> driven(flow_->driven().begin(), flow_->driven().end());
-    bool whole = flow_->scope() == Scope::whole;
-    for (std::size_t c = all - laws_; c < all; ++c) {
-        driven.insert(columns_[c].flow->driven().begin(), columns_[c].flow->driven().end());
-        whole = whole || columns_[c].flow->scope() == Scope::whole;
-    }
-    driven_.assign(driven.begin(), driven.end());
-    if (whole) scope_ = Scope::whole;
     e_.assign(channels_ * all, 0.0);
     for (Moment& moment : waiting_) moment.outputs.assign(channels_, 0.0);
     for (const Column& c : columns_) found_[c.neighbour].assign(record.times().size() * channels_, 0.0);
@@ -130,27 +116,18 @@ const Sensitivities::Tangent& Sensitivities::tangent(const Flow& flow, std::size
     const auto [at, added] = tangents_.try_emplace({modes_, phase});
     Tangent& own = at->second;
     if (!added) return own;
-    const Frozen frozen = flow_->tangent_at(flow, gains_.speed);
+    const Frozen frozen = flow_->tangent_in(modes_);
     const MatrixXd whole = machine_rows(flow_->over_a_sample(frozen, phase), frozen.outputs);
     own.flow = filter(whole);
-    const auto felt_by = [&](Flow& whose) {
-        return whose.tangent_at(flow, gains_.speed, scope_).A.topRows(states_).eval();
-    };
-    if (laws_) own.A = padded_rows(felt_by(*flow_));
     own.shown = frozen.outputs.leftCols(states_);
-    const auto held = [&](const Frozen& f) {  // what rates become that are held over a sample
-        return machine_rows(exponentials(f.A, record_.step()).phi1, f.outputs).leftCols(states_).eval();
-    };
-    if (laws_) own.pushed = held(frozen);
     for (std::size_t c = 0; c < columns_.size(); ++c) {
         Flow& other = *columns_[c].flow;
-        const Frozen theirs = other.tangent_at(flow, gains_.speed);
+        const Frozen theirs = other.tangent_in(modes_);
         own.showing.emplace_back(theirs.outputs - frozen.outputs);
-        own.apart.emplace_back(machine_rows(other.over_a_sample(theirs, phase), theirs.outputs) - whole);
-        if (columns_[c].affine) continue;
-        own.tangents.push_back(padded_rows(felt_by(other)) - own.A);
-        if (!flow_->affine()) own.bent.emplace_back(held(theirs) - own.pushed);
+        if (c < columns_.size() - laws_)
+            own.apart.emplace_back(machine_rows(other.over_a_sample(theirs, phase), theirs.outputs) - whole);
     }
+    if (laws_) own.pushed = machine_rows(exponentials(frozen.A, record_.step()).phi1, frozen.outputs).leftCols(states_);
     return own;
 }
 
@@ -173,16 +150,17 @@ void Sensitivities::begin(std::size_t stretch, std::size_t sample, const Flow& f
     if (laws_) feel(sample, flow);
 }
 
-// By what rates differ where laws are not affine, at a sample before it is corrected.
+// What laws add to the rates of the machine at a sample, before it is corrected.
 void Sensitivities::feel(std::size_t sample, const Flow& flow) {
     const std::size_t first = columns_.size() - laws_;
-    const double* const own = flow_->rates(sample, flow, scope_);
-    std::copy_n(own, states_, own_felt_.data());
-    std::copy_n(flow.y(), n_, there_.data());
-    for (std::size_t c = 0; c < laws_; ++c) {
-        const double* const rates = columns_[first + c].flow->rates(sample, flow, scope_);
-        double* const felt = felt_.data() + c * static_cast<std::size_t>(states_);
-        for (const int k : driven_) felt[k] = rates[k] - own[k];
+    const bool whole = std::any_of(columns_.begin() + static_cast<std::ptrdiff_t>(first), columns_.end(),
+                                   [](const Column& c) { return c.flow->scope() == Scope::whole; });
+    const double* const own = flow_->rates(sample, flow, whole ? Scope::whole : Scope::plant);
+    for (std::size_t c = first; c < columns_.size(); ++c) {
+        Flow& other = *columns_[c].flow;
+        const double* const rates = other.rates(sample, flow, other.scope());
+        double* const felt = felt_.data() + (c - first) * static_cast<std::size_t>(states_);
+        for (const int k : other.driven()) felt[k] = rates[k] - own[k];
     }
 }
 
@@ -202,68 +180,45 @@ void Sensitivities::depart(Flow& flow, std::size_t phase) {
     now_ = now.leaving = &tangent(flow, phase);
     now.held = flow.held();
     std::copy_n(flow.y(), n_, y_.data() + (count_ - 1) * static_cast<std::size_t>(n_));
-    if (!flow_->affine()) {
-        now.flow = now_->flow;
-        const MatrixXd slopes = flow_->slopes(now.sample, flow, now_->A, scope_);
-        now.flow.leftCols(states_) += product(now_->pushed, slopes - now_->A.topLeftCorner(states_, states_));
-    }
     std::swap(felt_, before_);
-    std::swap(there_, there_before_);
-    std::swap(own_felt_, own_before_);
 }
 
 void Sensitivities::arrive(std::size_t sample, const Flow& flow) {
     if (!laws_) return;
     feel(sample, flow);
-    const std::size_t at = count_ - 1, states = static_cast<std::size_t>(states_), width = static_cast<std::size_t>(n_);
+    const std::size_t first = columns_.size() - laws_, at = count_ - 1, states = static_cast<std::size_t>(states_);
     for (std::size_t c = 0; c < laws_; ++c) {
         double* const amid = rates_.data() + (c * many + at) * states;
         const double *const now = felt_.data() + c * states, *const before = before_.data() + c * states;
         for (std::size_t k = 0; k < states; ++k) amid[k] = 0.5 * (now[k] + before[k]);
+        const MatrixXd& differ = now_->showing[first + c];
+        Eigen::Map<VectorXd>(differing_.data() + ((first + c) * many + at) * static_cast<std::size_t>(rows_) + size_,
+                             static_cast<Eigen::Index>(channels_)) = differ * Eigen::Map<const VectorXd>(flow.y(), n_);
     }
-    for (std::size_t k = 0; k < states; ++k) own_rates_[at * states + k] = 0.5 * (own_before_[k] + own_felt_[k]);
-    for (std::size_t k = 0; k < width; ++k) amid_[at * width + k] = 0.5 * (there_before_[k] + there_[k]);
 }
 
-// w of all that waits, and C w: what tangents differ by, exactly over a sample, and what laws add to that, held.
+// w of all that waits, and C w.
 void Sensitivities::otherwise() {
-    const std::size_t affine = columns_.size() - laws_, rows = static_cast<std::size_t>(rows_),
-                      states = static_cast<std::size_t>(states_), width = static_cast<std::size_t>(n_);
-    const int tall = exact::padded(states_);
-    std::vector<double> told(static_cast<std::size_t>(tall) * many), pushed(rows * many);
+    const std::size_t affine = columns_.size() - laws_;
+    const auto rows = static_cast<std::size_t>(rows_);
+    std::vector<double> pushed(rows * many);
     for (std::size_t i = 0; i < count_;) {
         const Tangent* const leaving = waiting_[i].leaving;
         std::size_t end = i + 1;
         while (end < count_ && waiting_[end].leaving == leaving) ++end;
-        const std::size_t length = end - i;
-        const auto together = static_cast<int>(length);
-        // rates amid the samples become what a tangent does not tell of them
-        const auto less = [&](const MatrixXd& tangent, double* rates) {
-            exact::kernels().product(tall, n_, tangent.data(), n_, amid_.data() + i * width, together, told.data());
-            for (std::size_t j = 0; j < length; ++j)
-                for (const int k : driven_)
-                    rates[j * states + std::size_t(k)] -= told[j * std::size_t(tall) + std::size_t(k)];
-        };
-        const auto add = [&](const MatrixXd& held, const double* rates, double* to) {
-            exact::kernels().product(rows_, states_, held.data(), states_, rates, together, pushed.data());
-            for (std::size_t k = 0; k < rows * length; ++k) to[k] += pushed[k];
-        };
-        double* const own = own_rates_.data() + i * states;
-        if (leaving && !leaving->bent.empty()) {
-            std::vector<double> driven(states * length, 0.0);
-            for (std::size_t j = 0; j < length; ++j)
-                for (const int k : driven_) driven[j * states + std::size_t(k)] = own[j * states + std::size_t(k)];
-            std::copy(driven.begin(), driven.end(), own);
-            less(leaving->A, own);
-        }
+        const auto together = static_cast<int>(end - i);
         for (std::size_t c = 0; leaving && c < columns_.size(); ++c) {
             double* const to = differing_.data() + (c * many + i) * rows;
-            exact::kernels().product(rows_, n_, leaving->apart[c].data(), n_, y_.data() + i * width, together, to);
-            if (c < affine) continue;
-            double* const rates = rates_.data() + ((c - affine) * many + i) * states;
-            less(leaving->tangents[c - affine], rates);
-            add(leaving->pushed, rates, to);
-            if (!leaving->bent.empty()) add(leaving->bent[c - affine], own, to);
+            if (c < affine) {
+                exact::kernels().product(rows_, n_, leaving->apart[c].data(), n_,
+                                         y_.data() + i * static_cast<std::size_t>(n_), together, to);
+                continue;
+            }
+            exact::kernels().product(rows_, states_, leaving->pushed.data(), states_,
+                                     rates_.data() + ((c - affine) * many + i) * static_cast<std::size_t>(states_),
+                                     together, pushed.data());
+            for (std::size_t k = 0; k < rows * static_cast<std::size_t>(together); ++k)
+                to[k] = pushed[k] + (k % rows < static_cast<std::size_t>(size_) ? 0.0 : to[k]);
         }
         i = end;
     }
@@ -307,8 +262,7 @@ void Sensitivities::flush() {
             for (const std::size_t k : now.held) x[k] = 0.0;
         }
         if (!now.leaving) continue;
-        const MatrixXd& F = now.flow.size() ? now.flow : now.leaving->flow;
-        exact::kernels().product(rows_, size_, F.data(), rows_, x_.data(), all, next_.data());
+        exact::kernels().product(rows_, size_, now.leaving->flow.data(), rows_, x_.data(), all, next_.data());
         for (std::size_t c = 0; c < columns_.size(); ++c) {
             const double* const w = differing_.data() + (c * many + i) * rows;
             double* const next = column(next_, c);

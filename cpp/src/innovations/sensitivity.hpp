@@ -44,11 +44,11 @@ class Sensitivities {
     std::vector<std::vector<double>> found();
 
   private:
-    // One pattern's propagator over a sample, [F; C F], and what constant rates of the states become; what the neighbours'
-    // propagators differ by, and, of laws that are not affine, their tangents.
+    // One pattern's propagator over a sample, [F; C F], and what constant rates of the states become; of neighbours whose laws
+    // are affine, what theirs differs by.
     struct Tangent {
-        Eigen::MatrixXd A, flow, pushed;
-        std::vector<Eigen::MatrixXd> apart, tangents, bent;
+        Eigen::MatrixXd flow, pushed;
+        std::vector<Eigen::MatrixXd> apart;
         Eigen::MatrixXd shown;                 // C of the machine's states and torques
         std::vector<Eigen::MatrixXd> showing;  // by how much the neighbours' differ
     };
@@ -57,7 +57,6 @@ class Sensitivities {
         std::unique_ptr<Flow> flow;
         std::vector<Reading> readings;
         std::vector<double> offsets;  // less the machine's own
-        bool affine;                  // its laws and the machine's
     };
     // A sample of the replay. What it does to neighbours waits until there are some of them: matrices serve many at once.
     struct Moment {
@@ -66,7 +65,6 @@ class Sensitivities {
         const Tangent* leaving;  // null: a stretch ends
         std::vector<std::size_t> held;
         std::vector<double> outputs, gain;
-        Eigen::MatrixXd flow;  // by the slopes that laws have there; empty: all are affine
     };
     static constexpr std::size_t many = 16;
     double* column(std::vector<double>& of, std::size_t c) const {
@@ -86,7 +84,7 @@ class Sensitivities {
     const std::vector<Reading>& own_;
     const std::size_t channels_;
     std::unique_ptr<Flow> flow_;   // of the machine, apart from the replay's, whose state it would disturb
-    std::vector<Column> columns_;  // those with laws that are not affine last
+    std::vector<Column> columns_;  // those with a law that is not affine last
     std::size_t laws_ = 0;         // how many these are
     int n_ = 0;                    // of y
     // of a column: states and torques of unknown course; all that the filter has; and with outputs, padded
@@ -96,15 +94,11 @@ class Sensitivities {
     Modes modes_;
     std::size_t phase_ = 0;
     std::array<Moment, many> waiting_;
-    std::size_t count_ = 0;                     // of them
-    std::vector<double> y_;                     // per moment, as the replay left it
-    std::vector<double> differing_;             // per column and moment: w, and C w with what sensors say otherwise
-    std::vector<double> felt_, before_;         // per law: by what its rates differ at a sample, and at the one before
-    std::vector<double> there_, there_before_;  // y where that was felt
-    std::vector<double> own_felt_, own_before_, own_rates_;  // rates of the machine itself: there, and per moment
-    std::vector<double> rates_, amid_;                       // per law and moment: that amid it; per moment: y amid it
-    std::vector<int> driven_;                                // states whose rates may differ from what tangents say
-    Scope scope_ = Scope::plant;
+    std::size_t count_ = 0;          // of them
+    std::vector<double> y_;          // per moment, as the replay left it
+    std::vector<double> differing_;  // per column and moment: w, and C w with what sensors say otherwise
+    std::vector<double> felt_, before_,
+        rates_;  // per law, what it adds to rates: now, a sample before, and per moment, amid
     std::vector<double> x_, next_, e_, moved_;  // per column
     std::vector<std::vector<double>> found_;
 };

@@ -1,5 +1,4 @@
 // Patterns of modes, and the tangents that the filter's gains stand on.
-#include <algorithm>
 #include <cmath>
 
 #include "flow.hpp"
@@ -49,26 +48,8 @@ Modes Flow::carrying() const {
     return pattern;
 }
 
-Frozen Flow::tangent_at(const Flow& other, double speed, Scope scope) {
-    if (affine_ && scope == Scope::whole) return prepare(reader_.read(other.modes_), other.modes_);
-    cell_ = other.cell_;
-    std::vector<double> z(other.y_.begin(), other.y_.begin() + states());
-    for (int g = 0; g < layout_.groups; ++g) {
-        double& v = z[static_cast<std::size_t>(g)];
-        v = std::copysign(std::max(std::abs(v), speed), v);
-    }
-    for (const int element : sticks_)
-        if (other.modes_[static_cast<std::size_t>(element)] == stick::stuck) z[resting(element)] = 0.0;
-    return prepare(reader_.tangent(other.modes_, cell_.low, z.data(), scope), other.modes_);
-}
-
-Eigen::MatrixXd Flow::slopes(std::size_t sample, const Flow& other, const Eigen::MatrixXd& tangent, Scope scope) {
-    Eigen::MatrixXd found = tangent.topLeftCorner(states(), states());
-    const Eigen::MatrixXd own =
-        reader_.slopes(other.modes_, record_.times()[sample], other.cell_, other.y_.data(), feeling_, scope);
-    for (std::size_t c = 0; c < feeling_.size(); ++c)
-        for (const int k : driven_) found(k, feeling_[c]) = own(k, static_cast<Eigen::Index>(c));
-    return found;
+Frozen Flow::tangent_in(const Modes& modes) {
+    return prepare(affine_ ? reader_.read(modes) : reader_.tangent(modes, cell_.low, y_.data()), modes);
 }
 
 Frozen Flow::tangent(const Modes& pattern, double speed) {
