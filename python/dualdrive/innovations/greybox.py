@@ -34,6 +34,7 @@ _ZERO_ANGLE, _ZERO_CURRENT = 1e-3, 0.02
 #: together, and how often that before it is taken anew
 _DIFFERENCE, _LEAST, _SCATTER, _TOO_LONG = 1e-3, 1e-8, 1.0, 3.0
 _TOGETHER = 16  # neighbours of one replay
+_FEW = 2  # numbers whose slopes two replays tell as soon
 _FIRST = 0.1  # of the drives' torque: what may have acted before the first sample
 _FILTERED = 0.01  # the same where a filter had followed the record till then
 
@@ -357,10 +358,11 @@ class GreyBox:
     def columns(self, point: Point, which: Sequence[int], gains: Sequence[Any]) -> list[Array]:
         """Derivatives of the residuals by some unknowns, flat per unknown.
 
-        By the recursion of the filter's own sensitivities where it tells, else by differences.
+        By the recursion of the filter's own sensitivities where it tells, else by differences, and
+        so where only few are asked for.
         """
         steps = {k: self._longest(k) for k in which}
-        found = self._told(point, steps, gains)
+        found = self._told(point, steps, gains) if len(which) > _FEW else {}
         rest = [k for k in which if k not in found]
         if rest:
             found |= self._by_differences(point, rest, gains)

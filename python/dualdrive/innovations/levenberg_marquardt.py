@@ -72,9 +72,11 @@ def fit(
             break
         s = 1.0 / inflation(now)
         if columns is None:
-            columns, chord = grey.columns(now, range(m), gains), False
-        own = grey.columns(now, range(m, n), gains)
-        J = np.stack([*(columns or []), *own])
+            every, chord = grey.columns(now, range(n), gains), False
+            columns = every[:m]
+        else:
+            every = [*columns, *grey.columns(now, range(m, n), gains)]
+        J = np.stack(every)
         r = flat(now.residuals)
         off = (now.theta - centre) * weight
         H = s * (J @ J.T) + np.diag(weight**2)
