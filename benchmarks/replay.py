@@ -16,7 +16,7 @@ from __future__ import annotations
 import argparse
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any
 
@@ -39,7 +39,8 @@ FINE = 16  # times as many steps
 #: what these make of the table's angle follows from forces, which no replay of it knows
 BY_FORCE = ("radial_shift", "tilt")
 ROUNDS = 7
-HEAD = ["law", "record", "steps", "µs a sample", "switches", "chi-squared", "its change"]
+NUMBERS, MOVED = 29, 1e-5  # by which slopes are taken, and a step of one, relative
+HEAD = ["law", "record", "steps", "µs a sample", "switches", "chi-squared", "its change", "slopes"]
 
 
 def noise_of(core: Any, played: list[Predictable]) -> Noise:
@@ -57,6 +58,23 @@ def chi_squared(found: Mapping[str, Any]) -> float:
     return float(np.sum(found["residuals"] ** 2)) if found["finite"] else math.inf
 
 
+def least_time(job: Callable[[], Any]) -> float:
+    """Processor time of the fastest of several, s."""
+    took = []
+    for _ in range(ROUNDS):
+        begin = time.process_time()
+        job()
+        took.append(time.process_time() - begin)
+    return min(took)
+
+
+def moved(core: Any, share: float) -> Any:
+    """The machine with a heavier table."""
+    own = core.copy()
+    own.set("table.J", core.get("table.J") * (1.0 + share))
+    return own
+
+
 def rows(name: str) -> Iterator[list[str]]:
     """One law, a row a record."""
     machine, _, rng = hidden(name, 0)
@@ -71,17 +89,18 @@ def rows(name: str) -> Iterator[list[str]]:
         steps, initial = substeps(there, record), record.initial(there, {})
 
         replay = partial(_core.predict, there, record.sampled, gains, initial=initial, given=GIVEN)
-        took = []
-        for _ in range(ROUNDS):
-            begin = time.process_time()
-            found = replay(substeps=steps)
-            took.append(time.process_time() - begin)
+        found = replay(substeps=steps)
+        took = least_time(partial(replay, substeps=steps))
         square, fine = chi_squared(found), chi_squared(replay(substeps=FINE * steps))
-        cost = f"{1e6 * min(took) / len(record.measured):.3f}"
+        cost, slopes = f"{1e6 * took / len(record.measured):.3f}", ""
+        if _core.has_sensitivities(there, record.sampled):
+            others = [(moved(there, MOVED * (k + 1)), initial, []) for k in range(NUMBERS)]
+            told = partial(_core.sensitivities, there, record.sampled, gains, others)
+            slopes = f"{least_time(partial(told, initial=initial, given=GIVEN)) / took:.1f}"
         kept = math.isfinite(square) and math.isfinite(fine)  # else the state was lost on the way
         yield [
             name, record.name, str(steps), cost, str(found["switches"]),
-            f"{square:.1f}" if kept else "lost", f"{square - fine:+.2g}" if kept else "",
+            f"{square:.1f}" if kept else "lost", f"{square - fine:+.2g}" if kept else "", slopes,
         ]  # fmt: skip
 
 
