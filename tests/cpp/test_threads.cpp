@@ -2,6 +2,7 @@
 // `./dev test --threads` looks for races; without the sanitizer these are checks of bits.
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <thread>
@@ -33,6 +34,15 @@ Trajectory run(const Machine& machine, Engine engine) {
     o.initial = {{"omega_m", 0.1}};
     o.signals = {"omega_m", "theta_m"};
     return simulate(machine, {}, o);
+}
+
+SampledRecord swaying() {
+    std::vector<double> times, measured;
+    for (int k = 0; k < 200; ++k) {
+        times.push_back(1e-3 * k);
+        measured.push_back(1e-4 * std::sin(20.0 * times.back()));
+    }
+    return {{}, times, {{"theta_m", {}}}, measured};
 }
 
 template <class Work>
@@ -68,12 +78,7 @@ TEST_CASE("formulas, units and numbers of machines of their own are read side by
 
 TEST_CASE("predictions that share record and gains have the bits of one alone") {
     const Machine machine = sprung();
-    std::vector<double> times, measured;
-    for (int k = 0; k < 200; ++k) {
-        times.push_back(1e-3 * k);
-        measured.push_back(1e-4 * std::sin(20.0 * times.back()));
-    }
-    const SampledRecord record({}, times, {{"theta_m", {}}}, measured);
+    const SampledRecord record = swaying();
     const NoiseModel noise{{{1e-6, 0.5, 1e-7}}, {{"table", {0.1, 0.99}}}};
     const KalmanGains gains = kalman_gains(machine, record, noise, 0.1);
     PredictionOptions options;
@@ -87,4 +92,23 @@ TEST_CASE("predictions that share record and gains have the bits of one alone") 
         found[static_cast<std::size_t>(k)] = predict(machine, record, mine, options);
     });
     for (const auto& p : found) CHECK(p.residuals == alone.residuals);
+}
+
+TEST_CASE("sensitivities that share record and gains have the bits of one alone") {
+    const Machine machine = sprung();
+    Machine heavier = machine, unbalanced = machine;
+    heavier.set("table.J", machine.get("table.J") * (1.0 + 1e-6));
+    unbalanced.add_effect("unbalance", "table");
+    unbalanced.set("unbalance@table.amplitude", 1e-3);
+    const SampledRecord record = swaying();
+    const NoiseModel noise{{{1e-6, 0.5, 1e-7}}, {{"table", {0.1, 0.99}}}};
+    KalmanGains gains = kalman_gains(machine, record, noise, 0.1);
+    const std::vector<Neighbour> neighbours = {{&heavier, {}, {}}, {&unbalanced, {}, {}}, {&machine, {}, {1e-6}}};
+    const auto alone = sensitivities(machine, record, gains, {}, neighbours);
+    for (const auto& own : alone) REQUIRE(own.size() == record.times().size());
+    for (const auto& own : alone) CHECK(std::any_of(own.begin(), own.end(), [](double x) { return x != 0.0; }));
+    std::vector<std::vector<std::vector<double>>> found(several);
+    side_by_side(
+        [&](int k) { found[static_cast<std::size_t>(k)] = sensitivities(machine, record, gains, {}, neighbours); });
+    for (const auto& changes : found) CHECK(changes == alone);
 }
