@@ -14,5 +14,5 @@ def test_records_may_come_in_any_order_and_on_any_number_of_threads() -> None:
     usual: dict[str, Any] = {"effort": "quick", "experiment": False}
     one = diagnose(sheet(), {"first": first, "second": second}, threads=2, **usual)
     other = diagnose(sheet(), {"second": second, "first": first}, threads=1, **usual)
-    assert len(one.warnings) > 1
+    assert one.warnings
     assert {**one.figures(), "seconds": None} == {**other.figures(), "seconds": None}
