@@ -165,3 +165,23 @@ def test_neighbours_do_not_see_each_other() -> None:
     for own, among in zip(others, together, strict=True):
         [alone] = _core.sensitivities(core, here, held, [own])
         np.testing.assert_array_equal(alone, among)
+
+
+def test_what_grows_without_bound_is_told_by_replays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A change beyond what a lost replay counts is none of first order."""
+    from dualdrive.innovations import GreyBox, Variant, first_noise, greybox, predictable
+    from dualdrive.replay import core_of, records
+    from recorded import demo, sheet
+
+    core = core_of(sheet())
+    grey = GreyBox(core, predictable(core, records(sheet(), {"fit": demo("fit")})), [], threads=1)
+    nothing = Variant(core)
+    gains = grey.gains(nothing, grey.start(nothing), first_noise(core, grey.records, 0.1))
+    [point] = grey.points([nothing], [grey.start(nothing)], gains)
+    other = grey.start(nothing)
+    other[0] += 1e-3
+    [told] = grey.changes(point, [(nothing, other)], gains)
+    assert told is not None
+    for most in (0.5 * float(np.max(np.abs(told))), float("nan")):
+        monkeypatch.setattr(greybox, "LOST", most)
+        assert grey.changes(point, [(nothing, other)], gains) == [None]

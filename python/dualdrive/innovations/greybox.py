@@ -21,7 +21,7 @@ from dualdrive import _core
 from dualdrive.estimation.unknowns import Unknown
 from dualdrive.innovations.harmonics import bounds, coordinates, values
 from dualdrive.innovations.noise import Noise, first_noise
-from dualdrive.innovations.prediction import Replayed, predicted, replayed, sensitivities
+from dualdrive.innovations.prediction import LOST, Replayed, predicted, replayed, sensitivities
 from dualdrive.innovations.records import Predictable
 from dualdrive.innovations.variant import Point, Variant, flat
 from dualdrive.replay.record import with_settings
@@ -324,7 +324,9 @@ class GreyBox:
             gains: held.
 
         Returns:
-            Of each, flat; None where the first order can't tell, or no machine is made.
+            Of each, flat; None where the first order can't tell, or no machine is made. A change
+            beyond what a lost replay counts is none of first order: contacts that bounce, and
+            filters that hardly correct, part from their neighbours as fast as they can.
 
         """
         core, offsets = self.machine(point.variant, point.theta), self.constants(point.theta)
@@ -351,7 +353,7 @@ class GreyBox:
         result: list[Array | None] = [None] * len(others)
         for k, parts_of_it in told.items():
             known = [x for x in parts_of_it if x is not None]
-            if len(known) == len(self.records):
+            if len(known) == len(self.records) and all(np.max(np.abs(x)) <= LOST for x in known):
                 result[k] = flat(known)
         return result
 

@@ -23,7 +23,7 @@ GIVEN = 50
 #: half a period from sample to sample is seen by no record (Nyquist): no more steps are taken then
 _TURN = 0.25
 _MOST_STEPS = math.ceil(math.pi / _TURN)
-_LOST = 300.0  # whitened: what a replay that broke down is counted with
+LOST = 300.0  # whitened: what a replay that broke down is counted with
 
 
 def predicted(
@@ -127,12 +127,12 @@ class Replayed(NamedTuple):
 def replayed(job: tuple[Any, Mapping[str, float], Predictable, Any, bool]) -> Replayed:
     """Replay (machine, offsets, record, gains, whether to learn them); a failure is `lost`."""
     core, offsets, record, gains, learn = job
-    nothing = Replayed(np.full(record.measured.shape, _LOST), 0.0, True)
+    nothing = Replayed(np.full(record.measured.shape, LOST), 0.0, True)
     if core is None:
         return nothing
     try:
         found = predicted(core, offsets, record, gains, given=GIVEN, learn=learn)
     except (ValueError, RuntimeError):
         return nothing
-    residuals = np.clip(found["residuals"], -_LOST, _LOST)
+    residuals = np.clip(found["residuals"], -LOST, LOST)
     return Replayed(residuals, float(found["log_det"]), not found["finite"])
