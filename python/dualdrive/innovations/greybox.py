@@ -330,7 +330,10 @@ class GreyBox:
 
         """
         core, offsets = self.machine(point.variant, point.theta), self.constants(point.theta)
-        if not all(_core.has_sensitivities(core, r.sampled) for r in self.records):
+        # joints that are put in ring, and may bounce, faster than samples come: many patterns of
+        # modes, each with tangents of its own, and changes that are none of first order
+        jointed = any(_core.effect_type(e).structural for e, _ in point.variant.effects)
+        if jointed or not all(_core.has_sensitivities(core, r.sampled) for r in self.records):
             return [None] * len(others)
         neighbours: list[tuple[int, tuple[Any, Mapping[str, float]]]] = []
         for k, (variant, theta) in enumerate(others):
