@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 import dualdrive as dd
 from dualdrive.estimation.unknowns import unknowns
-from dualdrive.innovations import GreyBox, Noise, Variant, first_noise, fit, predictable
+from dualdrive.innovations import GreyBox, Noise, Variant, first_noise, fit, predictable, slopes
 from dualdrive.replay import core_of, records
 from dualdrive.traces import Trace
 from landscape import KINDS, SENSORS, coloured
@@ -67,7 +67,7 @@ def bound(grey: GreyBox, theta: Array, noise: Noise) -> Array:
     nothing = Variant(grey.core)
     gains = grey.gains(nothing, theta, noise)
     [point] = grey.points([nothing], [theta], gains)
-    J = np.stack(grey.columns(point, range(len(theta)), gains))
+    J = np.stack(slopes(grey, point, range(len(theta)), gains))
     information = J @ J.T
     inverse = np.linalg.inv(information + np.diag(1.0 / grey.sigma**2))
     return np.sqrt(np.diag(inverse @ information @ inverse))

@@ -30,6 +30,7 @@ from dualdrive.innovations import (
     least_noise,
     maximum_likelihood,
     simulated,
+    slopes,
 )
 from test_innovations import SENSORS, bench
 
@@ -76,7 +77,7 @@ def test_sensors_and_numbers_are_recovered_together() -> None:
     assert inflation(point) < 1.5
     own = grey(0.0)
     k = [p.path for p in own.nominal].index("table.J")
-    J = np.stack(own.columns(point, range(len(point.theta)), gains))
+    J = np.stack(slopes(own, point, range(len(point.theta)), gains))
     H = J @ J.T + np.diag(1.0 / own.sigma**2)
     error = float(np.sqrt(np.linalg.inv(H)[k, k]))
     off = point.theta[k] - own.nominal[k].coordinate(HEAVIER * own.core.get("table.J"))
@@ -137,7 +138,7 @@ def test_the_score_points_at_the_law() -> None:
     known = Library(own.core, own).variants(point.variant, point)
     wanted = ("coulomb@table", "viscous@table", "unbalance@table")
     few = [v for v in known if v.label in wanted]
-    columns = own.columns(point, range(len(point.theta)), gains)
+    columns = slopes(own, point, range(len(point.theta)), gains)
     found = {s.variant.label: s for s in scores(own, point, columns, few, gains, 1.0)}
     best = max(found.values(), key=lambda s: s.gain)
     assert best.variant.label == "coulomb@table"
@@ -159,7 +160,7 @@ def test_a_delay_that_would_have_to_be_negative_gains_nothing(late: float) -> No
     point, gains = found
     known = Library(own.core, own).variants(point.variant, point)
     [delay] = [v for v in known if v.label == "sensor_delay@theta_1"]
-    columns = own.columns(point, range(len(start)), gains)
+    columns = slopes(own, point, range(len(start)), gains)
     [score] = scores(own, point, columns, [delay], gains, 1.0)
     assert (score.gain > 25.0) if late > 0.0 else (abs(score.gain) < 1e-6)
 

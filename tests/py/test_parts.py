@@ -21,6 +21,7 @@ from dualdrive.innovations import (
     Variant,
     first_noise,
     maximum_likelihood,
+    slopes,
     some,
 )
 from test_innovations import bench
@@ -52,7 +53,7 @@ def shaft(own: GreyBox, point: Point) -> Variant:
 @functools.cache
 def score(soft: bool) -> float:
     own, point, noise, gains = stiff(soft)
-    columns = own.columns(point, range(len(point.theta)), gains)
+    columns = slopes(own, point, range(len(point.theta)), gains)
     variant = shaft(own, point)
     assert is_part(variant)
     assert is_joint(variant)

@@ -10,7 +10,7 @@ import pytest
 
 from dualdrive import Machine, _core
 from dualdrive.diagnose.screening import Library, Scored, scores
-from dualdrive.innovations import GreyBox, Variant, first_noise, predictable
+from dualdrive.innovations import GreyBox, Variant, first_noise, predictable, slopes
 from dualdrive.replay import core_of, records
 from dualdrive.traces import Trace
 from test_innovations import CHANNELS, STEP, bench, coloured, run
@@ -41,7 +41,7 @@ def scored(law: str, numbers: Mapping[str, float]) -> Scored:
     assert found is not None
     point, gains = found
     wanted = [v for v in Library(core, own).variants(nothing, point) if v.label == law]
-    columns = own.columns(point, range(len(point.theta)), gains)
+    columns = slopes(own, point, range(len(point.theta)), gains)
     [best] = scores(own, point, columns, wanted, gains, 1.0)
     return best
 

@@ -14,7 +14,14 @@ from dualdrive.diagnose.screening import Library
 from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.diagnose.selection.fitted import Fitted
 from dualdrive.diagnose.uncertainty import Uncertainty
-from dualdrive.innovations import GreyBox, Variant, coordinates, inflation, maximum_likelihood
+from dualdrive.innovations import (
+    GreyBox,
+    Variant,
+    coordinates,
+    inflation,
+    maximum_likelihood,
+    slopes,
+)
 from test_innovations import bench
 
 SAMPLES, SEED = 3000, 11
@@ -64,7 +71,7 @@ def test_near_it_the_distance_is_what_a_likelihood_ratio_says(heavier: float) ->
 def test_blocks_of_time_add_up_to_the_information() -> None:
     _, grey, found = fitted(1.0)
     normal = Uncertainty(grey).about(found)
-    columns = np.stack(grey.columns(found.point, range(len(found.point.theta)), found.gains))
+    columns = np.stack(slopes(grey, found.point, range(len(found.point.theta)), found.gains))
     whole = normal.scale * columns @ columns.T + np.diag(normal.weight)
     np.testing.assert_allclose(normal.information, whole, rtol=0.05, atol=1e-3 * whole.max())
 

@@ -315,8 +315,8 @@ void Flow::correct(std::size_t sample, const KalmanGains::Set& gain, const doubl
     if (!affine_) std::copy_n(y_.data(), states(), earlier_.data());
     for (int i = 0; i < states(); ++i) y_[static_cast<std::size_t>(i)] += moved[i];
     for (int j = 0; j < torque_count(); ++j) torques()[j] += moved[states() + j];
-    for (const int element : sticks_)
-        if (holds && modes_[static_cast<std::size_t>(element)] == stick::stuck) y_[resting(element)] = 0.0;
+    if (holds)
+        for (const std::size_t k : held()) y_[k] = 0.0;
     // a corner of the command may lie at the sample: what holds from now on is what counts
     if (!affine_ && sample + 1 < record_.times().size()) enter(sample);
     if (holds && !affine_ && !memory_ && rest_of_ == now_) feel_correction(record_.times()[sample], earlier_.data());

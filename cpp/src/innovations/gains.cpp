@@ -94,6 +94,25 @@ double unforgotten(double memory) { return std::max(1e-9, 1.0 - memory * memory)
 
 }  // namespace
 
+void write_memories(const NoiseModel& noise, Eigen::Index first, MatrixXd& F) {
+    const auto m = static_cast<Eigen::Index>(noise.sensors.size());
+    const Eigen::Index before = noise.of_order_two() ? m : 0;
+    for (const auto& [body, torque] : noise.torque) {
+        F(first, first) = torque.memory;
+        ++first;
+    }
+    for (Eigen::Index j = 0; j < m; ++j) {
+        const SensorNoise& s = noise.sensors[static_cast<std::size_t>(j)];
+        const Eigen::Index now = first + j, past = now + before, zero = now + before + m;
+        F(now, now) = s.memory * (1.0 - s.second);
+        if (before) {
+            F(now, past) = s.second;
+            F(past, now) = 1.0;
+        }
+        if (noise.drifts()) F(zero, zero) = s.drift.memory;
+    }
+}
+
 StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel& noise, const Modes& pattern,
                        double speed)
     : states_(flow.states()), step_(record.step()) {
@@ -104,6 +123,7 @@ StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel
     const Eigen::Index size = n + m + before + drifts;
     sensors_ = n;
     MatrixXd F = MatrixXd::Zero(size, size);
+    write_memories(noise, states_, F);
     Q_ = MatrixXd::Zero(size, size);
     C_ = MatrixXd::Zero(m, size);
     C_.leftCols(states_) = frozen.outputs.leftCols(states_);
@@ -114,18 +134,14 @@ StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel
     for (Eigen::Index j = 0; j < m; ++j) {
         const SensorNoise& s = noise.sensors[static_cast<std::size_t>(j)];
         const Eigen::Index now = n + j, past = now + before, zero = now + before + m;
-        F(now, now) = s.memory * (1.0 - s.second);
         Q_(now, now) = s.drive * s.drive;
         const double variance = Q_(now, now) / unforgotten(s.memory) / unforgotten(s.second);
         if (before) {
-            F(now, past) = s.second;
-            F(past, now) = 1.0;
             stationary_(past, past) = variance;
             stationary_(now, past) = stationary_(past, now) = s.memory * variance;
         }
         stationary_(now, now) = variance;
         if (drifts) {
-            F(zero, zero) = s.drift.memory;
             Q_(zero, zero) = s.drift.drive * s.drift.drive;
             stationary_(zero, zero) = Q_(zero, zero) / unforgotten(s.drift.memory);
         }
@@ -133,7 +149,6 @@ StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel
     }
     Eigen::Index b = states_;
     for (const auto& [body, torque] : noise.torque) {
-        F(b, b) = torque.memory;
         Q_(b, b) = torque.drive * torque.drive;
         stationary_(b, b) = Q_(b, b) / unforgotten(torque.memory);
         ++b;

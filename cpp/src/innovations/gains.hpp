@@ -10,6 +10,10 @@
 
 namespace dualdrive::innovations {
 
+// What torques of unknown course and sensors keep of themselves over a sample, written into F: torques from row and column
+// `first` on, then the noise of the sensors, that of a sample before where it is of order two, their zeros where those drift.
+void write_memories(const NoiseModel& noise, Eigen::Index first, Eigen::MatrixXd& F);
+
 // x_{k+1} = F x_k + w, y_k = C x_k + v with covariances Q and R; F by phase of the ticks of sampled loops; x = (states of
 // the machine, torques of unknown course, noise of the sensors, that of a sample before where it is of order two, their zeros
 // where those drift). Covariances of x have padded rows, as the kernels want them: zeros below.

@@ -153,7 +153,7 @@ class Replay {
 
     bool go_on(std::size_t k) {
         schedule_.depart(flow_.now().pattern, flow_.phase(k));
-        if (changes_) changes_->depart(flow_, flow_.phase(k));
+        if (changes_) changes_->depart(flow_);
         if (!flow_.flow(k)) return false;
         if (changes_) changes_->arrive(k + 1, flow_);
         for (std::size_t j = 0; j < torques_; ++j) flow_.torques()[j] *= memory_[j];

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
-#include "../solvers/exact/generator.hpp"
 #include "../solvers/exact/kernels.hpp"
 #include "dense.hpp"
+#include "gains.hpp"
 
 namespace dualdrive::innovations {
 
@@ -86,38 +86,25 @@ MatrixXd Sensitivities::machine_rows(const MatrixXd& flow, const MatrixXd& outpu
 // [F; C F] of the filter: the machine's, the memories of torques and of sensors' noise; inputs don't change.
 MatrixXd Sensitivities::filter(const MatrixXd& machine) const {
     const auto m = static_cast<Eigen::Index>(channels_);
-    const bool second = gains_.noise.of_order_two(), drifts = gains_.noise.drifts();
-    const Eigen::Index torque = states_, sensor = states_ + torques_, zero = sensor + m * (second ? 2 : 1);
+    const Eigen::Index torque = states_, sensor = states_ + torques_;
     MatrixXd F = MatrixXd::Zero(rows_, size_);
     F.leftCols(states_) = machine.leftCols(states_);
     F.middleCols(torque, torques_) = machine.middleCols(flow_->first_torque(), torques_);
-    Eigen::Index b = torque;
-    for (const auto& [body, noise] : gains_.noise.torque) {
-        F(b, b) = noise.memory;
-        ++b;
-    }
-    for (Eigen::Index j = 0; j < m; ++j) {
-        const SensorNoise& s = gains_.noise.sensors[static_cast<std::size_t>(j)];
-        const Eigen::Index now = sensor + j, output = size_ + j;
-        F(now, now) = F(output, now) = s.memory * (1.0 - s.second);
-        if (second) {
-            F(now, now + m) = F(output, now + m) = s.second;
-            F(now + m, now) = 1.0;
-        }
-        if (drifts) F(zero + j, zero + j) = F(output, zero + j) = s.drift.memory;
-    }
+    write_memories(gains_.noise, torque, F);
+    const auto sensors = F.middleRows(sensor, m).eval();
+    F.middleRows(size_, m) += sensors;
+    if (gains_.noise.drifts()) F.middleRows(size_, m) += F.middleRows(size_ - m, m).eval();
     return F;
 }
 
-const Sensitivities::Tangent& Sensitivities::tangent(const Flow& flow, std::size_t phase) {
-    if (now_ && phase == phase_ && flow.modes() == modes_) return *now_;
+const Sensitivities::Tangent& Sensitivities::tangent(const Flow& flow) {
+    if (now_ && flow.modes() == modes_) return *now_;
     modes_ = flow.modes();
-    phase_ = phase;
-    const auto [at, added] = tangents_.try_emplace({modes_, phase});
+    const auto [at, added] = tangents_.try_emplace(modes_);
     Tangent& own = at->second;
     if (!added) return own;
     const Frozen frozen = flow_->tangent_in(modes_);
-    const MatrixXd whole = machine_rows(flow_->over_a_sample(frozen, phase), frozen.outputs);
+    const MatrixXd whole = machine_rows(flow_->over_a_sample(frozen, 0), frozen.outputs);
     own.flow = filter(whole);
     own.shown = frozen.outputs.leftCols(states_);
     for (std::size_t c = 0; c < columns_.size(); ++c) {
@@ -125,7 +112,7 @@ const Sensitivities::Tangent& Sensitivities::tangent(const Flow& flow, std::size
         const Frozen theirs = other.tangent_in(modes_);
         own.showing.emplace_back(theirs.outputs - frozen.outputs);
         if (c < columns_.size() - laws_)
-            own.apart.emplace_back(machine_rows(other.over_a_sample(theirs, phase), theirs.outputs) - whole);
+            own.apart.emplace_back(machine_rows(other.over_a_sample(theirs, 0), theirs.outputs) - whole);
     }
     if (laws_) own.pushed = machine_rows(exponentials(frozen.A, record_.step()).phi1, frozen.outputs).leftCols(states_);
     return own;
@@ -135,7 +122,7 @@ void Sensitivities::begin(std::size_t stretch, std::size_t sample, const Flow& f
                           const std::map<std::string, double>& initial) {
     static const std::map<std::string, double> at_zero;
     flush();
-    now_ = &tangent(flow, flow.phase(sample));
+    now_ = &tangent(flow);
     const auto& names = flow.layout().state_names;
     for (std::size_t c = 0; c < columns_.size(); ++c) {
         const auto& theirs = neighbours_[columns_[c].neighbour].initial;
@@ -175,9 +162,9 @@ void Sensitivities::correct(std::size_t sample, const double* outputs, const Kal
     now.gain.assign(gain.stacked.data(), gain.stacked.data() + gain.stacked.size());
 }
 
-void Sensitivities::depart(Flow& flow, std::size_t phase) {
+void Sensitivities::depart(Flow& flow) {
     Moment& now = waiting_[count_ - 1];
-    now_ = now.leaving = &tangent(flow, phase);
+    now_ = now.leaving = &tangent(flow);
     now.held = flow.held();
     std::copy_n(flow.y(), n_, y_.data() + (count_ - 1) * static_cast<std::size_t>(n_));
     std::swap(felt_, before_);

@@ -37,7 +37,7 @@ class Sensitivities {
     void begin(std::size_t stretch, std::size_t sample, const Flow& flow, const std::map<std::string, double>& initial);
     // outputs: of the replay; counts: whether its residuals do.
     void correct(std::size_t sample, const double* outputs, const KalmanGains::Set& gain, bool counts);
-    void depart(Flow& flow, std::size_t phase);
+    void depart(Flow& flow);
     void arrive(std::size_t sample, const Flow& flow);
 
     // Per neighbour, samples × channels; empty for those that can't be told so.
@@ -72,7 +72,7 @@ class Sensitivities {
     }
     Eigen::MatrixXd machine_rows(const Eigen::MatrixXd& flow, const Eigen::MatrixXd& outputs) const;
     Eigen::MatrixXd filter(const Eigen::MatrixXd& machine) const;
-    const Tangent& tangent(const Flow& flow, std::size_t phase);
+    const Tangent& tangent(const Flow& flow);
     void feel(std::size_t sample, const Flow& flow);
     void otherwise();
     void innovate(const Moment& now);
@@ -89,10 +89,9 @@ class Sensitivities {
     int n_ = 0;                    // of y
     // of a column: states and torques of unknown course; all that the filter has; and with outputs, padded
     int states_ = 0, torques_ = 0, size_ = 0, rows_ = 0;
-    std::map<std::pair<Modes, std::size_t>, Tangent> tangents_;
-    const Tangent* now_ = nullptr;  // of these modes at this phase
+    std::map<Modes, Tangent> tangents_;
+    const Tangent* now_ = nullptr;  // of these modes
     Modes modes_;
-    std::size_t phase_ = 0;
     std::array<Moment, many> waiting_;
     std::size_t count_ = 0;          // of them
     std::vector<double> y_;          // per moment, as the replay left it

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dualdrive.diagnose.result import Interval
 from dualdrive.diagnose.selection import Fitted
 from dualdrive.estimation.unknowns import Unknown
-from dualdrive.innovations import GreyBox, Point, deviations, flat, inflation, values, waves
+from dualdrive.innovations import GreyBox, Point, deviations, flat, inflation, slopes, values, waves
 
 Array = NDArray[np.float64]
 Place = tuple[Point, Sequence[Any]]
@@ -79,7 +79,7 @@ class Uncertainty:
 
     def _taken(self, f: Fitted) -> NormalEquations:
         grey, (point, gains) = self.grey, self._place(f)
-        columns = np.stack(grey.columns(point, range(len(point.theta)), gains))
+        columns = np.stack(slopes(grey, point, range(len(point.theta)), gains))
         r, blocks = flat(point.residuals), _blocks(point.residuals)
         weight = np.zeros(len(point.theta))
         weight[: grey.shared] = 1.0 / grey.sigma**2

@@ -14,6 +14,7 @@ from dualdrive.innovations.levenberg_marquardt import fit, inflation
 from dualdrive.innovations.likelihood import maximum_likelihood
 from dualdrive.innovations.noise import Noise, drive_torque, first_noise, least_noise
 from dualdrive.innovations.records import Predictable, predictable
+from dualdrive.innovations.slopes import changes, slopes
 from dualdrive.innovations.stretches import some
 from dualdrive.innovations.variant import Point, Variant, carried, flat
 from dualdrive.innovations.whole_record import Simulated, simulated
@@ -29,6 +30,7 @@ __all__ = [
     "Simulated",
     "Variant",
     "carried",
+    "changes",
     "coordinates",
     "deviations",
     "drive_torque",
@@ -42,6 +44,7 @@ __all__ = [
     "maximum_likelihood",
     "predictable",
     "simulated",
+    "slopes",
     "some",
     "values",
     "waves",

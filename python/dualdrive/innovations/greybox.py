@@ -21,20 +21,15 @@ from dualdrive import _core
 from dualdrive.estimation.unknowns import Unknown
 from dualdrive.innovations.harmonics import bounds, coordinates, values
 from dualdrive.innovations.noise import Noise, first_noise
-from dualdrive.innovations.prediction import LOST, Replayed, predicted, replayed, sensitivities
+from dualdrive.innovations.prediction import Replayed, predicted, replayed
 from dualdrive.innovations.records import Predictable
-from dualdrive.innovations.variant import Point, Variant, flat
+from dualdrive.innovations.variant import Point, Variant
 from dualdrive.replay.record import with_settings
 
 Array = NDArray[np.float64]
 
 #: one-sigma of a sensor's constant: of a motor's encoder at the pinion, rad; of a current, relative
 _ZERO_ANGLE, _ZERO_CURRENT = 1e-3, 0.02
-#: of a unit of an unknown: a difference at most, and at least; how far it moves all residuals
-#: together, and how often that before it is taken anew
-_DIFFERENCE, _LEAST, _SCATTER, _TOO_LONG = 1e-3, 1e-8, 1.0, 3.0
-_TOGETHER = 16  # neighbours of one replay
-_FEW = 2  # numbers whose slopes two replays tell as soon
 _FIRST = 0.1  # of the drives' torque: what may have acted before the first sample
 _FILTERED = 0.01  # the same where a filter had followed the record till then
 
@@ -312,131 +307,6 @@ class GreyBox:
         """Squared distance of the shared unknowns from what is believed, in sigma."""
         off = (theta[: self.shared] - self.centre) / self.sigma
         return float(off @ off)
-
-    def changes(
-        self, point: Point, others: Sequence[tuple[Variant, Array]], gains: Sequence[Any]
-    ) -> list[Array | None]:
-        """How the residuals at a point change, to first order, with other machines in its place.
-
-        Args:
-            point: where.
-            others: (variant, its unknowns) of each.
-            gains: held.
-
-        Returns:
-            Of each, flat; None where the first order can't tell, or no machine is made. A change
-            beyond what a lost replay counts is none of first order: contacts that bounce, and
-            filters that hardly correct, part from their neighbours as fast as they can.
-
-        """
-        core, offsets = self.machine(point.variant, point.theta), self.constants(point.theta)
-        # joints that are put in ring, and may bounce, faster than samples come: many patterns of
-        # modes, each with tangents of its own, and changes that are none of first order
-        jointed = any(_core.effect_type(e).structural for e, _ in point.variant.effects)
-        if jointed or not all(_core.has_sensitivities(core, r.sampled) for r in self.records):
-            return [None] * len(others)
-        neighbours: list[tuple[int, tuple[Any, Mapping[str, float]]]] = []
-        for k, (variant, theta) in enumerate(others):
-            try:
-                neighbours.append((k, (self.machine(variant, theta), self.constants(theta))))
-            except ValueError:
-                continue
-        parts = [neighbours[k : k + _TOGETHER] for k in range(0, len(neighbours), _TOGETHER)]
-        jobs = [(part, r, g) for part in parts for r, g in zip(self.records, gains, strict=True)]
-
-        def one(job: tuple[Any, Predictable, Any]) -> list[Array | None]:
-            part, record, own = job
-            return sensitivities(core, offsets, record, own, [x for _, x in part])
-
-        self.counter.add(len(self.records) * len(neighbours))
-        told: dict[int, list[Array | None]] = {}
-        for (part, _, _), found in zip(jobs, self.pool.map(one, jobs), strict=True):
-            for (k, _), own in zip(part, found, strict=True):
-                told.setdefault(k, []).append(own)
-        result: list[Array | None] = [None] * len(others)
-        for k, parts_of_it in told.items():
-            known = [x for x in parts_of_it if x is not None]
-            if len(known) == len(self.records) and all(np.max(np.abs(x)) <= LOST for x in known):
-                result[k] = flat(known)
-        return result
-
-    def columns(self, point: Point, which: Sequence[int], gains: Sequence[Any]) -> list[Array]:
-        """Derivatives of the residuals by some unknowns, flat per unknown.
-
-        By the recursion of the filter's own sensitivities where it tells, else by differences, and
-        so where only few are asked for.
-        """
-        steps = {k: self._longest(k) for k in which}
-        found = self._told(point, steps, gains) if len(which) > _FEW else {}
-        rest = [k for k in which if k not in found]
-        if rest:
-            found |= self._by_differences(point, rest, gains)
-        return [found[k] for k in which]
-
-    def _told(
-        self, point: Point, steps: Mapping[int, float], gains: Sequence[Any]
-    ) -> dict[int, Array]:
-        signed, moved = self._moved(point, steps)
-        found = self.changes(point, [(point.variant, theta) for theta in moved], gains)
-        return {
-            k: change / h
-            for (k, h), change in zip(signed.items(), found, strict=True)
-            if change is not None
-        }
-
-    def _by_differences(
-        self, point: Point, which: Sequence[int], gains: Sequence[Any]
-    ) -> dict[int, Array]:
-        """Derivatives by finite differences.
-
-        A step moves the residuals by their own scatter and no further: numbers that a record tells
-        only together would seem to be told apart by the error of the differences.
-        """
-        names = {k: self._name(point.variant, k) for k in which}
-        steps = {k: self.steps.get(name, self._longest(k)) for k, name in names.items()}
-        found = self._differences(point, steps, gains)
-        again = {}
-        for k, column in found.items():
-            length = float(np.linalg.norm(column))
-            known = min(self._longest(k), max(_SCATTER / max(length, 1e-300), _LEAST))
-            self.steps[names[k]] = known
-            if _TOO_LONG * known < steps[k]:
-                again[k] = known
-        return found | self._differences(point, again, gains)
-
-    def _moved(
-        self, point: Point, steps: Mapping[int, float]
-    ) -> tuple[dict[int, float], list[Array]]:
-        """Unknown -> its step, into its bounds, and where each leads."""
-        high = self.bounds(point.variant)[1]
-        signed = {k: -h if point.theta[k] + h > high[k] else h for k, h in steps.items()}
-        moved = []
-        for k, h in signed.items():
-            theta = point.theta.copy()
-            theta[k] += h
-            moved.append(theta)
-        return signed, moved
-
-    def _differences(
-        self, point: Point, steps: Mapping[int, float], gains: Sequence[Any]
-    ) -> dict[int, Array]:
-        signed, moved = self._moved(point, steps)
-        base = flat(point.residuals)
-        others = self.points([point.variant] * len(moved), moved, gains)
-        return {
-            k: (flat(other.residuals) - base) / h
-            for (k, h), other in zip(signed.items(), others, strict=True)
-        }
-
-    def _longest(self, k: int) -> float:
-        """Of a difference: a share of what is believed of the unknown."""
-        known = k < self.shared and np.isfinite(self.sigma[k])
-        return _DIFFERENCE * (float(self.sigma[k]) if known else 1.0)
-
-    def _name(self, variant: Variant, k: int) -> str:
-        if k < self.shared:
-            return [*(p.path for p in self.nominal), *self.offsets][k]
-        return variant.extra[k - self.shared].path
 
 
 def _first_alike(gains: Sequence[Any], r: int) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.innovations.greybox import GreyBox
+from dualdrive.innovations.slopes import slopes
 from dualdrive.innovations.variant import Point, Variant, flat
 
 Array = NDArray[np.float64]
@@ -72,10 +73,10 @@ def fit(
             break
         s = 1.0 / inflation(now)
         if columns is None:
-            every, chord = grey.columns(now, range(n), gains), False
+            every, chord = slopes(grey, now, range(n), gains), False
             columns = every[:m]
         else:
-            every = [*columns, *grey.columns(now, range(m, n), gains)]
+            every = [*columns, *slopes(grey, now, range(m, n), gains)]
         J = np.stack(every)
         r = flat(now.residuals)
         off = (now.theta - centre) * weight

@@ -21,6 +21,7 @@ from dualdrive.innovations.levenberg_marquardt import (
     step_within,
 )
 from dualdrive.innovations.noise import Logarithms, Noise
+from dualdrive.innovations.slopes import slopes
 from dualdrive.innovations.variant import Point, Variant, flat
 
 Array = NDArray[np.float64]
@@ -84,20 +85,20 @@ def maximum_likelihood(
         return None
     unit = np.r_[np.minimum(grey.sigma, 1.0), np.ones(n - grey.shared)]
     near = np.r_[_NEAR[0] * unit, np.full(m, _NEAR[1])]
-    slopes, taken = None, x
+    derivatives, taken = None, x
     lately = [np.inf] * _LATELY
     for left in reversed(range(steps)):
         if grey.counter.stop():
             break
         point, gains = now
-        fresh = slopes is None or bool(np.any(np.abs(x - taken) > near))
-        if slopes is None or fresh:
-            columns, taken = np.stack(grey.columns(point, range(n), gains)), x
+        fresh = derivatives is None or bool(np.any(np.abs(x - taken) > near))
+        if derivatives is None or fresh:
+            columns, taken = np.stack(slopes(grey, point, range(n), gains)), x
             inward = np.where(x[n:] + _STEP > high[n:], -_STEP, _STEP)
             moved = at([x + np.r_[np.zeros(n), e] for e in np.diag(inward)])
             noisy, bend, information = _noise_slopes(now, moved, inward)
-            slopes = np.concatenate([columns, noisy]), bend, information
-        J, bend, information = slopes
+            derivatives = np.concatenate([columns, noisy]), bend, information
+        J, bend, information = derivatives
         r = flat(point.residuals)
         H = J @ J.T + np.diag(weight)
         H[n:, n:] += information
@@ -116,14 +117,14 @@ def maximum_likelihood(
                 break
         gained = point.minus_two_log - now[0].minus_two_log
         if not as_foretold(gained, g, H, d):
-            slopes = None
+            derivatives = None
         lately = [*lately[1:], gained]
         if now[0].minus_two_log - left * max(lately) > rival > -np.inf:
             break
         if gained < enough * inflation(now[0]):
             if roughly or fresh:
                 break
-            slopes = None  # the chord, not the likelihood, may have come to its end
+            derivatives = None  # the chord, not the likelihood, may have come to its end
     return now[0], own.at(x[n:]), now[1]
 
 

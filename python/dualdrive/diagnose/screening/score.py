@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from dualdrive.diagnose.hypotheses import is_strength, probes
 from dualdrive.diagnose.screening.variants import brings_states, periods, spots
 from dualdrive.estimation.unknowns import Unknown
-from dualdrive.innovations import GreyBox, Point, Variant, coordinates, flat
+from dualdrive.innovations import GreyBox, Point, Variant, changes, coordinates, flat
 
 Array = NDArray[np.float64]
 
@@ -107,7 +107,7 @@ def scores(
         if grey.counter.stop():
             break
         batch = jobs[first : first + _BATCH]
-        told = grey.changes(base, [(j[1], j[2]) for j in batch], gains)
+        told = changes(grey, base, [(j[1], j[2]) for j in batch], gains)
         rest = [k for k, change in enumerate(told) if change is None]
         points = grey.points([batch[k][1] for k in rest], [batch[k][2] for k in rest], gains)
         for k, p in zip(rest, points, strict=True):

@@ -16,7 +16,7 @@ from dualdrive.diagnose.selection.refits import confused, refining, refitted, wi
 from dualdrive.diagnose.selection.residual_analysis import suffices, white
 from dualdrive.diagnose.work import Leader
 from dualdrive.estimation.thresholds import threshold
-from dualdrive.innovations import GreyBox, Place, carried, fit, inflation, some
+from dualdrive.innovations import GreyBox, Place, carried, fit, inflation, slopes, some
 
 Array = NDArray[np.float64]
 
@@ -207,8 +207,8 @@ class Contest:
             theta = point.theta
             if settled:
                 self.tell(f"{point.variant.key} under the noise of {settled.variant.key}")
-                columns = columns or self.grey.columns(
-                    settled.point, range(self.grey.shared), settled.gains
+                columns = columns or slopes(
+                    self.grey, settled.point, range(self.grey.shared), settled.gains
                 )
                 begins = [theta, carried(settled.point, point.variant, theta)]
                 far = settled.point.minus_two_log + threshold("beyond") * settled.inflation

@@ -23,7 +23,7 @@ from dualdrive.diagnose.selection.ranking import Ranking
 from dualdrive.diagnose.selection.refits import worth_refitting
 from dualdrive.diagnose.work import Leader
 from dualdrive.estimation.thresholds import threshold
-from dualdrive.innovations import GreyBox, Point, Variant, inflation
+from dualdrive.innovations import GreyBox, Point, Variant, inflation, slopes
 
 Array = NDArray[np.float64]
 
@@ -242,7 +242,7 @@ class Forward:
         """Score tests of laws beside a leader at a point of its own on some records."""
         beside = point.variant.label
         self.own.tell(f"{len(variants)} laws beside {beside}")
-        columns = grey.columns(point, range(len(point.theta)), gains)
+        columns = slopes(grey, point, range(len(point.theta)), gains)
         found = scores(
             grey, point, columns, variants, gains, inflation(point),
             lambda done, of: self.own.tell(f"score tests beside {beside}: {done} of {of}"),

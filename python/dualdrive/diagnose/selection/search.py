@@ -27,7 +27,7 @@ from dualdrive.diagnose.selection.parts import brings, is_joint, is_part
 from dualdrive.diagnose.selection.residual_analysis import suffices, white
 from dualdrive.diagnose.simulated_errors import Simulation, noise_floor
 from dualdrive.estimation.thresholds import threshold
-from dualdrive.innovations import GreyBox, some
+from dualdrive.innovations import GreyBox, slopes, some
 
 
 def select(
@@ -136,7 +136,7 @@ class _Search:
             parts = [s for s in parts if brings(s.variant, leader.variant)]
         if not parts or self.own.whole.counter.stop():
             return []
-        columns = grey.columns(there.point, range(len(there.point.theta)), there.gains)
+        columns = slopes(grey, there.point, range(len(there.point.theta)), there.gains)
         joints = [s for s in parts if is_joint(s.variant)]
         others = [s for s in parts if s not in joints]
         contest = Forward(self.own, grey, [there]).contest
