@@ -7,6 +7,7 @@ Sources: Kristensen, Madsen, Jørgensen, Automatica 40 (2004) 225-237; Ljung, Sy
 
 from __future__ import annotations
 
+from dualdrive.innovations.derivatives import changes, slopes
 from dualdrive.innovations.greybox import Counter, Filtered, GreyBox
 from dualdrive.innovations.harmonics import coordinates, deviations, values, waves
 from dualdrive.innovations.homotopy import Place, followed, levels
@@ -14,7 +15,6 @@ from dualdrive.innovations.levenberg_marquardt import fit, inflation
 from dualdrive.innovations.likelihood import maximum_likelihood
 from dualdrive.innovations.noise import Noise, drive_torque, first_noise, least_noise
 from dualdrive.innovations.records import Predictable, predictable
-from dualdrive.innovations.slopes import changes, slopes
 from dualdrive.innovations.stretches import some
 from dualdrive.innovations.variant import Point, Variant, carried, flat
 from dualdrive.innovations.whole_record import Simulated, simulated

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.innovations.derivatives import slopes
 from dualdrive.innovations.greybox import GreyBox
-from dualdrive.innovations.slopes import slopes
 from dualdrive.innovations.variant import Point, Variant, flat
 
 Array = NDArray[np.float64]

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.innovations.derivatives import slopes
 from dualdrive.innovations.greybox import GreyBox
 from dualdrive.innovations.levenberg_marquardt import (
     SHORTER,
@@ -21,7 +22,6 @@ from dualdrive.innovations.levenberg_marquardt import (
     step_within,
 )
 from dualdrive.innovations.noise import Logarithms, Noise
-from dualdrive.innovations.slopes import slopes
 from dualdrive.innovations.variant import Point, Variant, flat
 
 Array = NDArray[np.float64]
