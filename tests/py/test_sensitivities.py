@@ -100,13 +100,34 @@ def test_where_a_stretch_begins() -> None:
     assert apart(told, after - now) < 2e-3
 
 
-def test_through_every_change_of_contact() -> None:
-    """Where flanks part and meet the two need not part at the same instant, to first order."""
+@pytest.mark.parametrize(
+    ("path", "error"),
+    [("table.J", 5e-3), ("mesh_1.gap", 2e-2), ("meshes.stiffness", 5e-3), ("controller.K_v", 1e-3)],
+)
+def test_through_every_change_of_contact(path: str, error: float) -> None:
+    """256 changes in 3 s, most of two flanks that touch and part: neither at the same instant."""
     core = bench()
     core.set("controller.T_ten", 0.0)
     other = core.copy()
-    other.set("table.J", core.get("table.J") * (1.0 + 1e-6))
-    assert apart(*both(core, other, seen(core))) < 0.1
+    other.set(path, core.get(path) * (1.0 + 1e-6))
+    assert apart(*both(core, other, seen(core))) < error
+
+
+def test_an_encoder_s_zero_where_flanks_part() -> None:
+    core = bench()
+    core.set("controller.T_ten", 0.0)
+    assert apart(*both(core, core, seen(core), offsets={"theta_1": 1e-8})) < 2e-2
+
+
+@pytest.mark.parametrize(
+    ("path", "error"), [("coulomb@table.torque", 1e-2), ("table.J", 1e-2), ("motors.J", 1e-2)]
+)
+def test_where_a_table_stops_and_breaks_away(path: str, error: float) -> None:
+    """What comes to rest does so in both, a little earlier in one."""
+    core = with_law("coulomb@table", {"torque": 0.5})
+    other = core.copy()
+    other.set(path, core.get(path) * (1.0 + 1e-6))
+    assert apart(*both(core, other, seen(core))) < error
 
 
 @pytest.mark.parametrize(
@@ -135,6 +156,7 @@ def test_a_law_that_is_let_in(law: str, numbers: dict[str, float], error: float)
         ("coulomb@table", {"torque": 0.1}),  # one switch more
         ("gearbox_backlash@gearboxes", {"gap": 1e-4}),  # states more
         ("sensor_delay@theta_1", {"time": 1e-4}),
+        ("wear@table", {"depth": 1e-6}),  # flanks part elsewhere, by its whole depth
     ],
 )
 def test_what_it_cannot_tell(law: str, numbers: dict[str, float]) -> None:

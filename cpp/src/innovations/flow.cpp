@@ -167,11 +167,11 @@ const double* Flow::rates(std::size_t sample, const Flow& other, Scope scope) {
     return model_.rate().data();
 }
 
-const std::vector<std::size_t>& Flow::held() {
-    held_.clear();
+std::vector<std::size_t> Flow::held(const Modes& modes) const {
+    std::vector<std::size_t> speeds;
     for (const int element : sticks_)
-        if (modes_[static_cast<std::size_t>(element)] == stick::stuck) held_.push_back(resting(element));
-    return held_;
+        if (modes[static_cast<std::size_t>(element)] == stick::stuck) speeds.push_back(resting(element));
+    return speeds;
 }
 
 // What the laws add to the tangent at (t, y): the rates less A y.
@@ -246,6 +246,7 @@ bool Flow::flow(std::size_t sample) {
     enter(sample);
     double t = begin;
     at_end_ = false;
+    changes_.clear();
     while (t < end - instant(end)) {
         if (memory_) {
             feel(t, y_.data());
@@ -316,7 +317,8 @@ void Flow::correct(std::size_t sample, const KalmanGains::Set& gain, const doubl
     for (int i = 0; i < states(); ++i) y_[static_cast<std::size_t>(i)] += moved[i];
     for (int j = 0; j < torque_count(); ++j) torques()[j] += moved[states() + j];
     if (holds)
-        for (const std::size_t k : held()) y_[k] = 0.0;
+        for (const int element : sticks_)
+            if (modes_[static_cast<std::size_t>(element)] == stick::stuck) y_[resting(element)] = 0.0;
     // a corner of the command may lie at the sample: what holds from now on is what counts
     if (!affine_ && sample + 1 < record_.times().size()) enter(sample);
     if (holds && !affine_ && !memory_ && rest_of_ == now_) feel_correction(record_.times()[sample], earlier_.data());

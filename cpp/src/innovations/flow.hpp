@@ -110,8 +110,15 @@ class Flow final {
     int width() const { return n_; }
     // The tangent in these modes, where all laws are affine.
     Frozen tangent_in(const Modes& modes);
-    // Speeds that friction holds at 0 at present.
-    const std::vector<std::size_t>& held();
+    // Speeds that friction holds at 0 in these modes.
+    std::vector<std::size_t> held(const Modes& modes) const;
+    // When modes changed on the way from the last sample, s, which guard had fallen, and into which.
+    struct Change {
+        double time;
+        int guard;
+        Modes modes;
+    };
+    const std::vector<Change>& changes() const { return changes_; }
     // Rates of the states at a sample where another flow is, in its modes; of driven ones at least. The layouts are alike.
     const double* rates(std::size_t sample, const Flow& other, Scope scope);
     const std::vector<int>& driven() const { return driven_; }
@@ -217,7 +224,7 @@ class Flow final {
     std::vector<double> falling_;  // a guard's share in each term of a series
     std::vector<double> out_, terms_, trial_, n0_, n1_, slope_, bend_, shift_, g0_, g1_, shown_, earlier_;
     std::vector<double> arriving_;
-    std::vector<std::size_t> held_;
+    std::vector<Change> changes_;
     double ticked_at_ = -1.0;  // s
     Cell cell_;
     std::vector<long> ticks_, put_out_;

@@ -20,12 +20,32 @@ bool late(const std::vector<Reading>& readings) {
                        [](const Reading& r) { return r.shift() != 0 || r.rest() != 0.0; });
 }
 
+constexpr int most_terms = 60;          // of a series
+constexpr double longest_series = 8.0;  // times the spectral radius
+constexpr double least_term = 1e-9;     // of a series, of what it begins with
+
+// Whether where flanks part and meet depends on a law's whole size: the usual depth of a worn place is no small change.
+bool makes_play(const Machine& machine) {
+    return std::any_of(machine.effects().begin(), machine.effects().end(),
+                       [](const EffectEntry& e) { return !e.of_user() && effect_type(e.name).text.makes_play; });
+}
+
 double value(const std::map<std::string, double>& of, const std::string& name) {
     const auto known = of.find(name);
     return known == of.end() ? 0.0 : known->second;
 }
 
 }  // namespace
+
+std::vector<Sensitivities::Entry> Sensitivities::differing(const MatrixXd& of, const MatrixXd& theirs) {
+    std::vector<Entry> entries;
+    for (Eigen::Index column = 0; column < of.cols(); ++column)
+        for (Eigen::Index row = 0; row < of.rows(); ++row)
+            if (theirs(row, column) != of(row, column))
+                entries.push_back({static_cast<std::size_t>(row), static_cast<std::size_t>(column),
+                                   theirs(row, column) - of(row, column)});
+    return entries;
+}
 
 bool Sensitivities::told(const Flow& flow, const std::vector<Reading>& readings) {
     return flow.told_by_tangents() && flow.affine() && !late(readings);
@@ -49,8 +69,8 @@ Sensitivities::Sensitivities(const Machine& machine, const SampledRecord& record
         Column own_column{p, std::make_unique<Flow>(other, record, 1, bodies), readings_of(other, record),
                           neighbours[p].offsets};
         const Flow& flow = *own_column.flow;
-        if (late(own_column.readings) || !flow.told_by_tangents() || flow.elements() != flow_->elements() ||
-            flow.layout().state_names != flow_->layout().state_names)
+        if (makes_play(other) || late(own_column.readings) || !flow.told_by_tangents() ||
+            flow.elements() != flow_->elements() || flow.layout().state_names != flow_->layout().state_names)
             continue;
         own_column.offsets.resize(channels_, 0.0);
         for (std::size_t j = 0; j < std::min(channels_, offsets.size()); ++j) own_column.offsets[j] -= offsets[j];
@@ -69,7 +89,8 @@ Sensitivities::Sensitivities(const Machine& machine, const SampledRecord& record
     differing_.assign(rows * many * all, 0.0);
     for (auto* v : {&x_, &next_}) v->assign(rows * all, 0.0);
     for (auto* v : {&felt_, &before_}) v->assign(static_cast<std::size_t>(states_) * laws_, 0.0);
-    rates_.assign(felt_.size() * many, 0.0);
+    for (auto* v : {&rates_, &more_}) v->assign(felt_.size() * many, 0.0);
+    for (auto* v : {&way_, &term_, &last_}) v->assign(static_cast<std::size_t>(exact::padded(n_)) * (all + 1), 0.0);
     e_.assign(channels_ * all, 0.0);
     for (Moment& moment : waiting_) moment.outputs.assign(channels_, 0.0);
     for (const Column& c : columns_) found_[c.neighbour].assign(record.times().size() * channels_, 0.0);
@@ -97,32 +118,44 @@ MatrixXd Sensitivities::filter(const MatrixXd& machine) const {
     return F;
 }
 
-const Sensitivities::Tangent& Sensitivities::tangent(const Flow& flow) {
-    if (now_ && flow.modes() == modes_) return *now_;
-    modes_ = flow.modes();
-    const auto [at, added] = tangents_.try_emplace(modes_);
+const Sensitivities::Tangent& Sensitivities::tangent(const Modes& modes) {
+    const auto [at, added] = tangents_.try_emplace(modes);
     Tangent& own = at->second;
     if (!added) return own;
-    const Frozen frozen = flow_->tangent_in(modes_);
+    const Frozen frozen = flow_->tangent_in(modes);
     const MatrixXd whole = machine_rows(flow_->over_a_sample(frozen, 0), frozen.outputs);
     own.flow = filter(whole);
     own.shown = frozen.outputs.leftCols(states_);
+    own.held = flow_->held(modes);
+    own.outputs = frozen.outputs;
+    own.guards = frozen.guards;
+    own.rates = frozen.packed;
+    own.bound = frozen.bound;
     for (std::size_t c = 0; c < columns_.size(); ++c) {
         Flow& other = *columns_[c].flow;
-        const Frozen theirs = other.tangent_in(modes_);
+        const Frozen theirs = other.tangent_in(modes);
         own.showing.emplace_back(theirs.outputs - frozen.outputs);
-        if (c < columns_.size() - laws_)
-            own.apart.emplace_back(machine_rows(other.over_a_sample(theirs, 0), theirs.outputs) - whole);
+        if (c >= columns_.size() - laws_) continue;
+        own.apart.emplace_back(machine_rows(other.over_a_sample(theirs, 0), theirs.outputs) - whole);
+        own.differs.push_back(differing(frozen.A, theirs.A));
+        own.guarding.emplace_back(theirs.guards - frozen.guards);
     }
     if (laws_) own.pushed = machine_rows(exponentials(frozen.A, record_.step()).phi1, frozen.outputs).leftCols(states_);
     return own;
+}
+
+// Of a replay's modes; a look at the last ones first.
+const Sensitivities::Tangent& Sensitivities::present(const Flow& flow) {
+    if (now_ && flow.modes() == modes_) return *now_;
+    modes_ = flow.modes();
+    return tangent(modes_);
 }
 
 void Sensitivities::begin(std::size_t stretch, std::size_t sample, const Flow& flow,
                           const std::map<std::string, double>& initial) {
     static const std::map<std::string, double> at_zero;
     flush();
-    now_ = &tangent(flow);
+    now_ = &present(flow);
     const auto& names = flow.layout().state_names;
     for (std::size_t c = 0; c < columns_.size(); ++c) {
         const auto& theirs = neighbours_[columns_[c].neighbour].initial;
@@ -157,31 +190,48 @@ void Sensitivities::correct(std::size_t sample, const double* outputs, const Kal
     now.sample = sample;
     now.counts = counts;
     now.leaving = nullptr;
-    now.held.clear();
+    now.pieces.clear();
     std::copy_n(outputs, channels_, now.outputs.begin());
     now.gain.assign(gain.stacked.data(), gain.stacked.data() + gain.stacked.size());
 }
 
 void Sensitivities::depart(Flow& flow) {
     Moment& now = waiting_[count_ - 1];
-    now_ = now.leaving = &tangent(flow);
-    now.held = flow.held();
+    now_ = now.leaving = &present(flow);
     std::copy_n(flow.y(), n_, y_.data() + (count_ - 1) * static_cast<std::size_t>(n_));
     std::swap(felt_, before_);
 }
 
 void Sensitivities::arrive(std::size_t sample, const Flow& flow) {
+    if (!flow.changes().empty()) divide(sample, flow.changes());
     if (!laws_) return;
     feel(sample, flow);
     const std::size_t first = columns_.size() - laws_, at = count_ - 1, states = static_cast<std::size_t>(states_);
     for (std::size_t c = 0; c < laws_; ++c) {
         double* const amid = rates_.data() + (c * many + at) * states;
         const double *const now = felt_.data() + c * states, *const before = before_.data() + c * states;
-        for (std::size_t k = 0; k < states; ++k) amid[k] = 0.5 * (now[k] + before[k]);
+        double* const more = more_.data() + (c * many + at) * states;
+        for (std::size_t k = 0; k < states; ++k) {
+            amid[k] = 0.5 * (now[k] + before[k]);
+            more[k] = 0.5 * (now[k] - before[k]);
+        }
         const MatrixXd& differ = now_->showing[first + c];
         Eigen::Map<VectorXd>(differing_.data() + ((first + c) * many + at) * static_cast<std::size_t>(rows_) + size_,
                              static_cast<Eigen::Index>(channels_)) = differ * Eigen::Map<const VectorXd>(flow.y(), n_);
     }
+}
+
+// The sample before this one in pieces, each with the tangent of its modes.
+void Sensitivities::divide(std::size_t sample, const std::vector<Flow::Change>& changes) {
+    Moment& now = waiting_[count_ - 1];
+    double begin = record_.times()[sample - 1];
+    now.pieces.push_back({now.leaving, -1, 0.0});
+    for (const Flow::Change& change : changes) {
+        now.pieces.back().length = change.time - begin;
+        begin = change.time;
+        now.pieces.push_back({&tangent(change.modes), change.guard, 0.0});
+    }
+    now.pieces.back().length = record_.times()[sample] - begin;
 }
 
 // w of all that waits, and C w.
@@ -231,6 +281,87 @@ void Sensitivities::innovate(const Moment& now) {
     }
 }
 
+// Where modes change within a sample the way is gone piece by piece, by the series of ẏ = A y and δẋ = A δx + (A' − A) y. By the
+// tangent of the sample's beginning alone, flanks that part and meet had been a sample late, and slopes by their gap half wrong.
+void Sensitivities::through_changes(const Moment& now, std::size_t at) {
+    const std::size_t all = columns_.size(), rows = static_cast<std::size_t>(exact::padded(n_)),
+                      states = static_cast<std::size_t>(states_),
+                      torque = static_cast<std::size_t>(flow_->first_torque());
+    std::fill(way_.begin(), way_.end(), 0.0);
+    for (std::size_t c = 0; c < all; ++c) {
+        const double* const x = column(x_, c);
+        std::copy_n(x, states, way_.data() + c * rows);
+        std::copy_n(x + states, torques_, way_.data() + c * rows + torque);
+    }
+    double* const y = way_.data() + all * rows;
+    std::copy_n(y_.data() + at * static_cast<std::size_t>(n_), n_, y);
+    for (const Piece& piece : now.pieces) {
+        if (piece.guard >= 0) change(*(&piece - 1)->tangent, *piece.tangent, piece.guard);
+        const double end = &piece == &now.pieces.front() ? -1.0 : &piece == &now.pieces.back() ? 1.0 : 0.0;
+        const int parts = 1 + static_cast<int>(piece.tangent->bound * piece.length / longest_series);
+        for (int part = 0; part < parts; ++part) expand(*piece.tangent, piece.length / parts, at, end);
+    }
+    const Tangent& last = *now.pieces.back().tangent;
+    const auto m = static_cast<Eigen::Index>(channels_);
+    const Eigen::Map<const VectorXd> arrived(y, n_);
+    for (std::size_t c = 0; c < all; ++c) {
+        double* const next = column(next_, c);
+        std::copy_n(way_.data() + c * rows, states, next);
+        Eigen::Map<VectorXd> shown(next + size_, m);
+        shown = last.outputs * Eigen::Map<const VectorXd>(way_.data() + c * rows, n_) + last.showing[c] * arrived;
+        shown += Eigen::Map<const VectorXd>(next + states_ + torques_, m);
+        if (gains_.noise.drifts()) shown += Eigen::Map<const VectorXd>(next + size_ - m, m);
+    }
+}
+
+// What rates jump by (those of a damped mesh do) acts for longer, or less long, in a neighbour whose guard g falls earlier or
+// later: δx⁺ = δx⁻ + (f⁺ − f⁻) δg / ġ, the saltation of Aizerman and Gantmacher (Leine, Nijmeijer, Dynamics and Bifurcations of
+// Non-Smooth Mechanical Systems, 2004, ch. 7). The share that a law which is not affine has in its guard is left out.
+void Sensitivities::change(const Tangent& before, const Tangent& after, int guard) {
+    const std::size_t all = columns_.size(), first = all - laws_, rows = static_cast<std::size_t>(exact::padded(n_));
+    const Eigen::Map<const VectorXd> y(way_.data() + all * rows, n_);
+    const auto rate = [&](const Tangent& of) -> VectorXd {
+        return Eigen::Map<const MatrixXd>(of.rates.data(), static_cast<Eigen::Index>(rows), n_).topRows(n_) * y;
+    };
+    const VectorXd f = rate(before), jump = rate(after) - f;
+    const Eigen::RowVectorXd g = before.guards.row(guard);
+    const double falls = g * f;
+    for (std::size_t c = 0; c < all; ++c) {
+        Eigen::Map<VectorXd> x(way_.data() + c * rows, n_);
+        double otherwise = g * x;
+        if (c < first) otherwise += before.guarding[c].row(guard) * y;
+        if (falls < 0.0) x.head(states_) += jump.head(states_) * (otherwise / falls);
+        for (const std::size_t k : after.held) x[static_cast<Eigen::Index>(k)] = 0.0;
+    }
+}
+
+// All columns, and y behind them, on by a piece of a sample. end: −1 at the sample's beginning, 1 at its end, where laws are
+// felt.
+void Sensitivities::expand(const Tangent& tangent, double length, std::size_t at, double end) {
+    const std::size_t all = columns_.size(), first = all - laws_, rows = static_cast<std::size_t>(exact::padded(n_)),
+                      states = static_cast<std::size_t>(states_);
+    const double reach = tangent.bound * length;
+    double size = 1.0;
+    last_ = way_;
+    for (int k = 1; k < most_terms && (size > least_term || k < reach); ++k) {
+        exact::kernels().product(static_cast<int>(rows), n_, tangent.rates.data(), static_cast<int>(rows), last_.data(),
+                                 static_cast<int>(all + 1), term_.data());
+        const double* const y = last_.data() + all * rows;
+        for (std::size_t c = 0; c < first; ++c)
+            for (const Entry& e : tangent.differs[c]) term_[c * rows + e.row] += e.value * y[e.column];
+        for (std::size_t c = first; k == 1 && c < all; ++c) {
+            const std::size_t law = ((c - first) * many + at) * states;
+            for (std::size_t r = 0; r < states; ++r) term_[c * rows + r] += rates_[law + r] + end * more_[law + r];
+        }
+        for (std::size_t j = 0; j < term_.size(); ++j) {
+            term_[j] *= length / k;
+            way_[j] += term_[j];
+        }
+        std::swap(term_, last_);
+        size *= reach / k;
+    }
+}
+
 void Sensitivities::flush() {
     otherwise();
     const auto all = static_cast<int>(columns_.size()), m = static_cast<int>(channels_);
@@ -246,15 +377,17 @@ void Sensitivities::flush() {
             if (now.counts) std::copy_n(r, channels_, found_[columns_[c].neighbour].data() + now.sample * channels_);
             double* const x = column(x_, c);
             for (int k = 0; k < size_; ++k) x[k] += moved[k];
-            for (const std::size_t k : now.held) x[k] = 0.0;
         }
         if (!now.leaving) continue;
+        for (std::size_t c = 0; c < columns_.size(); ++c)
+            for (const std::size_t k : now.leaving->held) column(x_, c)[k] = 0.0;
         exact::kernels().product(rows_, size_, now.leaving->flow.data(), rows_, x_.data(), all, next_.data());
         for (std::size_t c = 0; c < columns_.size(); ++c) {
             const double* const w = differing_.data() + (c * many + i) * rows;
             double* const next = column(next_, c);
             for (std::size_t k = 0; k < rows; ++k) next[k] += w[k];
         }
+        if (!now.pieces.empty()) through_changes(now, i);
         std::swap(x_, next_);
     }
     count_ = 0;

@@ -6,7 +6,8 @@
 //   δe_k = −C δx_k − v_k,   δx_{k+1} = F (δx_k + K_s δe_k) + w_k,   δr_k = S_s^(−1/2) δe_k
 //
 // w_k is what the neighbour does otherwise over a sample from the replayed state on, v_k what its sensors say otherwise of it.
-// Forces of meshes and friction are continuous where modes change, and so is δx.
+// Where modes change within the sample, the neighbour's instant is another one: of second order where forces are continuous, else
+// a saltation.
 #pragma once
 
 #include <array>
@@ -46,11 +47,28 @@ class Sensitivities {
   private:
     // One pattern's propagator over a sample, [F; C F], and what constant rates of the states become; of neighbours whose laws
     // are affine, what theirs differs by.
+    struct Entry {
+        std::size_t row, column;
+        double value;
+    };
     struct Tangent {
         Eigen::MatrixXd flow, pushed;
         std::vector<Eigen::MatrixXd> apart;
         Eigen::MatrixXd shown;                 // C of the machine's states and torques
         std::vector<Eigen::MatrixXd> showing;  // by how much the neighbours' differ
+        std::vector<std::size_t> held;         // speeds that friction holds at 0
+        // for a way on which modes change
+        Eigen::MatrixXd outputs, guards;          // of all that y has
+        std::vector<Eigen::MatrixXd> guarding;    // by how much those of such neighbours differ
+        std::vector<double> rates;                // A, padded rows
+        double bound = 0.0;                       // on its spectral radius, 1/s
+        std::vector<std::vector<Entry>> differs;  // of neighbours whose laws are affine, A' − A
+    };
+    // Of a sample on which modes change: what holds, since which guard fell (−1: since its beginning), for how long, s.
+    struct Piece {
+        const Tangent* tangent;
+        int guard;
+        double length;
     };
     struct Column {
         std::size_t neighbour;
@@ -62,8 +80,8 @@ class Sensitivities {
     struct Moment {
         std::size_t sample;
         bool counts;
-        const Tangent* leaving;  // null: a stretch ends
-        std::vector<std::size_t> held;
+        const Tangent* leaving;     // null: a stretch ends
+        std::vector<Piece> pieces;  // where modes change before the next one
         std::vector<double> outputs, gain;
     };
     static constexpr std::size_t many = 16;
@@ -72,10 +90,16 @@ class Sensitivities {
     }
     Eigen::MatrixXd machine_rows(const Eigen::MatrixXd& flow, const Eigen::MatrixXd& outputs) const;
     Eigen::MatrixXd filter(const Eigen::MatrixXd& machine) const;
-    const Tangent& tangent(const Flow& flow);
+    static std::vector<Entry> differing(const Eigen::MatrixXd& of, const Eigen::MatrixXd& theirs);
+    const Tangent& tangent(const Modes& modes);
+    const Tangent& present(const Flow& flow);
     void feel(std::size_t sample, const Flow& flow);
+    void divide(std::size_t sample, const std::vector<Flow::Change>& changes);
     void otherwise();
     void innovate(const Moment& now);
+    void through_changes(const Moment& now, std::size_t at);
+    void change(const Tangent& before, const Tangent& after, int guard);
+    void expand(const Tangent& tangent, double length, std::size_t at, double end);
     void flush();
 
     const SampledRecord& record_;
@@ -96,8 +120,9 @@ class Sensitivities {
     std::size_t count_ = 0;          // of them
     std::vector<double> y_;          // per moment, as the replay left it
     std::vector<double> differing_;  // per column and moment: w, and C w with what sensors say otherwise
-    std::vector<double> felt_, before_,
-        rates_;  // per law, what it adds to rates: now, a sample before, and per moment, amid
+    // per law, what it adds to rates: now, a sample before; per moment, amid, and by how much more at the end
+    std::vector<double> felt_, before_, rates_, more_;
+    std::vector<double> way_, term_, last_;     // per column, of y, padded: along pieces, the terms of a series
     std::vector<double> x_, next_, e_, moved_;  // per column
     std::vector<std::vector<double>> found_;
 };

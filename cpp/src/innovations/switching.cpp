@@ -96,7 +96,10 @@ void Flow::switch_element(double t, int element, int which) {
         modes_[e] = mode_after(layout_, model_, element, which, from);
     }
     if (s.kind == SwitchKind::stick) y_[static_cast<std::size_t>(s.index)] = 0.0;
-    if (modes_[e] != from) ++switches_;
+    if (modes_[e] != from) {
+        ++switches_;
+        changes_.push_back({t, element * guards_per_switch + which, modes_});
+    }
     now_ = &frozen();
 }
 
