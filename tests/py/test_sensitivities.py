@@ -53,7 +53,9 @@ def both(
     now = _core.predict(core, record, held, given=GIVEN, learn=True)["residuals"]
     adds = [(offsets or {}).get(c, 0.0) for c in CHANNELS]
     after = _core.predict(other, record, held, given=GIVEN, offsets=adds)["residuals"]
-    [told] = _core.sensitivities(core, record, held, [(other, [], adds)], given=GIVEN)
+    [told] = _core.sensitivities(
+        core, record, held, [(other, [], adds)], given=GIVEN, at_any_cost=True
+    )
     return told, after - now
 
 
@@ -175,6 +177,16 @@ def test_none_beside_a_law_that_is_not_affine(law: str) -> None:
     assert not _core.has_sensitivities(core, here)
 
 
+@pytest.mark.parametrize(("tension", "told"), [(0.12, True), (0.0, False)])
+def test_where_replays_cost_less(tension: float, told: bool) -> None:
+    """Flanks that part and meet 85 times a second: each time the way is gone piece by piece."""
+    core = bench()
+    core.set("controller.T_ten", tension)
+    here = seen(core)
+    held = _core.kalman_gains(core, here, SENSORS, TORQUE)
+    assert (_core.sensitivities(core, here, held, [(core, [], [])])[0] is not None) == told
+
+
 def test_neighbours_do_not_see_each_other() -> None:
     """One alone, or among others: the same bits."""
     core = bench()
@@ -186,9 +198,9 @@ def test_neighbours_do_not_see_each_other() -> None:
     others.insert(2, (with_law("torque_ripple@motor_1", {"amplitude": 1e-4}), [], []))
     here = seen(core, 500)
     held = _core.kalman_gains(core, here, SENSORS, TORQUE)
-    together = _core.sensitivities(core, here, held, others)
+    together = _core.sensitivities(core, here, held, others, at_any_cost=True)
     for own, among in zip(others, together, strict=True):
-        [alone] = _core.sensitivities(core, here, held, [own])
+        [alone] = _core.sensitivities(core, here, held, [own], at_any_cost=True)
         np.testing.assert_array_equal(alone, among)
 
 

@@ -69,6 +69,7 @@ class Replay {
                                       gain.stacked.data(), static_cast<int>(channels_), e_.data(), 1,
                                       corrected_.data());
             if (!keep(k, gain)) return lost();
+            if (changes_ && changes_->dear()) return lost();
             if (changes_) changes_->correct(k, outputs_, gain, counts(k));
             correct(k, gain);
             if (k + 1 < end_ && !go_on(k)) return lost();
@@ -192,10 +193,10 @@ bool has_sensitivities(const Machine& machine, const SampledRecord& record) {
 
 std::vector<std::vector<double>> sensitivities(const Machine& machine, const SampledRecord& record, KalmanGains& gains,
                                                const PredictionOptions& options,
-                                               const std::vector<Neighbour>& neighbours) {
+                                               const std::vector<Neighbour>& neighbours, bool at_any_cost) {
     using namespace innovations;
     const auto readings = readings_of(machine, record);
-    Sensitivities changes(machine, record, gains, neighbours, readings, options.offsets);
+    Sensitivities changes(machine, record, gains, neighbours, readings, options.offsets, at_any_cost);
     if (changes.any() && !Replay(machine, record, gains, options, &changes).run().finite)
         return std::vector<std::vector<double>>(neighbours.size());
     return changes.found();

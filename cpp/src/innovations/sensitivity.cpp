@@ -23,6 +23,11 @@ bool late(const std::vector<Reading>& readings) {
 constexpr int most_terms = 60;          // of a series
 constexpr double longest_series = 8.0;  // times the spectral radius
 constexpr double least_term = 1e-9;     // of a series, of what it begins with
+// Terms of series that a pattern's propagators must spare: most are met once or for long.
+constexpr double worth = 200.0;
+// Terms that cost what a replay does, a sample.
+constexpr double terms_a_replay = 0.15;
+constexpr double few_terms = 4000.0;  // that any record is worth
 
 // Whether where flanks part and meet depends on a law's whole size: the usual depth of a worn place is no small change.
 bool makes_play(const Machine& machine) {
@@ -51,14 +56,21 @@ bool Sensitivities::told(const Flow& flow, const std::vector<Reading>& readings)
     return flow.told_by_tangents() && flow.affine() && !late(readings);
 }
 
+bool Sensitivities::dear() const {
+    const auto samples = static_cast<double>(record_.times().size());
+    return !at_any_cost_ && spent_ > few_terms + terms_a_replay * static_cast<double>(columns_.size()) *
+                                                     (static_cast<double>(seen_) + samples / 4);
+}
+
 Sensitivities::Sensitivities(const Machine& machine, const SampledRecord& record, const KalmanGains& gains,
                              const std::vector<Neighbour>& neighbours, const std::vector<Reading>& own,
-                             const std::vector<double>& offsets)
+                             const std::vector<double>& offsets, bool at_any_cost)
     : record_(record),
       gains_(gains),
       neighbours_(neighbours),
       own_(own),
       channels_(record.channels().size()),
+      at_any_cost_(at_any_cost),
       found_(neighbours.size()) {
     const auto bodies = gains.noise.bodies();
     flow_ = std::make_unique<Flow>(machine, record, 1, bodies);
@@ -84,6 +96,7 @@ Sensitivities::Sensitivities(const Machine& machine, const SampledRecord& record
     torques_ = flow_->torque_count();
     size_ = states_ + torques_ + m * (1 + gains.noise.of_order_two() + gains.noise.drifts());
     rows_ = (size_ + m + at_once - 1) / at_once * at_once;
+    memories_ = memories();
     const auto rows = static_cast<std::size_t>(rows_), all = columns_.size();
     y_.assign(static_cast<std::size_t>(n_) * many, 0.0);
     differing_.assign(rows * many * all, 0.0);
@@ -104,27 +117,21 @@ MatrixXd Sensitivities::machine_rows(const MatrixXd& flow, const MatrixXd& outpu
     return all;
 }
 
-// [F; C F] of the filter: the machine's, the memories of torques and of sensors' noise; inputs don't change.
-MatrixXd Sensitivities::filter(const MatrixXd& machine) const {
+// What is the filter's own in [F; C F]: the memories of torques and of sensors' noise, and what these add to outputs.
+MatrixXd Sensitivities::memories() const {
     const auto m = static_cast<Eigen::Index>(channels_);
-    const Eigen::Index torque = states_, sensor = states_ + torques_;
     MatrixXd F = MatrixXd::Zero(rows_, size_);
-    F.leftCols(states_) = machine.leftCols(states_);
-    F.middleCols(torque, torques_) = machine.middleCols(flow_->first_torque(), torques_);
-    write_memories(gains_.noise, torque, F);
-    const auto sensors = F.middleRows(sensor, m).eval();
-    F.middleRows(size_, m) += sensors;
-    if (gains_.noise.drifts()) F.middleRows(size_, m) += F.middleRows(size_ - m, m).eval();
+    write_memories(gains_.noise, states_, F);
+    F.middleRows(size_, m) = F.middleRows(states_ + torques_, m);
+    if (gains_.noise.drifts()) F.middleRows(size_, m) += F.middleRows(size_ - m, m);
     return F;
 }
 
-const Sensitivities::Tangent& Sensitivities::tangent(const Modes& modes) {
+Sensitivities::Tangent& Sensitivities::tangent(const Modes& modes) {
     const auto [at, added] = tangents_.try_emplace(modes);
     Tangent& own = at->second;
     if (!added) return own;
     const Frozen frozen = flow_->tangent_in(modes);
-    const MatrixXd whole = machine_rows(flow_->over_a_sample(frozen, 0), frozen.outputs);
-    own.flow = filter(whole);
     own.shown = frozen.outputs.leftCols(states_);
     own.held = flow_->held(modes);
     own.outputs = frozen.outputs;
@@ -132,20 +139,36 @@ const Sensitivities::Tangent& Sensitivities::tangent(const Modes& modes) {
     own.rates = frozen.packed;
     own.bound = frozen.bound;
     for (std::size_t c = 0; c < columns_.size(); ++c) {
-        Flow& other = *columns_[c].flow;
-        const Frozen theirs = other.tangent_in(modes);
+        const Frozen theirs = columns_[c].flow->tangent_in(modes);
         own.showing.emplace_back(theirs.outputs - frozen.outputs);
         if (c >= columns_.size() - laws_) continue;
-        own.apart.emplace_back(machine_rows(other.over_a_sample(theirs, 0), theirs.outputs) - whole);
         own.differs.push_back(differing(frozen.A, theirs.A));
         own.guarding.emplace_back(theirs.guards - frozen.guards);
     }
-    if (laws_) own.pushed = machine_rows(exponentials(frozen.A, record_.step()).phi1, frozen.outputs).leftCols(states_);
     return own;
 }
 
+// Whether a pattern has its propagators: once it has come often enough to be worth them.
+bool Sensitivities::prepared(Tangent& own) {
+    if (own.flow.size() > 0) return true;
+    own.asked += 20.0 + 3.0 * own.bound * record_.step();  // terms
+    if (own.asked < worth) return false;
+    const Frozen frozen = flow_->tangent_in(modes_);
+    const MatrixXd whole = machine_rows(flow_->over_a_sample(frozen, 0), frozen.outputs);
+    own.flow = memories_;
+    own.flow.leftCols(states_) += whole.leftCols(states_);
+    own.flow.middleCols(states_, torques_) += whole.middleCols(flow_->first_torque(), torques_);
+    for (std::size_t c = 0; c < columns_.size() - laws_; ++c) {
+        Flow& other = *columns_[c].flow;
+        const Frozen theirs = other.tangent_in(modes_);
+        own.apart.emplace_back(machine_rows(other.over_a_sample(theirs, 0), theirs.outputs) - whole);
+    }
+    if (laws_) own.pushed = machine_rows(exponentials(frozen.A, record_.step()).phi1, frozen.outputs).leftCols(states_);
+    return true;
+}
+
 // Of a replay's modes; a look at the last ones first.
-const Sensitivities::Tangent& Sensitivities::present(const Flow& flow) {
+Sensitivities::Tangent& Sensitivities::present(const Flow& flow) {
     if (now_ && flow.modes() == modes_) return *now_;
     modes_ = flow.modes();
     return tangent(modes_);
@@ -186,6 +209,7 @@ void Sensitivities::feel(std::size_t sample, const Flow& flow) {
 
 void Sensitivities::correct(std::size_t sample, const double* outputs, const KalmanGains::Set& gain, bool counts) {
     if (count_ == many) flush();
+    ++seen_;
     Moment& now = waiting_[count_++];
     now.sample = sample;
     now.counts = counts;
@@ -197,13 +221,13 @@ void Sensitivities::correct(std::size_t sample, const double* outputs, const Kal
 
 void Sensitivities::depart(Flow& flow) {
     Moment& now = waiting_[count_ - 1];
-    now_ = now.leaving = &present(flow);
+    now.leaving = now_ = &present(flow);
     std::copy_n(flow.y(), n_, y_.data() + (count_ - 1) * static_cast<std::size_t>(n_));
     std::swap(felt_, before_);
 }
 
 void Sensitivities::arrive(std::size_t sample, const Flow& flow) {
-    if (!flow.changes().empty()) divide(sample, flow.changes());
+    if (!flow.changes().empty() || !prepared(*now_)) divide(sample, flow.changes());
     if (!laws_) return;
     feel(sample, flow);
     const std::size_t first = columns_.size() - laws_, at = count_ - 1, states = static_cast<std::size_t>(states_);
@@ -221,7 +245,7 @@ void Sensitivities::arrive(std::size_t sample, const Flow& flow) {
     }
 }
 
-// The sample before this one in pieces, each with the tangent of its modes.
+// The way to this sample in pieces, each with the tangent of its modes.
 void Sensitivities::divide(std::size_t sample, const std::vector<Flow::Change>& changes) {
     Moment& now = waiting_[count_ - 1];
     double begin = record_.times()[sample - 1];
@@ -242,9 +266,10 @@ void Sensitivities::otherwise() {
     for (std::size_t i = 0; i < count_;) {
         const Tangent* const leaving = waiting_[i].leaving;
         std::size_t end = i + 1;
-        while (end < count_ && waiting_[end].leaving == leaving) ++end;
+        const bool whole = leaving && waiting_[i].pieces.empty();
+        while (whole && end < count_ && waiting_[end].leaving == leaving && waiting_[end].pieces.empty()) ++end;
         const auto together = static_cast<int>(end - i);
-        for (std::size_t c = 0; leaving && c < columns_.size(); ++c) {
+        for (std::size_t c = 0; whole && c < columns_.size(); ++c) {
             double* const to = differing_.data() + (c * many + i) * rows;
             if (c < affine) {
                 exact::kernels().product(rows_, n_, leaving->apart[c].data(), n_,
@@ -281,7 +306,7 @@ void Sensitivities::innovate(const Moment& now) {
     }
 }
 
-// Where modes change within a sample the way is gone piece by piece, by the series of ẏ = A y and δẋ = A δx + (A' − A) y. By the
+// Where modes change within a sample, or are too rare to have propagators, the way is gone piece by piece, by the series of ẏ = A y and δẋ = A δx + (A' − A)(y + δx). By the
 // tangent of the sample's beginning alone, flanks that part and meet had been a sample late, and slopes by their gap half wrong.
 void Sensitivities::through_changes(const Moment& now, std::size_t at) {
     const std::size_t all = columns_.size(), rows = static_cast<std::size_t>(exact::padded(n_)),
@@ -297,9 +322,10 @@ void Sensitivities::through_changes(const Moment& now, std::size_t at) {
     std::copy_n(y_.data() + at * static_cast<std::size_t>(n_), n_, y);
     for (const Piece& piece : now.pieces) {
         if (piece.guard >= 0) change(*(&piece - 1)->tangent, *piece.tangent, piece.guard);
-        const double end = &piece == &now.pieces.front() ? -1.0 : &piece == &now.pieces.back() ? 1.0 : 0.0;
+        const double end =
+            static_cast<double>(&piece == &now.pieces.back()) - static_cast<double>(&piece == &now.pieces.front());
         const int parts = 1 + static_cast<int>(piece.tangent->bound * piece.length / longest_series);
-        for (int part = 0; part < parts; ++part) expand(*piece.tangent, piece.length / parts, at, end);
+        for (int part = 0; part < parts; ++part) spent_ += expand(*piece.tangent, piece.length / parts, at, end);
     }
     const Tangent& last = *now.pieces.back().tangent;
     const auto m = static_cast<Eigen::Index>(channels_);
@@ -336,19 +362,21 @@ void Sensitivities::change(const Tangent& before, const Tangent& after, int guar
 }
 
 // All columns, and y behind them, on by a piece of a sample. end: −1 at the sample's beginning, 1 at its end, where laws are
-// felt.
-void Sensitivities::expand(const Tangent& tangent, double length, std::size_t at, double end) {
+// felt. Returns how many terms that took.
+int Sensitivities::expand(const Tangent& tangent, double length, std::size_t at, double end) {
     const std::size_t all = columns_.size(), first = all - laws_, rows = static_cast<std::size_t>(exact::padded(n_)),
                       states = static_cast<std::size_t>(states_);
     const double reach = tangent.bound * length;
     double size = 1.0;
+    int k = 1;
     last_ = way_;
-    for (int k = 1; k < most_terms && (size > least_term || k < reach); ++k) {
+    for (; k < most_terms && (size > least_term || k < reach); ++k) {
         exact::kernels().product(static_cast<int>(rows), n_, tangent.rates.data(), static_cast<int>(rows), last_.data(),
                                  static_cast<int>(all + 1), term_.data());
         const double* const y = last_.data() + all * rows;
         for (std::size_t c = 0; c < first; ++c)
-            for (const Entry& e : tangent.differs[c]) term_[c * rows + e.row] += e.value * y[e.column];
+            for (const Entry& e : tangent.differs[c])
+                term_[c * rows + e.row] += e.value * (y[e.column] + last_[c * rows + e.column]);
         for (std::size_t c = first; k == 1 && c < all; ++c) {
             const std::size_t law = ((c - first) * many + at) * states;
             for (std::size_t r = 0; r < states; ++r) term_[c * rows + r] += rates_[law + r] + end * more_[law + r];
@@ -360,6 +388,7 @@ void Sensitivities::expand(const Tangent& tangent, double length, std::size_t at
         std::swap(term_, last_);
         size *= reach / k;
     }
+    return k;
 }
 
 void Sensitivities::flush() {
@@ -381,13 +410,15 @@ void Sensitivities::flush() {
         if (!now.leaving) continue;
         for (std::size_t c = 0; c < columns_.size(); ++c)
             for (const std::size_t k : now.leaving->held) column(x_, c)[k] = 0.0;
-        exact::kernels().product(rows_, size_, now.leaving->flow.data(), rows_, x_.data(), all, next_.data());
-        for (std::size_t c = 0; c < columns_.size(); ++c) {
+        const bool whole = now.pieces.empty();
+        exact::kernels().product(rows_, size_, (whole ? now.leaving->flow : memories_).data(), rows_, x_.data(), all,
+                                 next_.data());
+        for (std::size_t c = 0; whole && c < columns_.size(); ++c) {
             const double* const w = differing_.data() + (c * many + i) * rows;
             double* const next = column(next_, c);
             for (std::size_t k = 0; k < rows; ++k) next[k] += w[k];
         }
-        if (!now.pieces.empty()) through_changes(now, i);
+        if (!whole) through_changes(now, i);
         std::swap(x_, next_);
     }
     count_ = 0;

@@ -27,7 +27,7 @@ class Sensitivities {
     // sensors.
     Sensitivities(const Machine& machine, const SampledRecord& record, const KalmanGains& gains,
                   const std::vector<Neighbour>& neighbours, const std::vector<Reading>& own,
-                  const std::vector<double>& offsets);
+                  const std::vector<double>& offsets, bool at_any_cost);
 
     // Whether they can be told of a machine at all.
     static bool told(const Flow& flow, const std::vector<Reading>& readings);
@@ -41,28 +41,32 @@ class Sensitivities {
     void depart(Flow& flow);
     void arrive(std::size_t sample, const Flow& flow);
 
+    // Whether replays would cost less: bodies that bounce change modes too often.
+    bool dear() const;
+
     // Per neighbour, samples × channels; empty for those that can't be told so.
     std::vector<std::vector<double>> found();
 
   private:
-    // One pattern's propagator over a sample, [F; C F], and what constant rates of the states become; of neighbours whose laws
-    // are affine, what theirs differs by.
+    // An entry of a matrix that has few.
     struct Entry {
         std::size_t row, column;
         double value;
     };
+    // One pattern of modes. Of neighbours whose laws are affine, by how much theirs differ.
     struct Tangent {
-        Eigen::MatrixXd flow, pushed;
-        std::vector<Eigen::MatrixXd> apart;
-        Eigen::MatrixXd shown;                 // C of the machine's states and torques
-        std::vector<Eigen::MatrixXd> showing;  // by how much the neighbours' differ
-        std::vector<std::size_t> held;         // speeds that friction holds at 0
-        // for a way on which modes change
+        Eigen::MatrixXd shown;                    // C of the machine's states
+        std::vector<Eigen::MatrixXd> showing;     // by how much the neighbours' C of all that y has differ
+        std::vector<std::size_t> held;            // speeds that friction holds at 0
         Eigen::MatrixXd outputs, guards;          // of all that y has
-        std::vector<Eigen::MatrixXd> guarding;    // by how much those of such neighbours differ
+        std::vector<Eigen::MatrixXd> guarding;    // by how much
         std::vector<double> rates;                // A, padded rows
         double bound = 0.0;                       // on its spectral radius, 1/s
-        std::vector<std::vector<Entry>> differs;  // of neighbours whose laws are affine, A' − A
+        std::vector<std::vector<Entry>> differs;  // by how much
+        // propagators over a sample, [F; C F], and what constant rates of the states become; empty until they are worth it
+        double asked = 0.0;  // terms of series that they would have spared
+        Eigen::MatrixXd flow, pushed;
+        std::vector<Eigen::MatrixXd> apart;  // by how much
     };
     // Of a sample on which modes change: what holds, since which guard fell (−1: since its beginning), for how long, s.
     struct Piece {
@@ -81,7 +85,7 @@ class Sensitivities {
         std::size_t sample;
         bool counts;
         const Tangent* leaving;     // null: a stretch ends
-        std::vector<Piece> pieces;  // where modes change before the next one
+        std::vector<Piece> pieces;  // on the way to the next one; empty: a propagator leads there
         std::vector<double> outputs, gain;
     };
     static constexpr std::size_t many = 16;
@@ -89,17 +93,18 @@ class Sensitivities {
         return of.data() + c * static_cast<std::size_t>(rows_);
     }
     Eigen::MatrixXd machine_rows(const Eigen::MatrixXd& flow, const Eigen::MatrixXd& outputs) const;
-    Eigen::MatrixXd filter(const Eigen::MatrixXd& machine) const;
+    Eigen::MatrixXd memories() const;
     static std::vector<Entry> differing(const Eigen::MatrixXd& of, const Eigen::MatrixXd& theirs);
-    const Tangent& tangent(const Modes& modes);
-    const Tangent& present(const Flow& flow);
+    Tangent& tangent(const Modes& modes);
+    Tangent& present(const Flow& flow);
+    bool prepared(Tangent& own);
     void feel(std::size_t sample, const Flow& flow);
     void divide(std::size_t sample, const std::vector<Flow::Change>& changes);
     void otherwise();
     void innovate(const Moment& now);
     void through_changes(const Moment& now, std::size_t at);
     void change(const Tangent& before, const Tangent& after, int guard);
-    void expand(const Tangent& tangent, double length, std::size_t at, double end);
+    int expand(const Tangent& tangent, double length, std::size_t at, double end);
     void flush();
 
     const SampledRecord& record_;
@@ -113,11 +118,14 @@ class Sensitivities {
     int n_ = 0;                    // of y
     // of a column: states and torques of unknown course; all that the filter has; and with outputs, padded
     int states_ = 0, torques_ = 0, size_ = 0, rows_ = 0;
+    Eigen::MatrixXd memories_;
     std::map<Modes, Tangent> tangents_;
-    const Tangent* now_ = nullptr;  // of these modes
+    Tangent* now_ = nullptr;  // of these modes
     Modes modes_;
     std::array<Moment, many> waiting_;
-    std::size_t count_ = 0;          // of them
+    std::size_t count_ = 0, seen_ = 0;  // of them; since the beginning
+    const bool at_any_cost_;
+    double spent_ = 0.0;             // terms of series
     std::vector<double> y_;          // per moment, as the replay left it
     std::vector<double> differing_;  // per column and moment: w, and C w with what sensors say otherwise
     // per law, what it adds to rates: now, a sample before; per moment, amid, and by how much more at the end

@@ -44,10 +44,7 @@ def changes(
 
     """
     core, offsets = grey.machine(point.variant, point.theta), grey.constants(point.theta)
-    # joints of a gearbox ring, and may bounce, faster than samples come: many patterns of
-    # modes, each with tangents of its own, and changes that are none of first order
-    jointed = any(_core.effect_type(e["effect"]).structural for e in core.effects)
-    if jointed or not all(_core.has_sensitivities(core, r.sampled) for r in grey.records):
+    if not all(_core.has_sensitivities(core, r.sampled) for r in grey.records):
         return [None] * len(others)
     neighbours: list[tuple[int, tuple[Any, Mapping[str, float]]]] = []
     for k, (variant, theta) in enumerate(others):

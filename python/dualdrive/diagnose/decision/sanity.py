@@ -83,19 +83,19 @@ def takes_too_little(verdict: Verdict, error: Mapping[str, float]) -> str:
 
 
 def leaves_too_much(verdict: Verdict, error: Mapping[str, float]) -> str:
-    """Why a law is not, or not alone, what is missing; empty where nothing speaks against it.
+    """Why an answer is not all there is to say of a simulated loop; empty where nothing speaks so.
 
-    As of a machine without a law: where sensors leave less than the simulated loop, it can't be
-    said that nothing more is missing. A hysteresis of no law of the library is nearly as likely as
-    bristles to a filter, which forgives what acts slowly, and leaves a simulation half as much
-    again.
+    A filter forgives what acts slowly: it asks for hardly any torque where a pitch error or a
+    play is missing that carries a simulation to several times what the sensors leave. So a
+    hysteresis of no law of the library is nearly as likely to it as bristles, too.
 
     error: as in :func:`objection`
     """
-    left, floor = error["best"], error["noise_floor"]
-    if verdict not in ("effect", "ambiguous") or not left > threshold("beyond the floor") * floor:
+    floor, named = error["noise_floor"], verdict in ("effect", "ambiguous")
+    left = error["best"] if named else error["refitted"]
+    answered = named or verdict in ("adequate", "parameters")
+    if not answered or not left > threshold("beyond the floor") * floor:
         return ""
-    return (
-        f"with the best candidate the simulated loop leaves {left:.3g}, where the sensors alone "
-        f"would leave {floor:.3g}: that is not, or not alone, what is missing"
-    )
+    who = "with the best candidate the simulated loop" if named else "the refitted machine"
+    rest = "is not, or not alone, what is missing" if named else "is no machine that lacks nothing"
+    return f"{who} leaves {left:.3g}, where the sensors alone would leave {floor:.3g}: that {rest}"
