@@ -158,7 +158,6 @@ def test_a_law_that_is_let_in(law: str, numbers: dict[str, float], error: float)
         ("coulomb@table", {"torque": 0.1}),  # one switch more
         ("gearbox_backlash@gearboxes", {"gap": 1e-4}),  # states more
         ("sensor_delay@theta_1", {"time": 1e-4}),
-        ("wear@table", {"depth": 1e-6}),  # flanks part elsewhere, by its whole depth
     ],
 )
 def test_what_it_cannot_tell(law: str, numbers: dict[str, float]) -> None:
@@ -175,6 +174,19 @@ def test_none_beside_a_law_that_is_not_affine(law: str) -> None:
     core = with_law(law, {})
     here = seen(bench(), 200)
     assert not _core.has_sensitivities(core, here)
+
+
+@pytest.mark.parametrize(("depth", "told"), [(1e-9, True), (1e-3, False)])
+def test_flanks_that_part_elsewhere_are_no_small_change(depth: float, told: bool) -> None:
+    core = bench()
+    core.set("controller.T_ten", 0.0)
+    other = core.copy()
+    other.add_effect("wear", "table")
+    other.set("wear@table.depth", depth)
+    here = seen(core)
+    held = _core.kalman_gains(core, here, SENSORS, TORQUE)
+    [found] = _core.sensitivities(core, here, held, [(other, [], [])], at_any_cost=True)
+    assert (found is not None) == told
 
 
 @pytest.mark.parametrize(("tension", "told"), [(0.12, True), (0.0, False)])

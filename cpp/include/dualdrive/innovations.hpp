@@ -207,7 +207,8 @@ bool has_sensitivities(const Machine& machine, const SampledRecord& record);
 
 // By how much whitened innovations change, to first order, where a neighbour takes the machine's place: samples × channels;
 // gains held, and those of PredictionOptions that are not the neighbours' own. Empty where that can't be told, or replays
-// cost less (unless it may cost anything), and of neighbours with other states or switches.
+// cost less (unless it may cost anything), and of neighbours with other states or switches,
+// or whose switches come at other samples.
 std::vector<std::vector<double>> sensitivities(const Machine& machine, const SampledRecord& record, KalmanGains& gains,
                                                const PredictionOptions& options,
                                                const std::vector<Neighbour>& neighbours, bool at_any_cost = false);

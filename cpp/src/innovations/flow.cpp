@@ -167,6 +167,13 @@ const double* Flow::rates(std::size_t sample, const Flow& other, Scope scope) {
     return model_.rate().data();
 }
 
+double Flow::guard(std::size_t sample, const Modes& modes, const double* y, int guard) {
+    modes_ = modes;
+    cell_ = {record_.times()[sample], record_.times()[sample + 1]};
+    evaluate(record_.times()[sample], y);
+    return model_.guard(guard / guards_per_switch, guard % guards_per_switch, nullptr);
+}
+
 std::vector<std::size_t> Flow::held(const Modes& modes) const {
     std::vector<std::size_t> speeds;
     for (const int element : sticks_)

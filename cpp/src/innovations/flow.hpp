@@ -121,6 +121,8 @@ class Flow final {
     const std::vector<Change>& changes() const { return changes_; }
     // Rates of the states at a sample where another flow is, in its modes; of driven ones at least. The layouts are alike.
     const double* rates(std::size_t sample, const Flow& other, Scope scope);
+    // A guard in these modes, at a state between this sample and the next.
+    double guard(std::size_t sample, const Modes& modes, const double* y, int guard);
     const std::vector<int>& driven() const { return driven_; }
     Scope scope() const { return scope_; }
 

@@ -23,17 +23,13 @@ bool late(const std::vector<Reading>& readings) {
 constexpr int most_terms = 60;          // of a series
 constexpr double longest_series = 8.0;  // times the spectral radius
 constexpr double least_term = 1e-9;     // of a series, of what it begins with
+// Share of the changes of modes that may come more than a sample before or after in a neighbour: else it is no small change.
+constexpr double most_apart = 0.1;
 // Terms of series that a pattern's propagators must spare: most are met once or for long.
 constexpr double worth = 200.0;
 // Terms that cost what a replay does, a sample.
 constexpr double terms_a_replay = 0.15;
 constexpr double few_terms = 4000.0;  // that any record is worth
-
-// Whether where flanks part and meet depends on a law's whole size: the usual depth of a worn place is no small change.
-bool makes_play(const Machine& machine) {
-    return std::any_of(machine.effects().begin(), machine.effects().end(),
-                       [](const EffectEntry& e) { return !e.of_user() && effect_type(e.name).text.makes_play; });
-}
 
 double value(const std::map<std::string, double>& of, const std::string& name) {
     const auto known = of.find(name);
@@ -81,8 +77,8 @@ Sensitivities::Sensitivities(const Machine& machine, const SampledRecord& record
         Column own_column{p, std::make_unique<Flow>(other, record, 1, bodies), readings_of(other, record),
                           neighbours[p].offsets};
         const Flow& flow = *own_column.flow;
-        if (makes_play(other) || late(own_column.readings) || !flow.told_by_tangents() ||
-            flow.elements() != flow_->elements() || flow.layout().state_names != flow_->layout().state_names)
+        if (late(own_column.readings) || !flow.told_by_tangents() || flow.elements() != flow_->elements() ||
+            flow.layout().state_names != flow_->layout().state_names)
             continue;
         own_column.offsets.resize(channels_, 0.0);
         for (std::size_t j = 0; j < std::min(channels_, offsets.size()); ++j) own_column.offsets[j] -= offsets[j];
@@ -105,6 +101,7 @@ Sensitivities::Sensitivities(const Machine& machine, const SampledRecord& record
     for (auto* v : {&rates_, &more_}) v->assign(felt_.size() * many, 0.0);
     for (auto* v : {&way_, &term_, &last_}) v->assign(static_cast<std::size_t>(exact::padded(n_)) * (all + 1), 0.0);
     e_.assign(channels_ * all, 0.0);
+    apart_.assign(all, 0);
     for (Moment& moment : waiting_) moment.outputs.assign(channels_, 0.0);
     for (const Column& c : columns_) found_[c.neighbour].assign(record.times().size() * channels_, 0.0);
 }
@@ -132,6 +129,7 @@ Sensitivities::Tangent& Sensitivities::tangent(const Modes& modes) {
     Tangent& own = at->second;
     if (!added) return own;
     const Frozen frozen = flow_->tangent_in(modes);
+    own.modes = modes;
     own.shown = frozen.outputs.leftCols(states_);
     own.held = flow_->held(modes);
     own.outputs = frozen.outputs;
@@ -321,7 +319,7 @@ void Sensitivities::through_changes(const Moment& now, std::size_t at) {
     double* const y = way_.data() + all * rows;
     std::copy_n(y_.data() + at * static_cast<std::size_t>(n_), n_, y);
     for (const Piece& piece : now.pieces) {
-        if (piece.guard >= 0) change(*(&piece - 1)->tangent, *piece.tangent, piece.guard);
+        if (piece.guard >= 0) change(*(&piece - 1)->tangent, piece, now.sample);
         const double end =
             static_cast<double>(&piece == &now.pieces.back()) - static_cast<double>(&piece == &now.pieces.front());
         const int parts = 1 + static_cast<int>(piece.tangent->bound * piece.length / longest_series);
@@ -342,22 +340,27 @@ void Sensitivities::through_changes(const Moment& now, std::size_t at) {
 
 // What rates jump by (those of a damped mesh do) acts for longer, or less long, in a neighbour whose guard g falls earlier or
 // later: δx⁺ = δx⁻ + (f⁺ − f⁻) δg / ġ, the saltation of Aizerman and Gantmacher (Leine, Nijmeijer, Dynamics and Bifurcations of
-// Non-Smooth Mechanical Systems, 2004, ch. 7). The share that a law which is not affine has in its guard is left out.
-void Sensitivities::change(const Tangent& before, const Tangent& after, int guard) {
+// Non-Smooth Mechanical Systems, 2004, ch. 7).
+void Sensitivities::change(const Tangent& before, const Piece& piece, std::size_t sample) {
     const std::size_t all = columns_.size(), first = all - laws_, rows = static_cast<std::size_t>(exact::padded(n_));
     const Eigen::Map<const VectorXd> y(way_.data() + all * rows, n_);
     const auto rate = [&](const Tangent& of) -> VectorXd {
         return Eigen::Map<const MatrixXd>(of.rates.data(), static_cast<Eigen::Index>(rows), n_).topRows(n_) * y;
     };
-    const VectorXd f = rate(before), jump = rate(after) - f;
-    const Eigen::RowVectorXd g = before.guards.row(guard);
-    const double falls = g * f;
+    const VectorXd f = rate(before), jump = rate(*piece.tangent) - f;
+    const Eigen::RowVectorXd g = before.guards.row(piece.guard);
+    const double falls = g * f, own = laws_ ? flow_->guard(sample, before.modes, y.data(), piece.guard) : 0.0;
+    ++changes_;
     for (std::size_t c = 0; c < all; ++c) {
         Eigen::Map<VectorXd> x(way_.data() + c * rows, n_);
-        double otherwise = g * x;
-        if (c < first) otherwise += before.guarding[c].row(guard) * y;
-        if (falls < 0.0) x.head(states_) += jump.head(states_) * (otherwise / falls);
-        for (const std::size_t k : after.held) x[static_cast<Eigen::Index>(k)] = 0.0;
+        const double otherwise = c < first ? before.guarding[c].row(piece.guard) * y
+                                           : columns_[c].flow->guard(sample, before.modes, y.data(), piece.guard) - own;
+        if (falls < 0.0) {
+            const double later = -(g * x + otherwise) / falls;
+            x.head(states_) -= jump.head(states_) * later;
+            apart_[c] += std::abs(later) > record_.step();
+        }
+        for (const std::size_t k : piece.tangent->held) x[static_cast<Eigen::Index>(k)] = 0.0;
     }
 }
 
@@ -426,6 +429,9 @@ void Sensitivities::flush() {
 
 std::vector<std::vector<double>> Sensitivities::found() {
     flush();
+    for (std::size_t c = 0; c < columns_.size(); ++c)
+        if (static_cast<double>(apart_[c]) > most_apart * static_cast<double>(changes_))
+            found_[columns_[c].neighbour].clear();
     return std::move(found_);
 }
 

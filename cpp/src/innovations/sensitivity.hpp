@@ -55,6 +55,7 @@ class Sensitivities {
     };
     // One pattern of modes. Of neighbours whose laws are affine, by how much theirs differ.
     struct Tangent {
+        Modes modes;
         Eigen::MatrixXd shown;                    // C of the machine's states
         std::vector<Eigen::MatrixXd> showing;     // by how much the neighbours' C of all that y has differ
         std::vector<std::size_t> held;            // speeds that friction holds at 0
@@ -103,7 +104,7 @@ class Sensitivities {
     void otherwise();
     void innovate(const Moment& now);
     void through_changes(const Moment& now, std::size_t at);
-    void change(const Tangent& before, const Tangent& after, int guard);
+    void change(const Tangent& before, const Piece& piece, std::size_t sample);
     int expand(const Tangent& tangent, double length, std::size_t at, double end);
     void flush();
 
@@ -125,6 +126,8 @@ class Sensitivities {
     std::array<Moment, many> waiting_;
     std::size_t count_ = 0, seen_ = 0;  // of them; since the beginning
     const bool at_any_cost_;
+    std::vector<long> apart_;  // per column, changes of modes of which its own comes more than a sample before or after
+    long changes_ = 0;
     double spent_ = 0.0;             // terms of series
     std::vector<double> y_;          // per moment, as the replay left it
     std::vector<double> differing_;  // per column and moment: w, and C w with what sensors say otherwise

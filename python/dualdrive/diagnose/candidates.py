@@ -13,9 +13,12 @@ from dualdrive.identify.readings import TAKEN_BACK
 
 #: effects that are not tried: a constant of a sensor is a nuisance already; rounding is read off a
 #: channel; a load in time is tried where the records show its hour (`loads.py`); what tooth forces
-#: do to the table's sensor no record of angles shows; of a wheel's harmonics the first is tried
+#: do to the table's sensor no record of angles shows
 NOT_TRIED = ("sensor_offset", "expression", "spline", "quantisation", "cutting_torque",
-             "radial_shift", "table_tilt", "pitch_error")  # fmt: skip
+             "radial_shift", "table_tilt")  # fmt: skip
+#: orders below which a law of a wheel's flanks is another one: a pitch error of order one is
+#: eccentricity, and no wheel has four teeth
+LOWEST = {"pitch_error": 2.0, "transmission_error": 5.0, "time_varying_mesh_stiffness": 5.0}
 #: of what turns rigidly together: such a loss needs the torque of a mesh
 _OF_A_MESH = ("load_dependent_mesh_loss",)
 #: what the load does: a rotor is balanced and its inertia does not turn with it

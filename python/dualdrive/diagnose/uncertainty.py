@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.result import Interval
+from dualdrive.diagnose.screening.variants import periods
 from dualdrive.diagnose.selection import Fitted
 from dualdrive.estimation.unknowns import Unknown
 from dualdrive.innovations import GreyBox, Point, deviations, flat, inflation, slopes, values, waves
@@ -116,7 +117,7 @@ class Uncertainty:
     def intervals(self, f: Fitted) -> dict[str, Interval]:
         """Path -> value with its 95 % interval, nominal numbers and the effects' own.
 
-        Phases lie within half a turn of zero.
+        Phases lie within half a turn of zero, centres of local faults within half their period.
         """
         grey, theta, n = self.grey, f.point.theta, len(self.grey.nominal)
         covariance = self.about(f).covariance
@@ -132,6 +133,11 @@ class Uncertainty:
                 found[p.path] = Interval(at[p.path], at[p.path] - d, at[p.path] + d, p.unit)
             else:
                 found[p.path] = _interval(p, p.coordinate(at[p.path]), float(d))
+            label, _, name = p.path.rpartition(".")
+            if name == "centre":
+                found[p.path] = _near_zero(
+                    found[p.path], 2.0 * np.pi / periods(f.variant.grown, label)
+                )
         for path, value in f.variant.fixed.items():
             unit = f.variant.grown.parameter(f.variant.grown.members(path)[0]).unit
             found[path] = Interval(value, value, value, unit)
@@ -151,6 +157,12 @@ class Uncertainty:
 def _interval(p: Unknown, u: float, d: float) -> Interval:
     low, high = sorted((p.value(u - d), p.value(u + d)))
     return Interval(p.value(u), low, high, p.unit)
+
+
+def _near_zero(known: Interval, period: float) -> Interval:
+    """The same, so many periods off that its value lies within half a period of zero."""
+    off = period * round(known.value / period)
+    return replace(known, value=known.value - off, low=known.low - off, high=known.high - off)
 
 
 def _blocks(residuals: Sequence[Array]) -> NDArray[np.intp]:

@@ -7,7 +7,7 @@ Sources: Kristensen, Madsen, Jørgensen, Automatica 40 (2004) 225-237; Ljung, Sy
 
 from __future__ import annotations
 
-from dualdrive.innovations.derivatives import changes, slopes
+from dualdrive.innovations.derivatives import changes, has_sensitivities, slopes
 from dualdrive.innovations.greybox import Counter, Filtered, GreyBox
 from dualdrive.innovations.harmonics import coordinates, deviations, values, waves
 from dualdrive.innovations.homotopy import Place, followed, levels
@@ -38,6 +38,7 @@ __all__ = [
     "fit",
     "flat",
     "followed",
+    "has_sensitivities",
     "inflation",
     "least_noise",
     "levels",

@@ -26,6 +26,18 @@ _TOGETHER = 16  # neighbours of one replay
 _FEW = 2  # numbers whose slopes two replays tell as soon
 
 
+def has_sensitivities(grey: GreyBox, point: Point) -> bool:
+    """Whether first-order changes can be told about a point.
+
+    Args:
+        grey: records and shared unknowns.
+        point: where.
+
+    """
+    core = grey.machine(point.variant, point.theta)
+    return all(_core.has_sensitivities(core, r.sampled) for r in grey.records)
+
+
 def changes(
     grey: GreyBox, point: Point, others: Sequence[tuple[Variant, Array]], gains: Sequence[Any]
 ) -> list[Array | None]:
@@ -44,7 +56,7 @@ def changes(
 
     """
     core, offsets = grey.machine(point.variant, point.theta), grey.constants(point.theta)
-    if not all(_core.has_sensitivities(core, r.sampled) for r in grey.records):
+    if not has_sensitivities(grey, point):
         return [None] * len(others)
     neighbours: list[tuple[int, tuple[Any, Mapping[str, float]]]] = []
     for k, (variant, theta) in enumerate(others):

@@ -25,7 +25,7 @@ struct Wear {
         .equation = "half gap = gap + depth * exp((cos(places * (angle - centre)) - 1) / (places * width)^2)",
         .source = "Flodin, Andersson, Wear 207 (1997) 16-23",
         .validity = "wear small against the tooth depth; of a connection with play",
-        .confused_with = "eccentricity,hertzian_stiffness",
+        .confused_with = "wear,eccentricity,hertzian_stiffness",  // of the other wheel
         .places = "table,pinions,meshes",
         .makes_play = true,
     };

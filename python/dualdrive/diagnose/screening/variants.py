@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dualdrive import _core
-from dualdrive.diagnose.candidates import candidates, parts_of
+from dualdrive.diagnose.candidates import LOWEST, candidates, parts_of
 from dualdrive.diagnose.hypotheses import Hypothesis
 from dualdrive.diagnose.orders import LOW
 from dualdrive.diagnose.screening.orders import strongest_orders
@@ -89,7 +89,8 @@ class Library:
             known[effect, part] = own
         usual = int(_declared(effect, counted).standard)
         low = LOW if counted == "order" else ()
-        return [float(n) for n in dict.fromkeys([*known[effect, part], usual, *low])]
+        every = dict.fromkeys([*known[effect, part], usual, *low])
+        return [float(n) for n in every if n >= LOWEST.get(effect, 1.0)]
 
     def _beside(self, base: Variant, h: Hypothesis, order: float | None) -> Variant | None:
         [(effect, place)] = h.effects
@@ -141,7 +142,7 @@ def spots(core: Any, label: str, free: Sequence[Unknown]) -> list[dict[str, floa
         return []
     period = 2.0 * math.pi / periods(core, label)
     return [
-        {centre: period * k * share, width: period * share}
+        {centre: period * ((0.5 + k * share) % 1.0 - 0.5), width: period * share}
         for share in _WIDTHS
         for k in range(round(1.0 / share))
     ]

@@ -208,7 +208,7 @@ class Forward:
             hopeless = max(threshold("gain"), threshold("runner-up") * most)
         best = worth_refitting(scores, self.own.effort.refitted, hopeless)
         others = {s.variant.key: s for s in scores if s not in best}
-        far = worth_refitting(list((sheet or {}).values()), self.own.effort.finals, hopeless)
+        far = worth_refitting(list((sheet or {}).values()), self.own.effort.finals, hopeless, 1)
         best += [others[s.variant.key] for s in far if s.variant.key in others]
 
         def more(found: Sequence[Fitted]) -> list[Scored]:

@@ -25,30 +25,42 @@ _SIZES = tuple(1.5**k for k in range(-2, 5))
 _DELAYS = tuple(1.5**k for k in range(-4, 7))
 
 
-def worth_refitting(found: Sequence[Scored], most: int, hopeless: float) -> list[Scored]:
+def worth_refitting(
+    found: Sequence[Scored], most: int, hopeless: float, orders: int | None = None
+) -> list[Scored]:
     """The best scores, and what they may be taken for.
 
     Args:
         found: score tests beside one leader.
         most: how many of the best.
         hopeless: gain below which none is.
+        orders: of one law, at most; None: as `THRESHOLDS` has it.
 
     """
     known = [s for s in found if np.isfinite(s.gain)]
     known.sort(key=lambda s: -(s.gain - 2.0 * np.log(s.variant.looks)))
-    hopeful, orders = list[Scored](), dict[str, int]()
-    for s in known:
-        orders[s.variant.label] = orders.get(s.variant.label, 0) + 1
-        if s.gain > hopeless and orders[s.variant.label] <= threshold("orders"):
-            hopeful.append(s)
-    best = hopeful[:most]
+    each = int(threshold("orders")) if orders is None else orders
+    best = _of_each_law([s for s in known if s.gain > hopeless], each)[:most]
     # and what the best are taken for, whose own score may be faint while another law is missing
+    names = {s.variant.label for s in best}
     rivals = [
         s
         for s in known
-        if s.gain > 0.0 and s not in best and any(confused(b.variant, s.variant) for b in best)
+        if s.gain > 0.0
+        and s.variant.label not in names
+        and any(confused(b.variant, s.variant) for b in best)
     ]
-    return best + rivals[: most // 2]
+    return best + _of_each_law(rivals, 1)[: most // 2]
+
+
+def _of_each_law(found: Sequence[Scored], most: int) -> list[Scored]:
+    """So many orders of each, the first ones."""
+    kept, orders = list[Scored](), dict[str, int]()
+    for s in found:
+        orders[s.variant.label] = orders.get(s.variant.label, 0) + 1
+        if orders[s.variant.label] <= most:
+            kept.append(s)
+    return kept
 
 
 def begin(point: Point, s: Scored, times: float = 1.0) -> Array:
@@ -180,7 +192,10 @@ def with_rivals(ranked: Sequence[Place], most: int) -> list[Place]:
 
 
 def confused(known: Variant, other: Variant) -> bool:
-    """Whether the library declares the other's last law as what the known one's is taken for."""
+    """Whether the library declares the other's last law as what the known one's is taken for.
+
+    At the same place; where a law is declared to be taken for itself, at another one.
+    """
     (effect, place), (rival, at) = known.effects[-1], other.effects[-1]
     declared: Any = _core.effect_type(effect).confused_with
-    return place == at and rival in str(declared).split(",")
+    return (place == at or rival == effect) and rival in str(declared).split(",")
