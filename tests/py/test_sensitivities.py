@@ -185,8 +185,10 @@ def test_flanks_that_part_elsewhere_are_no_small_change(depth: float, told: bool
     other.set("wear@table.depth", depth)
     here = seen(core)
     held = _core.kalman_gains(core, here, SENSORS, TORQUE)
-    [found] = _core.sensitivities(core, here, held, [(other, [], [])], at_any_cost=True)
+    near: list[tuple[Any, list[Any], list[float]]] = [(other, [], [])]
+    [found] = _core.sensitivities(core, here, held, near, at_size=True, at_any_cost=True)
     assert (found is not None) == told
+    assert _core.sensitivities(core, here, held, near, at_any_cost=True)[0] is not None
 
 
 @pytest.mark.parametrize(("tension", "told"), [(0.12, True), (0.0, False)])

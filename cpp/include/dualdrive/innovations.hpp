@@ -202,15 +202,20 @@ struct Neighbour {
     std::vector<double> offsets;                         // likewise
 };
 
+struct SensitivityOptions {
+    bool at_size = false;      // a neighbour stands for itself, and not for a small change towards it
+    bool at_any_cost = false;  // also where replays cost less
+};
+
 // Whether first-order changes of a replay can be told: no law of the machine that is not affine, no loop that ticks, no delay.
 bool has_sensitivities(const Machine& machine, const SampledRecord& record);
 
 // By how much whitened innovations change, to first order, where a neighbour takes the machine's place: samples × channels;
 // gains held, and those of PredictionOptions that are not the neighbours' own. Empty where that can't be told, or replays
-// cost less (unless it may cost anything), and of neighbours with other states or switches,
-// or whose switches come at other samples.
+// cost less; of neighbours with other states or switches; and at their size, of those whose switches come at other samples.
 std::vector<std::vector<double>> sensitivities(const Machine& machine, const SampledRecord& record, KalmanGains& gains,
                                                const PredictionOptions& options,
-                                               const std::vector<Neighbour>& neighbours, bool at_any_cost = false);
+                                               const std::vector<Neighbour>& neighbours,
+                                               const SensitivityOptions& how = {});
 
 }  // namespace dualdrive

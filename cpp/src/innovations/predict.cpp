@@ -193,10 +193,11 @@ bool has_sensitivities(const Machine& machine, const SampledRecord& record) {
 
 std::vector<std::vector<double>> sensitivities(const Machine& machine, const SampledRecord& record, KalmanGains& gains,
                                                const PredictionOptions& options,
-                                               const std::vector<Neighbour>& neighbours, bool at_any_cost) {
+                                               const std::vector<Neighbour>& neighbours,
+                                               const SensitivityOptions& how) {
     using namespace innovations;
     const auto readings = readings_of(machine, record);
-    Sensitivities changes(machine, record, gains, neighbours, readings, options.offsets, at_any_cost);
+    Sensitivities changes(machine, record, gains, neighbours, readings, options.offsets, how);
     if (changes.any() && !Replay(machine, record, gains, options, &changes).run().finite)
         return std::vector<std::vector<double>>(neighbours.size());
     return changes.found();

@@ -54,19 +54,19 @@ bool Sensitivities::told(const Flow& flow, const std::vector<Reading>& readings)
 
 bool Sensitivities::dear() const {
     const auto samples = static_cast<double>(record_.times().size());
-    return !at_any_cost_ && spent_ > few_terms + terms_a_replay * static_cast<double>(columns_.size()) *
-                                                     (static_cast<double>(seen_) + samples / 4);
+    return !how_.at_any_cost && spent_ > few_terms + terms_a_replay * static_cast<double>(columns_.size()) *
+                                                         (static_cast<double>(seen_) + samples / 4);
 }
 
 Sensitivities::Sensitivities(const Machine& machine, const SampledRecord& record, const KalmanGains& gains,
                              const std::vector<Neighbour>& neighbours, const std::vector<Reading>& own,
-                             const std::vector<double>& offsets, bool at_any_cost)
+                             const std::vector<double>& offsets, const SensitivityOptions& how)
     : record_(record),
       gains_(gains),
       neighbours_(neighbours),
       own_(own),
       channels_(record.channels().size()),
-      at_any_cost_(at_any_cost),
+      how_(how),
       found_(neighbours.size()) {
     const auto bodies = gains.noise.bodies();
     flow_ = std::make_unique<Flow>(machine, record, 1, bodies);
@@ -430,7 +430,7 @@ void Sensitivities::flush() {
 std::vector<std::vector<double>> Sensitivities::found() {
     flush();
     for (std::size_t c = 0; c < columns_.size(); ++c)
-        if (static_cast<double>(apart_[c]) > most_apart * static_cast<double>(changes_))
+        if (how_.at_size && static_cast<double>(apart_[c]) > most_apart * static_cast<double>(changes_))
             found_[columns_[c].neighbour].clear();
     return std::move(found_);
 }

@@ -27,7 +27,7 @@ class Sensitivities {
     // sensors.
     Sensitivities(const Machine& machine, const SampledRecord& record, const KalmanGains& gains,
                   const std::vector<Neighbour>& neighbours, const std::vector<Reading>& own,
-                  const std::vector<double>& offsets, bool at_any_cost);
+                  const std::vector<double>& offsets, const SensitivityOptions& how);
 
     // Whether they can be told of a machine at all.
     static bool told(const Flow& flow, const std::vector<Reading>& readings);
@@ -125,7 +125,7 @@ class Sensitivities {
     Modes modes_;
     std::array<Moment, many> waiting_;
     std::size_t count_ = 0, seen_ = 0;  // of them; since the beginning
-    const bool at_any_cost_;
+    const SensitivityOptions how_;
     std::vector<long> apart_;  // per column, changes of modes of which its own comes more than a sample before or after
     long changes_ = 0;
     double spent_ = 0.0;             // terms of series

@@ -39,7 +39,12 @@ def has_sensitivities(grey: GreyBox, point: Point) -> bool:
 
 
 def changes(
-    grey: GreyBox, point: Point, others: Sequence[tuple[Variant, Array]], gains: Sequence[Any]
+    grey: GreyBox,
+    point: Point,
+    others: Sequence[tuple[Variant, Array]],
+    gains: Sequence[Any],
+    *,
+    at_size: bool = False,
 ) -> list[Array | None]:
     """How the residuals at a point change, to first order, with other machines in its place.
 
@@ -48,6 +53,7 @@ def changes(
         point: where.
         others: (variant, its unknowns) of each.
         gains: held.
+        at_size: each stands for itself, and not for a small change towards it.
 
     Returns:
         Of each, flat; None where the first order can't tell, or no machine is made. A change
@@ -69,7 +75,7 @@ def changes(
 
     def one(job: tuple[Any, Predictable, Any]) -> list[Array | None]:
         part, record, own = job
-        return sensitivities(core, offsets, record, own, [x for _, x in part])
+        return sensitivities(core, offsets, record, own, [x for _, x in part], at_size=at_size)
 
     grey.counter.add(len(grey.records) * len(neighbours))
     told: dict[int, list[Array | None]] = {}

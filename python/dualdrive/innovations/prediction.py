@@ -67,6 +67,8 @@ def sensitivities(
     record: Predictable,
     gains: Any,
     neighbours: Sequence[tuple[Any, Mapping[str, float]]],
+    *,
+    at_size: bool = False,
 ) -> list[Array | None]:
     """How whitened innovations change, to first order, where others take a machine's place.
 
@@ -76,6 +78,7 @@ def sensitivities(
         record: what was measured.
         gains: of `GreyBox.gains`.
         neighbours: (machine, offsets) of each.
+        at_size: each stands for itself, and not for a small change towards it.
 
     Returns:
         Of each, shape (n, channels); None where the first order can't tell.
@@ -91,7 +94,7 @@ def sensitivities(
     there, initial, adds = begun(core, offsets)
     found: list[Array | None] = _core.sensitivities(
         there, record.sampled, gains, [begun(*x) for x in neighbours],
-        initial=initial, offsets=adds, given=GIVEN,
+        initial=initial, offsets=adds, given=GIVEN, at_size=at_size,
     )  # fmt: skip
     return found
 

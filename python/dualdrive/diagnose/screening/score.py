@@ -89,6 +89,8 @@ def scores(
     gains: Sequence[object],
     inflation: float,
     tell: Callable[[int, int], None] = lambda done, of: None,
+    *,
+    faint: bool = False,
 ) -> list[Scored]:
     """Score of every variant beside a base point, in the order given.
 
@@ -100,6 +102,8 @@ def scores(
         gains: Kalman gains, the base's.
         inflation: of what the base leaves.
         tell: told how many of how many are done.
+        faint: whether what is missing is small: first-order changes tell then, whatever a law does
+            at its usual size.
 
     """
     r = flat(base.residuals)
@@ -125,12 +129,12 @@ def scores(
     while begin < len(jobs) and not grey.counter.stop():
         batch = jobs[begin : begin + _BATCH]
         begin += len(batch)
-        told = changes(grey, base, [(j[1], j[2]) for j in batch], gains)
+        told = changes(grey, base, [(j[1], j[2]) for j in batch], gains, at_size=not faint)
         rest = [k for k, change in enumerate(told) if change is None]
         points = grey.points([batch[k][1] for k in rest], [batch[k][2] for k in rest], gains)
         for k, p in zip(rest, points, strict=True):
             told[k] = None if p.lost else flat(p.residuals) - r
-        if sensitive:
+        if sensitive and not faint:
             jobs += [larger for k in rest for larger in _larger(base, batch[k])]
         known = [(j, change) for j, change in zip(batch, told, strict=True) if change is not None]
         if not known:

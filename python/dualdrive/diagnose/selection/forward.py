@@ -246,6 +246,7 @@ class Forward:
         found = scores(
             grey, point, columns, variants, gains, inflation(point),
             lambda done, of: self.own.tell(f"score tests beside {beside}: {done} of {of}"),
+            faint=self.faint,
         )  # fmt: skip
         return found, columns
 
