@@ -210,6 +210,9 @@ def test_neighbours_do_not_see_each_other() -> None:
         own.set("table.J", core.get("table.J") * (1.0 + 1e-5 * (k + 1)))
         others.append((own, [], []))
     others.insert(2, (with_law("torque_ripple@motor_1", {"amplitude": 1e-4}), [], []))
+    # one that acts on the control, and one that does not
+    others.append((with_law("encoder_eccentricity@table", {"amplitude": 1e-4}), [], []))
+    others.append((with_law("torque_constant_saturation@motors", {"loss": 0.1}), [], []))
     here = seen(core, 500)
     held = _core.kalman_gains(core, here, SENSORS, TORQUE)
     together = _core.sensitivities(core, here, held, others, at_any_cost=True)

@@ -20,9 +20,6 @@ bool late(const std::vector<Reading>& readings) {
                        [](const Reading& r) { return r.shift() != 0 || r.rest() != 0.0; });
 }
 
-constexpr int most_terms = 60;          // of a series
-constexpr double longest_series = 8.0;  // times the spectral radius
-constexpr double least_term = 1e-9;     // of a series, of what it begins with
 // Share of the changes of modes that may come more than a sample before or after in a neighbour: else it is no small change.
 constexpr double most_apart = 0.1;
 // Terms of series that a pattern's propagators must spare: most are met once or for long.
@@ -196,10 +193,12 @@ void Sensitivities::feel(std::size_t sample, const Flow& flow) {
     const std::size_t first = columns_.size() - laws_;
     const bool whole = std::any_of(columns_.begin() + static_cast<std::ptrdiff_t>(first), columns_.end(),
                                    [](const Column& c) { return c.flow->scope() == Scope::whole; });
-    const double* const own = flow_->rates(sample, flow, whole ? Scope::whole : Scope::plant);
+    // of all the same: a plant by itself turns under the control that was worked out last, each under another one then
+    const Scope scope = whole ? Scope::whole : Scope::plant;
+    const double* const own = flow_->rates(sample, flow, scope);
     for (std::size_t c = first; c < columns_.size(); ++c) {
         Flow& other = *columns_[c].flow;
-        const double* const rates = other.rates(sample, flow, other.scope());
+        const double* const rates = other.rates(sample, flow, scope);
         double* const felt = felt_.data() + (c - first) * static_cast<std::size_t>(states_);
         for (const int k : other.driven()) felt[k] = rates[k] - own[k];
     }
@@ -241,19 +240,6 @@ void Sensitivities::arrive(std::size_t sample, const Flow& flow) {
         Eigen::Map<VectorXd>(differing_.data() + ((first + c) * many + at) * static_cast<std::size_t>(rows_) + size_,
                              static_cast<Eigen::Index>(channels_)) = differ * Eigen::Map<const VectorXd>(flow.y(), n_);
     }
-}
-
-// The way to this sample in pieces, each with the tangent of its modes.
-void Sensitivities::divide(std::size_t sample, const std::vector<Flow::Change>& changes) {
-    Moment& now = waiting_[count_ - 1];
-    double begin = record_.times()[sample - 1];
-    now.pieces.push_back({now.leaving, -1, 0.0});
-    for (const Flow::Change& change : changes) {
-        now.pieces.back().length = change.time - begin;
-        begin = change.time;
-        now.pieces.push_back({&tangent(change.modes), change.guard, 0.0});
-    }
-    now.pieces.back().length = record_.times()[sample] - begin;
 }
 
 // w of all that waits, and C w.
@@ -302,96 +288,6 @@ void Sensitivities::innovate(const Moment& now) {
             e_[c * m + j] = -more - own.offsets[j];
         }
     }
-}
-
-// Where modes change within a sample, or are too rare to have propagators, the way is gone piece by piece, by the series of ẏ = A y and δẋ = A δx + (A' − A)(y + δx). By the
-// tangent of the sample's beginning alone, flanks that part and meet had been a sample late, and slopes by their gap half wrong.
-void Sensitivities::through_changes(const Moment& now, std::size_t at) {
-    const std::size_t all = columns_.size(), rows = static_cast<std::size_t>(exact::padded(n_)),
-                      states = static_cast<std::size_t>(states_),
-                      torque = static_cast<std::size_t>(flow_->first_torque());
-    std::fill(way_.begin(), way_.end(), 0.0);
-    for (std::size_t c = 0; c < all; ++c) {
-        const double* const x = column(x_, c);
-        std::copy_n(x, states, way_.data() + c * rows);
-        std::copy_n(x + states, torques_, way_.data() + c * rows + torque);
-    }
-    double* const y = way_.data() + all * rows;
-    std::copy_n(y_.data() + at * static_cast<std::size_t>(n_), n_, y);
-    for (const Piece& piece : now.pieces) {
-        if (piece.guard >= 0) change(*(&piece - 1)->tangent, piece, now.sample);
-        const double end =
-            static_cast<double>(&piece == &now.pieces.back()) - static_cast<double>(&piece == &now.pieces.front());
-        const int parts = 1 + static_cast<int>(piece.tangent->bound * piece.length / longest_series);
-        for (int part = 0; part < parts; ++part) spent_ += expand(*piece.tangent, piece.length / parts, at, end);
-    }
-    const Tangent& last = *now.pieces.back().tangent;
-    const auto m = static_cast<Eigen::Index>(channels_);
-    const Eigen::Map<const VectorXd> arrived(y, n_);
-    for (std::size_t c = 0; c < all; ++c) {
-        double* const next = column(next_, c);
-        std::copy_n(way_.data() + c * rows, states, next);
-        Eigen::Map<VectorXd> shown(next + size_, m);
-        shown = last.outputs * Eigen::Map<const VectorXd>(way_.data() + c * rows, n_) + last.showing[c] * arrived;
-        shown += Eigen::Map<const VectorXd>(next + states_ + torques_, m);
-        if (gains_.noise.drifts()) shown += Eigen::Map<const VectorXd>(next + size_ - m, m);
-    }
-}
-
-// What rates jump by (those of a damped mesh do) acts for longer, or less long, in a neighbour whose guard g falls earlier or
-// later: δx⁺ = δx⁻ + (f⁺ − f⁻) δg / ġ, the saltation of Aizerman and Gantmacher (Leine, Nijmeijer, Dynamics and Bifurcations of
-// Non-Smooth Mechanical Systems, 2004, ch. 7).
-void Sensitivities::change(const Tangent& before, const Piece& piece, std::size_t sample) {
-    const std::size_t all = columns_.size(), first = all - laws_, rows = static_cast<std::size_t>(exact::padded(n_));
-    const Eigen::Map<const VectorXd> y(way_.data() + all * rows, n_);
-    const auto rate = [&](const Tangent& of) -> VectorXd {
-        return Eigen::Map<const MatrixXd>(of.rates.data(), static_cast<Eigen::Index>(rows), n_).topRows(n_) * y;
-    };
-    const VectorXd f = rate(before), jump = rate(*piece.tangent) - f;
-    const Eigen::RowVectorXd g = before.guards.row(piece.guard);
-    const double falls = g * f, own = laws_ ? flow_->guard(sample, before.modes, y.data(), piece.guard) : 0.0;
-    ++changes_;
-    for (std::size_t c = 0; c < all; ++c) {
-        Eigen::Map<VectorXd> x(way_.data() + c * rows, n_);
-        const double otherwise = c < first ? before.guarding[c].row(piece.guard) * y
-                                           : columns_[c].flow->guard(sample, before.modes, y.data(), piece.guard) - own;
-        if (falls < 0.0) {
-            const double later = -(g * x + otherwise) / falls;
-            x.head(states_) -= jump.head(states_) * later;
-            apart_[c] += std::abs(later) > record_.step();
-        }
-        for (const std::size_t k : piece.tangent->held) x[static_cast<Eigen::Index>(k)] = 0.0;
-    }
-}
-
-// All columns, and y behind them, on by a piece of a sample. end: −1 at the sample's beginning, 1 at its end, where laws are
-// felt. Returns how many terms that took.
-int Sensitivities::expand(const Tangent& tangent, double length, std::size_t at, double end) {
-    const std::size_t all = columns_.size(), first = all - laws_, rows = static_cast<std::size_t>(exact::padded(n_)),
-                      states = static_cast<std::size_t>(states_);
-    const double reach = tangent.bound * length;
-    double size = 1.0;
-    int k = 1;
-    last_ = way_;
-    for (; k < most_terms && (size > least_term || k < reach); ++k) {
-        exact::kernels().product(static_cast<int>(rows), n_, tangent.rates.data(), static_cast<int>(rows), last_.data(),
-                                 static_cast<int>(all + 1), term_.data());
-        const double* const y = last_.data() + all * rows;
-        for (std::size_t c = 0; c < first; ++c)
-            for (const Entry& e : tangent.differs[c])
-                term_[c * rows + e.row] += e.value * (y[e.column] + last_[c * rows + e.column]);
-        for (std::size_t c = first; k == 1 && c < all; ++c) {
-            const std::size_t law = ((c - first) * many + at) * states;
-            for (std::size_t r = 0; r < states; ++r) term_[c * rows + r] += rates_[law + r] + end * more_[law + r];
-        }
-        for (std::size_t j = 0; j < term_.size(); ++j) {
-            term_[j] *= length / k;
-            way_[j] += term_[j];
-        }
-        std::swap(term_, last_);
-        size *= reach / k;
-    }
-    return k;
 }
 
 void Sensitivities::flush() {

@@ -39,6 +39,7 @@ _ROOT = math.sqrt(2.0)
 _SMALLEST = 0.1  # of its usual size: a strength that the score has smaller begins there
 #: times its usual size: where flanks part elsewhere with a law, no other size tells of one
 _SIZES = (2.0, 4.0, 8.0)
+_TELLS = (0.5, 2.0)  # times its own size: of what else such a probe says nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,10 +249,18 @@ def _scored(
 def _best_of(
     variant: Variant, found: Sequence[tuple[_Probe, Array]], rest: Array, inflation: float
 ) -> Scored:
-    """Of a law that is tried at several places, each alone."""
+    """Of a law that is tried at several places, each alone.
+
+    One that is larger than usual tells of its own size alone: far from it, it goes another way.
+    """
     squares = [max(float(change @ change), 1e-300) for _, change in found]
     sizes = [
         max(-float(change @ rest) / s, 0.0) for (_, change), s in zip(found, squares, strict=True)
+    ]
+    low, high = _TELLS
+    sizes = [
+        0.0 if probe.larger and not low <= x <= high else x
+        for (probe, _), x in zip(found, sizes, strict=True)
     ]
     k = int(np.argmax([x**2 * s for x, s in zip(sizes, squares, strict=True)]))
     probe = found[k][0]
