@@ -173,14 +173,14 @@ void bind_innovations(nb::module_& m) {
         "sensitivities",
         [](const Machine& machine, const SampledRecord& record, KalmanGains& gains,
            const std::vector<NeighbourTuple>& neighbours, std::vector<std::map<std::string, double>> initial,
-           const std::vector<double>& offsets, int given, bool at_size, bool at_any_cost) {
+           const std::vector<double>& offsets, int given, double most_apart, bool at_any_cost) {
             const PredictionOptions options{std::move(initial), offsets, 1, given};
             std::vector<Neighbour> others;
             for (const auto& [other, begin, add] : neighbours) others.push_back({other, begin, add});
             std::vector<std::vector<double>> found;
             {
                 const nb::gil_scoped_release unlocked;
-                found = sensitivities(machine, record, gains, options, others, {at_size, at_any_cost});
+                found = sensitivities(machine, record, gains, options, others, {most_apart, at_any_cost});
             }
             std::vector<std::optional<Array<double>>> told;
             for (auto& own : found) {
@@ -193,13 +193,12 @@ void bind_innovations(nb::module_& m) {
         },
         nb::arg("machine"), nb::arg("record"), nb::arg("gains"), nb::arg("neighbours"), nb::kw_only(),
         nb::arg("initial") = nb::list(), nb::arg("offsets") = nb::list(), nb::arg("given") = 0,
-        nb::arg("at_size") = false, nb::arg("at_any_cost") = false,
+        nb::arg("most_apart") = 1.0, nb::arg("at_any_cost") = false,
         "How whitened innovations change, to first order, where neighbours of a machine take its place.\n\n"
-        "neighbours: (machine, initial, offsets) of each; at_size: each stands for itself, and not for a small change "
-        "towards it; at_any_cost: also where replays cost less; all else as in `predict`. Returns for each an array "
-        "(n, "
-        "channels), None where that can't be told (`has_sensitivities`), of neighbours with other states or switches, "
-        "and at their size, of those whose switches come at other samples. The GIL is released. Raises ValueError.");
+        "neighbours: (machine, initial, offsets) of each; most_apart: share of the changes of modes that may come more "
+        "than a sample before or after in one; at_any_cost: also where replays cost less; all else as in `predict`. "
+        "Returns for each an array (n, channels), None where that can't be told (`has_sensitivities`), of neighbours "
+        "with other states or switches, and of those apart too often. The GIL is released. Raises ValueError.");
 }
 
 }  // namespace dualdrive::python

@@ -745,11 +745,11 @@ def has_sensitivities(machine: Machine, record: SampledRecord) -> bool:
     Whether first-order changes of a replay can be told: no law of the machine that is not affine, no loop that ticks, no delay.
     """
 
-def sensitivities(machine: Machine, record: SampledRecord, gains: KalmanGains, neighbours: Sequence[tuple[Machine, Sequence[Mapping[str, float]], Sequence[float]]], *, initial: Sequence[Mapping[str, float]] = [], offsets: Sequence[float] = [], given: int = 0, at_size: bool = False, at_any_cost: bool = False) -> list[NDArray[numpy.float64] | None]:
+def sensitivities(machine: Machine, record: SampledRecord, gains: KalmanGains, neighbours: Sequence[tuple[Machine, Sequence[Mapping[str, float]], Sequence[float]]], *, initial: Sequence[Mapping[str, float]] = [], offsets: Sequence[float] = [], given: int = 0, most_apart: float = 1.0, at_any_cost: bool = False) -> list[NDArray[numpy.float64] | None]:
     """
     How whitened innovations change, to first order, where neighbours of a machine take its place.
 
-    neighbours: (machine, initial, offsets) of each; at_size: each stands for itself, and not for a small change towards it; at_any_cost: also where replays cost less; all else as in `predict`. Returns for each an array (n, channels), None where that can't be told (`has_sensitivities`), of neighbours with other states or switches, and at their size, of those whose switches come at other samples. The GIL is released. Raises ValueError.
+    neighbours: (machine, initial, offsets) of each; most_apart: share of the changes of modes that may come more than a sample before or after in one; at_any_cost: also where replays cost less; all else as in `predict`. Returns for each an array (n, channels), None where that can't be told (`has_sensitivities`), of neighbours with other states or switches, and of those apart too often. The GIL is released. Raises ValueError.
     """
 
 __version__: str

@@ -186,7 +186,7 @@ def test_flanks_that_part_elsewhere_are_no_small_change(depth: float, told: bool
     here = seen(core)
     held = _core.kalman_gains(core, here, SENSORS, TORQUE)
     near: list[tuple[Any, list[Any], list[float]]] = [(other, [], [])]
-    [found] = _core.sensitivities(core, here, held, near, at_size=True, at_any_cost=True)
+    [found] = _core.sensitivities(core, here, held, near, most_apart=0.1, at_any_cost=True)
     assert (found is not None) == told
     assert _core.sensitivities(core, here, held, near, at_any_cost=True)[0] is not None
 

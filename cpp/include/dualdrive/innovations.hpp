@@ -203,7 +203,8 @@ struct Neighbour {
 };
 
 struct SensitivityOptions {
-    bool at_size = false;      // a neighbour stands for itself, and not for a small change towards it
+    // Share of the changes of modes that may come more than a sample before or after in a neighbour.
+    double most_apart = 1.0;
     bool at_any_cost = false;  // also where replays cost less
 };
 
@@ -212,7 +213,7 @@ bool has_sensitivities(const Machine& machine, const SampledRecord& record);
 
 // By how much whitened innovations change, to first order, where a neighbour takes the machine's place: samples × channels;
 // gains held, and those of PredictionOptions that are not the neighbours' own. Empty where that can't be told, or replays
-// cost less; of neighbours with other states or switches; and at their size, of those whose switches come at other samples.
+// cost less; of neighbours with other states or switches; and of those whose switches come too often at other samples.
 std::vector<std::vector<double>> sensitivities(const Machine& machine, const SampledRecord& record, KalmanGains& gains,
                                                const PredictionOptions& options,
                                                const std::vector<Neighbour>& neighbours,

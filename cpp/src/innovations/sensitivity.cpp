@@ -20,8 +20,6 @@ bool late(const std::vector<Reading>& readings) {
                        [](const Reading& r) { return r.shift() != 0 || r.rest() != 0.0; });
 }
 
-// Share of the changes of modes that may come more than a sample before or after in a neighbour: else it is no small change.
-constexpr double most_apart = 0.1;
 // Terms of series that a pattern's propagators must spare: most are met once or for long.
 constexpr double worth = 200.0;
 // Terms that cost what a replay does, a sample.
@@ -326,7 +324,7 @@ void Sensitivities::flush() {
 std::vector<std::vector<double>> Sensitivities::found() {
     flush();
     for (std::size_t c = 0; c < columns_.size(); ++c)
-        if (how_.at_size && static_cast<double>(apart_[c]) > most_apart * static_cast<double>(changes_))
+        if (static_cast<double>(apart_[c]) > how_.most_apart * static_cast<double>(changes_))
             found_[columns_[c].neighbour].clear();
     return std::move(found_);
 }

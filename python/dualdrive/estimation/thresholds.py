@@ -84,6 +84,17 @@ THRESHOLDS = {
         10.0,
         "the same beside a law that leaves hardly any torque: what is small is told by its score",
     ),
+    "apart": Threshold(
+        0.1,
+        "of the changes of modes, that may come more than a sample before or after with a law for "
+        "a first order to score it. By hand, on two records: laws whose scores were off had 0.12 to "
+        "0.9, most others 0.07 and less",
+    ),
+    "own size": Threshold(
+        2.0,
+        "times its own size, or so many times less, that a probe of a local fault beyond its usual "
+        "size may tell of: what it says of another is how a record goes another way",
+    ),
     "stretches": Threshold(
         8000, "samples that a search looks at, of longer records: 16 places of half a second each"
     ),

@@ -34,8 +34,11 @@ def has_sensitivities(grey: GreyBox, point: Point) -> bool:
         point: where.
 
     """
-    core = grey.machine(point.variant, point.theta)
-    return all(_core.has_sensitivities(core, r.sampled) for r in grey.records)
+    return _told_at(grey.machine(point.variant, point.theta), grey.records)
+
+
+def _told_at(core: Any, records: Sequence[Predictable]) -> bool:
+    return all(_core.has_sensitivities(core, r.sampled) for r in records)
 
 
 def changes(
@@ -44,7 +47,7 @@ def changes(
     others: Sequence[tuple[Variant, Array]],
     gains: Sequence[Any],
     *,
-    at_size: bool = False,
+    most_apart: float = 1.0,
 ) -> list[Array | None]:
     """How the residuals at a point change, to first order, with other machines in its place.
 
@@ -53,7 +56,8 @@ def changes(
         point: where.
         others: (variant, its unknowns) of each.
         gains: held.
-        at_size: each stands for itself, and not for a small change towards it.
+        most_apart: share of the changes of modes that may come more than a sample apart in one:
+            beyond, it is no small change.
 
     Returns:
         Of each, flat; None where the first order can't tell, or no machine is made. A change
@@ -62,7 +66,7 @@ def changes(
 
     """
     core, offsets = grey.machine(point.variant, point.theta), grey.constants(point.theta)
-    if not has_sensitivities(grey, point):
+    if not _told_at(core, grey.records):
         return [None] * len(others)
     neighbours: list[tuple[int, tuple[Any, Mapping[str, float]]]] = []
     for k, (variant, theta) in enumerate(others):
@@ -75,7 +79,9 @@ def changes(
 
     def one(job: tuple[Any, Predictable, Any]) -> list[Array | None]:
         part, record, own = job
-        return sensitivities(core, offsets, record, own, [x for _, x in part], at_size=at_size)
+        return sensitivities(
+            core, offsets, record, own, [x for _, x in part], most_apart=most_apart
+        )
 
     grey.counter.add(len(grey.records) * len(neighbours))
     told: dict[int, list[Array | None]] = {}

@@ -68,7 +68,7 @@ def sensitivities(
     gains: Any,
     neighbours: Sequence[tuple[Any, Mapping[str, float]]],
     *,
-    at_size: bool = False,
+    most_apart: float = 1.0,
 ) -> list[Array | None]:
     """How whitened innovations change, to first order, where others take a machine's place.
 
@@ -78,7 +78,7 @@ def sensitivities(
         record: what was measured.
         gains: of `GreyBox.gains`.
         neighbours: (machine, offsets) of each.
-        at_size: each stands for itself, and not for a small change towards it.
+        most_apart: share of the changes of modes that may come more than a sample apart.
 
     Returns:
         Of each, shape (n, channels); None where the first order can't tell.
@@ -94,7 +94,7 @@ def sensitivities(
     there, initial, adds = begun(core, offsets)
     found: list[Array | None] = _core.sensitivities(
         there, record.sampled, gains, [begun(*x) for x in neighbours],
-        initial=initial, offsets=adds, given=GIVEN, at_size=at_size,
+        initial=initial, offsets=adds, given=GIVEN, most_apart=most_apart,
     )  # fmt: skip
     return found
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from dualdrive.diagnose.hypotheses import is_strength, probes
 from dualdrive.diagnose.screening.variants import brings_states, periods, spots
+from dualdrive.estimation.thresholds import threshold
 from dualdrive.estimation.unknowns import Unknown
 from dualdrive.innovations import (
     GreyBox,
@@ -39,7 +40,6 @@ _ROOT = math.sqrt(2.0)
 _SMALLEST = 0.1  # of its usual size: a strength that the score has smaller begins there
 #: times its usual size: where flanks part elsewhere with a law, no other size tells of one
 _SIZES = (2.0, 4.0, 8.0)
-_TELLS = (0.5, 2.0)  # times its own size: of what else such a probe says nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +113,7 @@ def scores(
 
     within = _WITHIN * min(x.sampled.step for x in grey.records)
     sensitive = has_sensitivities(grey, base)
+    apart_at_most = 1.0 if faint else threshold("apart")
     jobs: list[_Job] = []
     for k, v in enumerate(variants):
         if brings_states(v.effects[-1][0]):
@@ -130,7 +131,7 @@ def scores(
     while begin < len(jobs) and not grey.counter.stop():
         batch = jobs[begin : begin + _BATCH]
         begin += len(batch)
-        told = changes(grey, base, [(j[1], j[2]) for j in batch], gains, at_size=not faint)
+        told = changes(grey, base, [(j[1], j[2]) for j in batch], gains, most_apart=apart_at_most)
         rest = [k for k, change in enumerate(told) if change is None]
         points = grey.points([batch[k][1] for k in rest], [batch[k][2] for k in rest], gains)
         for k, p in zip(rest, points, strict=True):
@@ -257,9 +258,9 @@ def _best_of(
     sizes = [
         max(-float(change @ rest) / s, 0.0) for (_, change), s in zip(found, squares, strict=True)
     ]
-    low, high = _TELLS
+    high = threshold("own size")
     sizes = [
-        0.0 if probe.larger and not low <= x <= high else x
+        0.0 if probe.larger and not 1.0 / high <= x <= high else x
         for (probe, _), x in zip(found, sizes, strict=True)
     ]
     k = int(np.argmax([x**2 * s for x, s in zip(sizes, squares, strict=True)]))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from dualdrive.diagnose.screening import Scored
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import Effort, Fitted
+from dualdrive.diagnose.selection.other_wheel import begins_beside
 from dualdrive.diagnose.selection.parts import is_joint, is_part, part_score
 from dualdrive.diagnose.selection.refits import confused, refining, refitted, with_rivals
 from dualdrive.diagnose.selection.residual_analysis import suffices, white
@@ -210,7 +211,7 @@ class Contest:
                 columns = columns or slopes(
                     self.grey, settled.point, range(self.grey.shared), settled.gains
                 )
-                begins = [theta, carried(settled.point, point.variant, theta)]
+                begins = begins_beside(self.estimator.core, settled.point, point.variant, theta)
                 far = settled.point.minus_two_log + threshold("beyond") * settled.inflation
                 there = self.estimator.under(
                     self.grey, point.variant, begins, settled.noise, columns, rival=far
