@@ -87,8 +87,8 @@ THRESHOLDS = {
     "apart": Threshold(
         0.1,
         "of the changes of modes, that may come more than a sample before or after with a law for "
-        "a first order to score it. By hand, on two records: laws whose scores were off had 0.12 to "
-        "0.9, most others 0.07 and less",
+        "a first order to score it. By hand, on two records: laws whose scores were off had 0.12 "
+        "to 0.9, most others 0.07 and less",
     ),
     "own size": Threshold(
         2.0,
