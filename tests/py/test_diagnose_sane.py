@@ -68,6 +68,7 @@ def test_every_limit_may_be_left_out() -> None:
         theta = grey.start(variant)
         assert np.isfinite(theta).all(), variant.label
         grown = grey.machine(variant, theta)
+        assert grown.states(), variant.label
         for path in (p.path for p in variant.extra):
             assert math.isfinite(grown.get(path)), path
 

@@ -69,7 +69,7 @@ class SampledRecord {
     const Inputs& inputs() const { return inputs_; }
     const exact::Generator& generator() const { return *generator_; }
     const std::vector<double>& times() const { return times_; }
-    double step() const { return step_; }    // median distance of the times
+    double step() const { return step_; }    // distance of the times, by least squares
     double begin() const { return begin_; }  // of the whole record: from there on sampled loops tick
     const std::vector<Channel>& channels() const { return channels_; }
     const double* measured(std::size_t sample) const { return measured_.data() + sample * channels_.size(); }

@@ -17,7 +17,8 @@ namespace {
 
 constexpr int most_passes = 8;  // over the modes, until they stand
 constexpr int most_terms = 80;
-constexpr int at_once = 16;  // rows that the kernels take together
+constexpr double least_term = 1e-13;  // of a series over a little time
+constexpr int at_once = 16;           // rows that the kernels take together
 
 std::vector<int> signals_of(const Layout& layout, const SampledRecord& record) {
     std::vector<int> signals;
@@ -75,6 +76,8 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
         if (layout_.switches[e].kind == SwitchKind::flank) contacts_.push_back(static_cast<int>(e));
     for (std::size_t e = 0; e < layout_.switches.size(); ++e)
         if (layout_.switches[e].kind == SwitchKind::stick) sticks_.push_back(static_cast<int>(e));
+    for (std::size_t e = 0; e < layout_.switches.size(); ++e)
+        if (layout_.switches[e].kind == SwitchKind::limiter) limiters_.push_back(static_cast<int>(e));
     for (const auto& memory : layout_.memories)
         relaxing_.push_back(layout_.group_of[static_cast<std::size_t>(memory.body)]);
     const auto n = static_cast<std::size_t>(exact::padded(n_));
@@ -85,6 +88,7 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
     pushing_.assign(machine.bodies().size(), 0.0);
     falling_.assign(most_terms + 1, 0.0);
     felt_.assign(static_cast<std::size_t>(exact::padded(static_cast<int>(driven_.size() + watching_.size()))), 0.0);
+    rest_.assign(felt_.size(), 0.0);
     const auto guards = static_cast<std::size_t>(exact::padded(static_cast<int>(guard_count())));
     for (auto* g : {&g0_, &g1_}) g->assign(guards, 1.0);
     shown_.assign(static_cast<std::size_t>(2 * exact::padded(outputs_)), 0.0);
@@ -99,7 +103,8 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
         own->channels.push_back(static_cast<int>(j));
     }
     const int looked_at = affine_ ? static_cast<int>(guard_count()) : 0;
-    out_.assign(static_cast<std::size_t>((n_ + outputs_ + looked_at + at_once - 1) / at_once * at_once), 0.0);
+    step_rows_ = (n_ + outputs_ + looked_at + at_once - 1) / at_once * at_once;
+    out_.assign(static_cast<std::size_t>(step_rows_), 0.0);
     trial_.assign(std::max(out_.size(), felt_.size()), 0.0);
     y_[static_cast<std::size_t>(reader_.one())] = 1.0;
     modes_.assign(layout_.switches.size(), 0);
@@ -232,15 +237,76 @@ bool Flow::advance(double t, double length) {
     }
     const Step* const step = step_of(*now_, length);
     if (!step) {
+        if (!memory_)
+            if (const Step* const near = near_step(*now_, length)) return nearly(t, length, *near);
         rest_of_ = along_ = nullptr;
         return through_switches(t, length);
     }
     if (!affine_) return integrate(t, *step);
-    exact::kernels().multiply(static_cast<int>(out_.size()), n_, step->flow.data(), n_, y_.data(), 1, out_.data());
+    exact::kernels().multiply(static_cast<int>(step->flow.size()) / n_, n_, step->flow.data(), n_, y_.data(), 1,
+                              out_.data());
     if (any_negative(out_.data() + n_ + outputs_, guard_count())) return through_switches(t, length);
     std::copy_n(out_.data(), n_, y_.data());
     at_end_ = true;
     return std::isfinite(y_[0]);
+}
+
+// ẏ = A y + n by its series, over so little that few terms serve.
+void Flow::go_a_little(double length) {
+    const auto rows = static_cast<std::size_t>(exact::padded(n_)), n = static_cast<std::size_t>(n_);
+    little_.assign(2 * rows, 0.0);
+    double *term = little_.data(), *next = term + rows;
+    std::copy_n(y_.data(), n, term);
+    const double reach = now_->bound * std::abs(length);
+    double size = 1.0;
+    for (int k = 1; k < most_terms && (size > least_term || k < 3); ++k) {
+        exact::kernels().multiply(static_cast<int>(rows), n_, now_->packed.data(), n_, term, 1, next);
+        for (std::size_t j = 0; k == 1 && j < driven_.size(); ++j)
+            next[static_cast<std::size_t>(driven_[j])] += y_[n + j];
+        for (std::size_t j = 0; j < n; ++j) next[j] *= length / k;
+        for (std::size_t j = 0; j < n; ++j) y_[j] += next[j];
+        std::swap(term, next);
+        size *= reach / k;
+    }
+}
+
+// A length with no propagator of its own: what is left of it first, then a step that has one.
+bool Flow::nearly(double t, double length, const Step& step) {
+    departed_ = y_;
+    const double left = length - step.length;
+    if (affine_) {
+        go_a_little(left);
+        exact::kernels().multiply(step_rows_, n_, step.flow.data(), n_, y_.data(), 1, out_.data());
+        if (any_negative(out_.data() + n_ + outputs_, guard_count())) {
+            y_ = departed_;
+            return through_switches(t, length);
+        }
+        std::copy_n(out_.data(), n_, y_.data());
+        at_end_ = true;
+        return std::isfinite(y_[0]);
+    }
+    const std::size_t d = driven_.size();
+    double *const n = y_.data() + n_, *const change = n + d;
+    if (rest_of_ != now_) {
+        feel(t, y_.data());
+        std::copy_n(felt_.data(), d, n);
+        rest_of_ = now_;
+    }
+    go_a_little(left);
+    for (std::size_t k = 0; along_ == now_ && k < d; ++k) n[k] += change[k] * left / along_length_;
+    Flown flown = Flown::done;
+    if (step.length > 0.0) {
+        flown = fly(t + left, step, {});
+    } else {
+        guards_near(y_.data(), g1_.data());
+        if (any_negative(g1_.data(), guard_count())) flown = Flown::fallen;
+    }
+    if (flown == Flown::done) return std::isfinite(y_[0]);
+    y_ = departed_;
+    along_ = nullptr;
+    if (flown == Flown::bent) return halves(t, length);
+    rest_of_ = nullptr;
+    return through_switches(t, length);
 }
 
 void Flow::enter(std::size_t sample) {
@@ -251,9 +317,13 @@ void Flow::enter(std::size_t sample) {
 bool Flow::flow(std::size_t sample) {
     const double begin = record_.times()[sample], end = record_.times()[sample + 1];
     enter(sample);
-    double t = begin;
     at_end_ = false;
     changes_.clear();
+    double t = begin;
+    if (leap(sample)) {
+        if (!std::isfinite(y_[0])) return false;
+        tick_if_due(sample, t = end);
+    }
     while (t < end - instant(end)) {
         if (memory_) {
             feel(t, y_.data());
@@ -267,18 +337,7 @@ bool Flow::flow(std::size_t sample) {
             if (!advance(t, length)) return false;
             t = length == left ? stop : t + length;
         }
-        if (!layout_.clocks.empty() && next_tick(t) <= t + instant(t)) {
-            arriving_ = y_;
-            ticked_at_ = t;
-            if (t >= end - instant(end) && sample + 2 < record_.times().size()) {
-                // a corner of the command lies at a sample: loops that tick there read the way on
-                cell_ = {end, record_.times()[sample + 2]};
-                std::copy_n(record_.generator_states(sample + 1), record_.generator().size(), y_.data() + states());
-            }
-            tick(t);
-            at_end_ = false;
-            if (scope_ == Scope::whole) rest_of_ = nullptr;
-        }
+        tick_if_due(sample, t);
     }
     return true;
 }

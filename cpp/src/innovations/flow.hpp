@@ -20,15 +20,34 @@ namespace dualdrive::innovations {
 struct Step {
     double length = 0.0;  // s
     int asked = 0;        // how often, until it is worked out
+    double bent = 1.0;    // of what a step of laws may bend: no less exact in one step than from tick to tick
     // [e^{A h}; C e^{A h}; G e^{A h}], column-major, padded rows; empty until then. Where a law is not affine
     // [e^{A h}, h φ₁, h φ₂, h φ₃; C times that], of φ the columns of driven rows
-    std::vector<double> flow;
+    std::vector<double> flow = {};
 };
 
 // A contact that rings faster than a step is long: its guard g, ġ and g̈ along the tangent, and its angular frequency.
 struct Ring {
     std::vector<double> rows;  // of g, ġ, g̈, one after the other
     double frequency = 0.0;    // rad/s
+};
+
+// A sample with the ticks of sampled loops in it, as one step: the lifted system of a sampled-data loop (Chen, Francis, Optimal
+// Sampled-Data Control Systems, 1995, ch. 8).
+struct Lifted {
+    // What must not fall on the way, a row each: a guard before a tick, a limit at one.
+    struct Check {
+        int felt;     // which of the guards that feel laws; −1: none
+        double when;  // within the step, of its length
+    };
+    // When the first ones come, of a sample, and how many before its end.
+    struct Due {
+        double tick = 1.0, output = 1.0;
+        long ticks = 0, outputs = 0;
+    };
+    Step step;  // to its end, before the ticks there; checks below
+    std::vector<Check> checks;
+    std::vector<Due> due;  // per clock
 };
 
 // One set of modes, prepared. y = (states, generator of the inputs, 1, torques of unknown course).
@@ -42,8 +61,15 @@ struct Frozen {
     std::vector<Ring> rings;                  // of its contacts
     Step whole;                               // a substep
     std::vector<Step> parts;                  // most_lengths at most
+    std::map<int, Step> grid;                 // by whole parts of a substep: see Flow::near_step
     unsigned contacts = 0;                    // bit c: connection c carries
-    Modes pattern;                            // what its tangent depends on: see Flow::pattern_of
+    Modes modes;
+    Modes pattern;  // what its tangent depends on: see Flow::pattern_of
+    // Per clock, its tick where no limit is met, and by how much none is (exact::Reader::tick); packed. Empty until worth it.
+    std::vector<Eigen::MatrixXd> ticks;
+    std::vector<std::vector<double>> ticking;
+    int ticked = 0;
+    std::vector<Lifted> lifted;  // by phase
 };
 
 // Whether any guard has fallen.
@@ -102,21 +128,50 @@ class Flow final {
     // Samples after which the ticks of sampled loops repeat; 1 where none tick, or too many would be.
     std::size_t phases() const { return phases_; }
     std::size_t phase(std::size_t sample) const;
-    // e^{A h} from one sample to the next, the ticks of sampled loops in it.
-    Eigen::MatrixXd over_a_sample(const Frozen& frozen, std::size_t phase);
-    // Whether a tangent over a sample has all that the flow does: nothing is late, and no loop ticks.
-    bool told_by_tangents() const { return layout_.delays.empty() && delays_.empty() && layout_.clocks.empty(); }
+    // Ticks that belong at a sample, and come after it where the record's times are off: of the first sample of two, and of the
+    // second.
+    struct Waiting {
+        bool before = false, after = false;
+    };
+    // e^{A h} from one sample to the next, the ticks of sampled loops in it, those at its end among them unless they wait.
+    Eigen::MatrixXd over_a_sample(Frozen& frozen, std::size_t phase, Waiting waiting);
+    Eigen::MatrixXd over_a_sample(Frozen& frozen, std::size_t phase) { return over_a_sample(frozen, phase, Waiting{}); }
+    // What constant rates of the states become of it.
+    Eigen::MatrixXd pushed_over_a_sample(Frozen& frozen, std::size_t phase, Waiting waiting);
+    bool waits(std::size_t sample) const;
+    // A tick of sampled loops on the way from a sample to the next one, or a clock's outputs that waited: see `jump`.
+    struct Event {
+        double time;
+        std::size_t event;
+    };
+    std::vector<Event> events_after(std::size_t sample) const;
+    bool ticks() const { return !layout_.clocks.empty(); }
+    // What such an event makes of rows of y, where no limit is met.
+    template <class Rows>
+    void jump(const Frozen& frozen, std::size_t event, Rows& rows) const;
+    // The ticks of all clocks in its modes, where no limit is met.
+    void know_ticks(Frozen& frozen);
+    // Whether tangents over samples have all that the flow does: nothing is late, and ticks repeat soon.
+    bool told_by_tangents() const { return layout_.delays.empty() && delays_.empty() && !spread_; }
     // Of y.
     int width() const { return n_; }
     // The tangent in these modes, where all laws are affine.
     Frozen tangent_in(const Modes& modes);
     // Speeds that friction holds at 0 in these modes.
     std::vector<std::size_t> held(const Modes& modes) const;
-    // When modes changed on the way from the last sample, s, which guard had fallen, and into which.
+    // What a tick does otherwise where it meets limits: states that it leaves as they were, and that it sets to a limit.
+    struct Limited {
+        std::vector<int> kept = {};
+        std::vector<std::pair<int, double>> set = {};
+    };
+    // When modes changed on the way from the last sample, s, which guard had fallen (−1: a tick had), and into which; or when the
+    // tick of a clock met limits.
     struct Change {
         double time;
         int guard;
         Modes modes;
+        int limited_clock = -1;
+        Limited limited = {};
     };
     const std::vector<Change>& changes() const { return changes_; }
     // Rates of the states at a sample where another flow is, in its modes; of driven ones at least. The layouts are alike.
@@ -130,6 +185,7 @@ class Flow final {
     Frozen prepare(const exact::Laws<double>& laws, const Modes& modes) const;
     // The propagator over a length of time, null while that length has not come often enough to be worth one.
     const Step* step_of(Frozen& frozen, double length) const;
+    const Step* near_step(Frozen& frozen, double length) const;
     void work_out(Step& step, const Frozen& frozen) const;
     Frozen& frozen();
     Frozen prepared();  // in the present modes, about the present state
@@ -154,10 +210,16 @@ class Flow final {
     void feel(double t, const double* y);
     void feel_correction(double t, const double* before);
     void guards_near(const double* y, double* g) const;
+    enum class Flown { done, bent, fallen };
+    Flown fly(double t, const Step& step, const std::vector<Lifted::Check>& checks);
     bool integrate(double t, const Step& step);
+    bool leap(std::size_t sample);
+    void go_a_little(double length);
+    bool nearly(double t, double length, const Step& step);
+    bool halves(double t, double length);
     void begin_step(double t, double length);
     void bend(const Step& step);
-    bool bends_too_much() const;
+    bool bends_too_much(double share) const;
     std::size_t resting(int element) const;  // the speed that a friction holds
     void straight(double t, double piece, bool known);
     bool through_switches(double t, double length, bool felt = false);
@@ -173,9 +235,16 @@ class Flow final {
     void wind_clocks(double t);
     std::size_t common_period() const;
     std::vector<std::pair<double, std::size_t>> events(std::size_t phase) const;
-    Eigen::MatrixXd spread_over_a_sample(const Frozen& frozen) const;
-    std::vector<Eigen::MatrixXd> jumps();
+    Eigen::MatrixXd spread_over_a_sample(Frozen& frozen);
+    bool ticks_are_affine() const { return affine_ || scope_ == Scope::plant; }
+    std::vector<std::pair<double, std::size_t>> events(std::size_t phase, Waiting waiting) const;
+    void note_limits(double t, std::size_t clock);
+    Lifted lift(Frozen& frozen, std::size_t phase);
+    const Lifted* lifted(Frozen& frozen, std::size_t phase);
+    bool comes_as(const Lifted& own, double begin, double end) const;
+    bool tick_by_map(std::size_t clock);
     void tick(double t);
+    void tick_if_due(std::size_t sample, double t);
     double next_tick(double t) const;
     void settle(std::size_t sample);
     void stop_or_slide(double t, int element);
@@ -203,9 +272,9 @@ class Flow final {
     const std::vector<int> feeling_;   // states that they feel
     const std::vector<int> bodies_;
     const int n_;  // of y
-    int outputs_, substeps_, order_ = 0;
-    double h_;                            // substep
-    std::vector<int> contacts_, sticks_;  // elements: flanks; bodies with dry friction
+    int outputs_, substeps_, order_ = 0, step_rows_ = 0;
+    double h_;                                       // substep
+    std::vector<int> contacts_, sticks_, limiters_;  // elements: flanks; bodies with dry friction; limits
     Modes modes_;
     std::map<std::pair<Modes, std::vector<int>>, std::unique_ptr<Frozen>> known_;  // by modes and octaves
     std::vector<int> relaxing_;  // groups on which a law's memory relaxes
@@ -225,18 +294,28 @@ class Flow final {
     std::vector<Output> shows_;
     std::vector<double> falling_;  // a guard's share in each term of a series
     std::vector<double> out_, terms_, trial_, n0_, n1_, slope_, bend_, shift_, g0_, g1_, shown_, earlier_;
-    std::vector<double> arriving_;
+    std::vector<double> arriving_, rest_, ticked_, departed_,
+        little_;  // y before ticks at a sample; guards' felt at a step's beginning
     std::vector<Change> changes_;
     double ticked_at_ = -1.0;  // s
     Cell cell_;
     std::vector<long> ticks_, put_out_;
-    std::vector<Eigen::MatrixXd>
-        jumps_;  // of every clock its waiting outputs, then of each its tick; empty until asked for
     std::size_t phases_ = 1;
     bool spread_ = false;  // ticks do not repeat soon: their gains are those of ticks spread over time
     std::unique_ptr<DelayMemory> memory_;
     long switches_ = 0;
     bool at_end_ = false;  // out_ holds outputs of the present state: no tick came after the last step
 };
+
+template <class Rows>
+void Flow::jump(const Frozen& frozen, std::size_t event, Rows& rows) const {
+    if (event >= layout_.clocks.size()) {
+        rows.topRows(states()) = (frozen.ticks[event - layout_.clocks.size()].topRows(states()) * rows).eval();
+        return;
+    }
+    for (const BlockPlace& place : layout_.blocks)
+        if (place.loop == layout_.clocks[event].loop && place.pending >= 0)
+            rows.row(place.held) = rows.row(place.pending);
+}
 
 }  // namespace dualdrive::innovations

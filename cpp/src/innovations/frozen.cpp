@@ -10,6 +10,8 @@ namespace dualdrive::innovations {
 namespace {
 
 constexpr std::size_t most_lengths = 8;  // of time with propagators of their own, per set of modes
+constexpr int parts_of_a_step = 256;     // lengths with propagators are apart by one, where times are off by a little
+constexpr std::size_t most_near = 64;    // of these
 constexpr int worth = 12;                // times that a length is flown by a series before it gets one
 constexpr double at_rest = 1e-5;         // rad/s: slower, nothing relaxes with the speed
 constexpr int most_octaves = 40;
@@ -47,6 +49,7 @@ Frozen Flow::prepare(const exact::Laws<double>& laws, const Modes& modes) const 
     f.outputs = widened(laws.outputs, laws.outputs.rows());
     f.guards = widened(laws.guards, laws.guards.rows());
     push(f.A, f.guards, modes);
+    f.modes = modes;
     f.bound = spectral_bound(f.A);
     f.packed = packed_rows(f.A);
     f.watched = packed_rows(f.guards);
@@ -63,14 +66,14 @@ Frozen Flow::prepare(const exact::Laws<double>& laws, const Modes& modes) const 
 
 const Step* Flow::step_of(Frozen& frozen, double length) const {
     if (std::abs(length - h_) <= alike * h_) {
-        if (frozen.whole.flow.empty()) work_out(frozen.whole = Step{h_, 0, {}}, frozen);
+        if (frozen.whole.flow.empty()) work_out(frozen.whole = Step{.length = h_}, frozen);
         return &frozen.whole;
     }
     const auto same = [&](const Step& s) { return std::abs(s.length - length) <= alike * h_; };
     auto own = std::find_if(frozen.parts.begin(), frozen.parts.end(), same);
     if (own == frozen.parts.end()) {
         if (frozen.parts.size() >= most_lengths) return nullptr;
-        own = frozen.parts.insert(own, Step{length, 0, {}});
+        own = frozen.parts.insert(own, Step{.length = length});
     }
     if (own->flow.empty()) {
         if (++own->asked < worth) return nullptr;
@@ -79,9 +82,23 @@ const Step* Flow::step_of(Frozen& frozen, double length) const {
     return &*own;
 }
 
+// Of the nearest whole number of parts of a substep: records whose times are off by a little have a length of their own from
+// every sample to the next.
+const Step* Flow::near_step(Frozen& frozen, double length) const {
+    const int count = static_cast<int>(std::lround(length / h_ * parts_of_a_step));
+    const auto own = frozen.grid.find(count);
+    if (own == frozen.grid.end() && frozen.grid.size() >= most_near) return nullptr;
+    Step& step = own == frozen.grid.end() ? frozen.grid[count] : own->second;
+    if (step.flow.empty()) {
+        if (++step.asked < worth) return nullptr;
+        work_out(step = Step{.length = h_ * count / parts_of_a_step}, frozen);
+    }
+    return &step;
+}
+
 void Flow::work_out(Step& step, const Frozen& frozen) const {
     const auto seen = [&](const Eigen::MatrixXd& flow) {
-        Eigen::MatrixXd all = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(out_.size()), flow.cols());
+        Eigen::MatrixXd all = Eigen::MatrixXd::Zero(step_rows_, flow.cols());
         all.topRows(n_) = flow;
         all.middleRows(n_, outputs_) = product(frozen.outputs, flow);
         if (affine_) all.middleRows(n_ + outputs_, frozen.guards.rows()) = product(frozen.guards, flow);

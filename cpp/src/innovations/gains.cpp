@@ -116,7 +116,7 @@ void write_memories(const NoiseModel& noise, Eigen::Index first, MatrixXd& F) {
 StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel& noise, const Modes& pattern,
                        double speed)
     : states_(flow.states()), step_(record.step()) {
-    const Frozen frozen = flow.tangent(pattern, speed);
+    Frozen frozen = flow.tangent(pattern, speed);
     const auto torques = Eigen::Index{flow.torque_count()}, n = states_ + torques,
                m = static_cast<Eigen::Index>(record.channels().size());
     const Eigen::Index before = noise.of_order_two() ? m : 0, drifts = noise.drifts() ? m : 0;

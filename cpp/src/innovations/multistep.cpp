@@ -142,11 +142,11 @@ void Flow::guards_near(const double* y, double* g) const {
 }
 
 // What a step leaves out is less than what its parabola adds to the straight line.
-bool Flow::bends_too_much() const {
+bool Flow::bends_too_much(double share) const {
     bool any = false;
     for (int j = 0; j < outputs_; ++j) {
         const auto k = static_cast<std::size_t>(j);
-        any |= std::abs(trial_[static_cast<std::size_t>(n_) + k]) > shows_[k].tolerance;
+        any |= std::abs(trial_[static_cast<std::size_t>(n_) + k]) > share * shows_[k].tolerance;
     }
     return any;
 }
@@ -177,32 +177,59 @@ void Flow::bend(const Step& step) {
         bend_[k] = tilted * missed;
         bend_[d + k] = curved * missed;
     }
-    const auto rows = static_cast<int>(out_.size()), columns = static_cast<int>(2 * d);
-    const double* const phi2 = step.flow.data() + out_.size() * (static_cast<std::size_t>(n_) + d);
+    const auto columns = static_cast<int>(2 * d);
+    const auto rows = static_cast<int>(step.flow.size() / (static_cast<std::size_t>(n_) + 3 * d));
+    const double* const phi2 = step.flow.data() + static_cast<std::size_t>(rows) * (static_cast<std::size_t>(n_) + d);
     exact::kernels().multiply(rows, columns, phi2, columns, bend_.data(), 1, trial_.data());
 }
 
-bool Flow::integrate(double t, const Step& step) {
+// A step of laws. checks: of the rows below its outputs; of a guard that feels laws, these change along a straight line.
+Flow::Flown Flow::fly(double t, const Step& step, const std::vector<Lifted::Check>& checks) {
     const std::size_t d = driven_.size();
-    const auto rows = static_cast<int>(out_.size()), columns = n_ + static_cast<int>(2 * d);
-    const double length = step.length, half = 0.5 * length;
-    begin_step(t, length);
+    const auto rows = static_cast<int>(step.flow.size() / (static_cast<std::size_t>(n_) + 3 * d)),
+               columns = n_ + static_cast<int>(2 * d);
+    begin_step(t, step.length);
+    std::copy(felt_.begin() + static_cast<std::ptrdiff_t>(d), felt_.end(), rest_.begin());
     exact::kernels().multiply(rows, columns, step.flow.data(), columns, y_.data(), 1, out_.data());
-    feel(t + length, out_.data());
+    feel(t + step.length, out_.data());
     bend(step);
-    if (length > shortest * h_ && bends_too_much()) return advance(t, half) && advance(t + half, half);
-    for (std::size_t k = 0; k < out_.size(); ++k) out_[k] += trial_[k];
+    if (step.length > shortest * h_ && bends_too_much(step.bent)) return Flown::bent;
+    for (std::size_t k = 0; k < static_cast<std::size_t>(rows); ++k) out_[k] += trial_[k];
     guards_near(out_.data(), g1_.data());
-    if (any_negative(g1_.data(), guard_count())) {
-        rest_of_ = along_ = nullptr;
-        return through_switches(t, length, true);
+    bool fallen = any_negative(g1_.data(), guard_count());
+    const double* left = out_.data() + n_ + outputs_;
+    for (const Lifted::Check& check : checks) {
+        double g = *left++;
+        if (const auto k = static_cast<std::size_t>(check.felt); check.felt >= 0)
+            g += (1.0 - check.when) * rest_[k] + check.when * felt_[d + k];
+        fallen |= g < 0.0;
     }
+    if (fallen) return Flown::fallen;
     double *const n = y_.data() + n_, *const change = n + d;
     for (std::size_t k = 0; k < d; ++k) change[k] = felt_[k] - n[k];
     std::copy_n(felt_.data(), d, n);
     along_ = now_;
     std::copy_n(out_.data(), n_, y_.data());
     at_end_ = true;
+    return Flown::done;
+}
+
+bool Flow::halves(double t, double length) {
+    const double half = 0.5 * length;
+    return advance(t, half) && advance(t + half, half);
+}
+
+bool Flow::integrate(double t, const Step& step) {
+    const double length = step.length;
+    switch (fly(t, step, {})) {
+        case Flown::bent:
+            return halves(t, length);
+        case Flown::fallen:
+            rest_of_ = along_ = nullptr;
+            return through_switches(t, length, true);
+        case Flown::done:
+            break;
+    }
     if (memory_) memory_->arrive(t + length, model_);
     return std::isfinite(y_[0]);
 }

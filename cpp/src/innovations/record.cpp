@@ -8,6 +8,31 @@
 
 namespace dualdrive {
 
+namespace {
+
+// Of times that are about even, by least squares: each may be off by a little, and some may be missing.
+double even_step(const std::vector<double>& times, std::vector<double> steps) {
+    const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+    std::nth_element(steps.begin(), middle, steps.end());
+    const double median = *middle;
+    std::vector<double> count{0.0};
+    for (std::size_t k = 1; k < times.size(); ++k)
+        count.push_back(count.back() + std::max(1.0, std::round((times[k] - times[k - 1]) / median)));
+    const auto n = static_cast<double>(times.size());
+    double along = 0.0, across = 0.0, mean_count = 0.0, mean_time = 0.0;
+    for (std::size_t k = 0; k < times.size(); ++k) {
+        mean_count += count[k] / n;
+        mean_time += (times[k] - times[0]) / n;
+    }
+    for (std::size_t k = 0; k < times.size(); ++k) {
+        along += (count[k] - mean_count) * (count[k] - mean_count);
+        across += (count[k] - mean_count) * (times[k] - times[0] - mean_time);
+    }
+    return across / along;
+}
+
+}  // namespace
+
 SampledRecord::SampledRecord(Inputs inputs, std::vector<double> times, std::vector<Channel> channels,
                              std::vector<double> measured)
     : inputs_(std::move(inputs)),
@@ -26,8 +51,7 @@ SampledRecord::SampledRecord(Inputs inputs, std::vector<double> times, std::vect
         if (!(steps.back() > 0))
             throw std::invalid_argument("record: time does not increase at sample " + std::to_string(k));
     }
-    std::nth_element(steps.begin(), steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2), steps.end());
-    step_ = steps[steps.size() / 2];
+    step_ = even_step(times_, std::move(steps));
     // to nine digits: how far the times are from zero is in the last ones
     const double digit = std::pow(10.0, std::floor(std::log10(step_)) - 8.0);
     step_ = std::round(step_ / digit) * digit;

@@ -1,6 +1,8 @@
 // Sensitivities where modes change within a sample, or are too rare to have propagators: the way is gone piece by piece, by the
 // series of ẏ = A y and δẋ = A δx + (A' − A)(y + δx), with a saltation at every change.
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "../solvers/exact/kernels.hpp"
 #include "sensitivity.hpp"
@@ -15,20 +17,65 @@ namespace {
 constexpr int most_terms = 60;          // of a series
 constexpr double longest_series = 8.0;  // times the spectral radius
 constexpr double least_term = 1e-9;     // of a series, of what it begins with
+constexpr double alike = 1e-6;          // times, in samples
 
 }  // namespace
 
 // The way to this sample in pieces, each with the tangent of its modes.
-void Sensitivities::divide(std::size_t sample, const std::vector<Flow::Change>& changes) {
+void Sensitivities::divide(std::size_t sample) {
     Moment& now = waiting_[count_ - 1];
+    const double at_once = alike * record_.step();
     double begin = record_.times()[sample - 1];
-    now.pieces.push_back({now.leaving, -1, 0.0});
-    for (const Flow::Change& change : changes) {
-        now.pieces.back().length = change.time - begin;
-        begin = change.time;
-        now.pieces.push_back({&tangent(change.modes), change.guard, 0.0});
+    now.pieces.push_back({now.leaving});
+    const auto next = [&](double time, Piece piece) {
+        now.pieces.back().length = std::max(0.0, time - begin);
+        begin = time;
+        now.pieces.push_back(piece);
+    };
+    auto change = now.changes.begin();
+    const auto up_to = [&](double time) {
+        for (; change != now.changes.end() && change->time < time - at_once; ++change)
+            if (change->limited_clock < 0)
+                next(change->time, {.tangent = &tangent(change->modes), .guard = change->guard});
+    };
+    const auto clocks = static_cast<int>(now.leaving->ticking.size());
+    if (clocks > 0)
+        for (const auto& [time, event] : flow_->events_after(now.sample)) {
+            up_to(time);
+            Piece ticked{.tangent = now.pieces.back().tangent, .event = static_cast<int>(event)};
+            for (const Flow::Change& own : now.changes)
+                if (own.limited_clock >= 0 && own.limited_clock + clocks == ticked.event &&
+                    std::abs(own.time - time) < at_once)
+                    ticked.limited = &own.limited;
+            next(time, ticked);
+        }
+    up_to(std::numeric_limits<double>::infinity());
+    now.pieces.back().length = std::max(0.0, record_.times()[sample] - begin);
+}
+
+// What a tick makes of y and of all columns: of what it sets to a limit nothing is left, and what it keeps stays.
+void Sensitivities::tick(const Tangent& tangent, const Piece& piece) {
+    const std::size_t all = columns_.size(), rows = static_cast<std::size_t>(exact::padded(n_));
+    Eigen::Map<MatrixXd> way(way_.data(), static_cast<Eigen::Index>(rows), static_cast<Eigen::Index>(all + 1));
+    const VectorXd y = way.col(static_cast<Eigen::Index>(all)).head(n_);
+    const MatrixXd before = way.topRows(n_);
+    auto present = way.topRows(n_);
+    const auto event = static_cast<std::size_t>(piece.event);
+    flow_->jump(tangent.known, event, present);
+    const std::size_t clocks = tangent.ticking.size();
+    for (std::size_t c = 0; event >= clocks && c < all - laws_; ++c)
+        for (const Entry& e : tangent.ticking[event - clocks][c]) {
+            const auto column = static_cast<Eigen::Index>(c);
+            way(static_cast<Eigen::Index>(e.row), column) +=
+                e.value *
+                (y(static_cast<Eigen::Index>(e.column)) + before(static_cast<Eigen::Index>(e.column), column));
+        }
+    if (!piece.limited) return;
+    for (const int k : piece.limited->kept) way.row(k) = before.row(k);
+    for (const auto& [k, limit] : piece.limited->set) {
+        way.row(k).setZero();
+        way(k, static_cast<Eigen::Index>(all)) = limit;
     }
-    now.pieces.back().length = record_.times()[sample] - begin;
 }
 
 // By the tangent of the sample's beginning alone, flanks that part and meet had been a sample late, and slopes by their gap half
@@ -47,6 +94,7 @@ void Sensitivities::through_changes(const Moment& now, std::size_t at) {
     std::copy_n(y_.data() + at * static_cast<std::size_t>(n_), n_, y);
     for (const Piece& piece : now.pieces) {
         if (piece.guard >= 0) change(*(&piece - 1)->tangent, piece, now.sample);
+        if (piece.event >= 0) tick(*piece.tangent, piece);
         const double end =
             static_cast<double>(&piece == &now.pieces.back()) - static_cast<double>(&piece == &now.pieces.front());
         const int parts = 1 + static_cast<int>(piece.tangent->bound * piece.length / longest_series);

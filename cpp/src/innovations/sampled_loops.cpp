@@ -5,6 +5,7 @@
 
 #include "../simulation/instant.hpp"
 #include "../simulation/mode_rules.hpp"
+#include "../solvers/exact/kernels.hpp"
 #include "dense.hpp"
 #include "flow.hpp"
 
@@ -15,6 +16,7 @@ namespace {
 constexpr int most_parts = 64;           // of a sample, between ticks
 constexpr std::size_t most_phases = 40;  // samples after which the ticks repeat
 constexpr double alike = 1e-6;           // times, in samples
+constexpr int worth = 12;                // ticks in a set of modes until its own are worked out
 
 }  // namespace
 
@@ -44,70 +46,98 @@ double Flow::next_tick(double t) const {
     return std::max(next, t);
 }
 
+// The ticks of all clocks in these modes, where no limit is met.
+void Flow::know_ticks(Frozen& frozen) {
+    if (!frozen.ticks.empty()) return;
+    const std::vector<double> rest(static_cast<std::size_t>(states()), 0.0);
+    for (const Clock& k : layout_.clocks) {
+        const Eigen::MatrixXd own = reader_.tick(frozen.modes, k, 0.0, rest.data());
+        frozen.ticks.push_back(widened(own, own.rows()));
+        frozen.ticking.push_back(packed_rows(frozen.ticks.back()));
+    }
+}
+
+// Whether a tick was as the present modes' own is: no limit was met.
+bool Flow::tick_by_map(std::size_t clock) {
+    if (!now_ || !ticks_are_affine() || (now_->ticks.empty() && ++now_->ticked < worth)) return false;
+    know_ticks(*now_);
+    const auto rows = static_cast<std::size_t>(now_->ticks[clock].rows());
+    ticked_.resize(static_cast<std::size_t>(exact::padded(static_cast<int>(rows))));
+    exact::kernels().multiply(static_cast<int>(ticked_.size()), n_, now_->ticking[clock].data(), n_, y_.data(), 1,
+                              ticked_.data());
+    if (any_negative(ticked_.data() + states(), rows - static_cast<std::size_t>(states()))) return false;
+    std::copy_n(ticked_.data(), states(), y_.data());
+    return true;
+}
+
 void Flow::tick(double t) {
     const double begin = record_.begin(), now_or_past = t + instant(t);
-    std::vector<double> next(static_cast<std::size_t>(states()));
-    const auto jump = [&](const auto& apply) {
-        evaluate(t, y_.data());
-        std::copy_n(y_.data(), states(), next.data());
-        apply();
-        std::copy_n(next.data(), states(), y_.data());
-    };
     bool any = false;
     for (std::size_t c = 0; c < layout_.clocks.size(); ++c) {
         const Clock& k = layout_.clocks[c];
         if (k.latency > 0 && put_out_[c] < ticks_[c] &&
             begin + static_cast<double>(put_out_[c]) * k.period + k.latency <= now_or_past) {
-            jump([&] { model_.put_out(k, y_.data(), next.data()); });
+            model_.put_out(k, y_.data(), y_.data());
             ++put_out_[c];
             any = true;
         }
     }
     for (std::size_t c = 0; c < layout_.clocks.size(); ++c) {
         const Clock& k = layout_.clocks[c];
-        if (begin + static_cast<double>(ticks_[c]) * k.period <= now_or_past) {
-            jump([&] { model_.tick(k, next.data()); });
-            ++ticks_[c];
-            any = true;
+        if (!(begin + static_cast<double>(ticks_[c]) * k.period <= now_or_past)) continue;
+        if (!tick_by_map(c)) {
+            evaluate(t, y_.data());
+            ticked_.assign(y_.begin(), y_.begin() + states());
+            model_.tick(k, ticked_.data());
+            note_limits(t, c);
+            std::copy_n(ticked_.data(), states(), y_.data());
         }
+        ++ticks_[c];
+        any = true;
     }
-    if (any && now_) {
+    if (!any || !now_ || limiters_.empty()) return;
+    if (ticks_are_affine())
+        exact::kernels().multiply(static_cast<int>(g0_.size()), n_, now_->watched.data(), n_, y_.data(), 1, g0_.data());
+    else
         all_guards(t, y_.data(), g0_.data());
-        for (std::size_t k = 0; k < guard_count(); ++k)
-            if (g0_[k] < 0 && layout_.switches[k / guards_per_switch].kind == SwitchKind::limiter) {
-                evaluate(t, y_.data());
-                const auto e = k / guards_per_switch;
-                modes_[e] = standing_mode(layout_, model_, y_.data(), static_cast<int>(e), modes_[e]);
-                now_ = &frozen();
-            }
+    for (const int element : limiters_) {
+        const auto e = static_cast<std::size_t>(element);
+        if (!any_negative(g0_.data() + e * guards_per_switch, guards_per_switch)) continue;
+        evaluate(t, y_.data());
+        modes_[e] = standing_mode(layout_, model_, y_.data(), element, modes_[e]);
+        now_ = &frozen();
+        changes_.push_back({t, -1, modes_});
     }
 }
 
-// What a clock's outputs that wait, and then its tick, make of the state: linear, for their limits are left out.
-std::vector<Eigen::MatrixXd> Flow::jumps() {
-    std::vector<Eigen::MatrixXd> found;
-    const std::vector<double> rest(static_cast<std::size_t>(n_), 0.0);
-    const double t = record_.begin();
-    std::vector<double> z(rest), next(rest);
-    const auto column = [&](Eigen::Index k, const auto& apply) -> Eigen::VectorXd {
-        z = rest;
-        if (k >= 0) z[static_cast<std::size_t>(k)] = 1.0;
-        evaluate(t, z.data());
-        next = z;
-        apply();
-        return Eigen::Map<const Eigen::VectorXd>(next.data(), states());
-    };
-    const auto matrix = [&](const auto& apply) {
-        const Eigen::VectorXd still = column(-1, apply);
-        Eigen::MatrixXd J(states(), states());
-        for (Eigen::Index k = 0; k < states(); ++k) J.col(k) = column(k, apply) - still;
-        return J;
-    };
-    for (const Clock& k : layout_.clocks)
-        found.push_back(k.latency > 0 ? matrix([&] { model_.put_out(k, z.data(), next.data()); })
-                                      : Eigen::MatrixXd::Identity(states(), states()));
-    for (const Clock& k : layout_.clocks) found.push_back(matrix([&] { model_.tick(k, next.data(), false); }));
-    return found;
+// Of a tick that was just done by the model.
+void Flow::note_limits(double t, std::size_t clock) {
+    Change change{t, -1, modes_, static_cast<int>(clock)};
+    for (std::size_t b = 0; b < layout_.blocks.size(); ++b) {
+        const BlockPlace& place = layout_.blocks[b];
+        if (place.loop != layout_.clocks[clock].loop) continue;
+        const Block<double>& block = model_.block(static_cast<int>(b));
+        if (std::abs(block.raw) <= block.limit) continue;
+        const int row = place.pending >= 0 ? place.pending : place.held;
+        change.limited.set.emplace_back(row, ticked_[static_cast<std::size_t>(row)]);
+        if (place.integrator >= 0 && block.raw * block.integrand > 0.0) change.limited.kept.push_back(place.integrator);
+    }
+    if (!change.limited.set.empty()) changes_.push_back(std::move(change));
+}
+
+void Flow::tick_if_due(std::size_t sample, double t) {
+    if (layout_.clocks.empty() || next_tick(t) > t + instant(t)) return;
+    const double end = record_.times()[sample + 1];
+    arriving_ = y_;
+    ticked_at_ = t;
+    if (t >= end - instant(end) && sample + 2 < record_.times().size()) {
+        // a corner of the command lies at a sample: loops that tick there read the way on
+        cell_ = {end, record_.times()[sample + 2]};
+        std::copy_n(record_.generator_states(sample + 1), record_.generator().size(), y_.data() + states());
+    }
+    tick(t);
+    at_end_ = false;
+    if (scope_ == Scope::whole) rest_of_ = nullptr;
 }
 
 // Samples after which all clocks repeat; 0 where that takes too many.
@@ -156,43 +186,100 @@ std::vector<std::pair<double, std::size_t>> Flow::events(std::size_t phase) cons
     return found;
 }
 
-Eigen::MatrixXd Flow::over_a_sample(const Frozen& frozen, std::size_t phase) {
+// The same where some of them wait.
+std::vector<std::pair<double, std::size_t>> Flow::events(std::size_t phase, Waiting waiting) const {
+    std::vector<std::pair<double, std::size_t>> found;
+    const auto at_end = [](const auto& e) { return e.first > 1.0 - alike; };
+    if (waiting.before)
+        for (const auto& e : events((phase + phases_ - 1) % phases_))
+            if (at_end(e)) found.emplace_back(0.0, e.second);
+    for (const auto& e : events(phase))
+        if (!at_end(e) || !waiting.after) found.push_back(e);
+    return found;
+}
+
+bool Flow::waits(std::size_t sample) const {
+    const double t = record_.times()[sample], index = std::round((t - record_.begin()) / record_.step());
+    for (std::size_t c = 0; c < layout_.clocks.size(); ++c)
+        if (static_cast<double>(ticks_[c]) * layout_.clocks[c].period <= (index + alike) * record_.step()) return true;
+    return false;
+}
+
+std::vector<Flow::Event> Flow::events_after(std::size_t sample) const {
+    const double begin = record_.times()[sample] - record_.begin(), end = record_.times()[sample + 1] - record_.begin();
+    const double now = begin + instant(record_.times()[sample]), then = end + instant(record_.times()[sample + 1]);
+    std::vector<Event> found;
+    for (std::size_t c = 0; c < layout_.clocks.size(); ++c) {
+        const Clock& k = layout_.clocks[c];
+        const auto add = [&](double late, std::size_t event) {
+            for (double j = std::max(0.0, std::floor((now - late) / k.period) + 1.0); j * k.period + late <= then;
+                 j += 1.0)
+                found.push_back({record_.begin() + j * k.period + late, event});
+        };
+        if (k.latency > 0) add(k.latency, c);
+        add(0.0, layout_.clocks.size() + c);
+    }
+    std::stable_sort(found.begin(), found.end(), [](const Event& a, const Event& b) {
+        return std::abs(a.time - b.time) > instant(a.time) ? a.time < b.time : a.event < b.event;
+    });
+    return found;
+}
+
+Eigen::MatrixXd Flow::over_a_sample(Frozen& frozen, std::size_t phase, Waiting waiting) {
     const double step = record_.step();
     if (layout_.clocks.empty()) return exponential(frozen.A, step);
-    if (jumps_.empty()) jumps_ = jumps();
+    know_ticks(frozen);
     if (spread_) return spread_over_a_sample(frozen);
-    const Eigen::MatrixXd whole = exponential(frozen.A, step);
-    Eigen::MatrixXd flow = Eigen::MatrixXd::Identity(n_, n_);
-    double at = 0.0;
+    Eigen::MatrixXd flow = Eigen::MatrixXd::Identity(n_, n_), part;
+    double at = 0.0, length = 0.0;
     const auto go_on = [&](double till) {
-        if (till - at > 1.0 - alike)
-            flow = product(whole, flow);
-        else if (till - at > alike)
-            flow = product(exponential(frozen.A, (till - at) * step), flow);
+        if (!(till - at > alike)) return;
+        if (std::abs(till - at - length) > alike) part = exponential(frozen.A, (length = till - at) * step);
+        flow = product(part, flow);
         at = till;
     };
-    for (const auto& [when, jump] : events(phase)) {
-        if (when - at > alike) go_on(when);
-        flow.topRows(states()) = product(jumps_[jump], flow.topRows(states()));
+    for (const auto& [when, event] : events(phase, waiting)) {
+        go_on(when);
+        jump(frozen, event, flow);
     }
     go_on(1.0);
     return flow;
 }
 
+Eigen::MatrixXd Flow::pushed_over_a_sample(Frozen& frozen, std::size_t phase, Waiting waiting) {
+    know_ticks(frozen);
+    Eigen::MatrixXd pushed = Eigen::MatrixXd::Zero(n_, states());
+    double at = 0.0, length = 0.0;
+    Exponentials part;
+    const auto go_on = [&](double till) {
+        if (!(till - at > alike)) return;
+        if (std::abs(till - at - length) > alike) part = exponentials(frozen.A, (length = till - at) * record_.step());
+        pushed = product(part.flow, pushed) + part.phi1.leftCols(states());
+        at = till;
+    };
+    for (const auto& [when, event] : events(phase, waiting)) {
+        go_on(when);
+        jump(frozen, event, pushed);
+    }
+    go_on(1.0);
+    return pushed;
+}
+
 // Loops whose ticks do not repeat soon are spread over the samples from one tick to the next: the gains are those of a
 // machine that does not change in time. The state itself flows with the ticks where they are.
-Eigen::MatrixXd Flow::spread_over_a_sample(const Frozen& frozen) const {
+Eigen::MatrixXd Flow::spread_over_a_sample(Frozen& frozen) {
     const double step = record_.step();
     double shortest = step;
     for (const Clock& k : layout_.clocks) shortest = std::min(shortest, k.period);
     const int parts = static_cast<int>(std::min(std::round(step / shortest), double(most_parts)));
     const double length = step / parts;
+    const auto clocks = layout_.clocks.size();
     Eigen::MatrixXd part = exponential(frozen.A, length);
-    for (std::size_t k = 0; k < jumps_.size(); ++k) {
-        const double share = std::min(1.0, length / layout_.clocks[k % layout_.clocks.size()].period);
-        Eigen::MatrixXd jump = share * jumps_[k];
-        jump.diagonal().array() += 1.0 - share;
-        part.topRows(states()) = product(jump, part.topRows(states()));
+    for (std::size_t k = 0; k < 2 * clocks; ++k) {
+        const double share = std::min(1.0, length / layout_.clocks[k % clocks].period);
+        Eigen::MatrixXd jumped = part;
+        jump(frozen, k, jumped);
+        part += share * (jumped - part);
     }
     Eigen::MatrixXd whole = part;
     for (int k = 1; k < parts; ++k) whole = product(part, whole);

@@ -72,7 +72,8 @@ Sensitivities::Sensitivities(const Machine& machine, const SampledRecord& record
         Column own_column{p, std::make_unique<Flow>(other, record, 1, bodies), readings_of(other, record),
                           neighbours[p].offsets};
         const Flow& flow = *own_column.flow;
-        if (late(own_column.readings) || !flow.told_by_tangents() || flow.elements() != flow_->elements() ||
+        if (late(own_column.readings) || !flow.told_by_tangents() ||
+            (flow.ticks() && !flow.affine() && flow.scope() == Scope::whole) || flow.elements() != flow_->elements() ||
             flow.layout().state_names != flow_->layout().state_names)
             continue;
         own_column.offsets.resize(channels_, 0.0);
@@ -123,7 +124,10 @@ Sensitivities::Tangent& Sensitivities::tangent(const Modes& modes) {
     const auto [at, added] = tangents_.try_emplace(modes);
     Tangent& own = at->second;
     if (!added) return own;
-    const Frozen frozen = flow_->tangent_in(modes);
+    own.known = flow_->tangent_in(modes);
+    const Frozen& frozen = own.known;
+    if (flow_->ticks()) flow_->know_ticks(own.known);
+    own.ticking.resize(own.known.ticks.size());
     own.modes = modes;
     own.shown = frozen.outputs.leftCols(states_);
     own.held = flow_->held(modes);
@@ -132,32 +136,36 @@ Sensitivities::Tangent& Sensitivities::tangent(const Modes& modes) {
     own.rates = frozen.packed;
     own.bound = frozen.bound;
     for (std::size_t c = 0; c < columns_.size(); ++c) {
-        const Frozen theirs = columns_[c].flow->tangent_in(modes);
+        Frozen theirs = columns_[c].flow->tangent_in(modes);
         own.showing.emplace_back(theirs.outputs - frozen.outputs);
         if (c >= columns_.size() - laws_) continue;
         own.differs.push_back(differing(frozen.A, theirs.A));
         own.guarding.emplace_back(theirs.guards - frozen.guards);
+        if (!flow_->ticks()) continue;
+        columns_[c].flow->know_ticks(theirs);
+        for (std::size_t k = 0; k < own.ticking.size(); ++k)
+            own.ticking[k].push_back(differing(frozen.ticks[k].topRows(states_), theirs.ticks[k].topRows(states_)));
     }
     return own;
 }
 
-// Whether a pattern has its propagators: once it has come often enough to be worth them.
-bool Sensitivities::prepared(Tangent& own) {
-    if (own.flow.size() > 0) return true;
-    own.asked += 20.0 + 3.0 * own.bound * record_.step();  // terms
-    if (own.asked < worth) return false;
-    const Frozen frozen = flow_->tangent_in(modes_);
-    const MatrixXd whole = machine_rows(flow_->over_a_sample(frozen, 0), frozen.outputs);
-    own.flow = memories_;
-    own.flow.leftCols(states_) += whole.leftCols(states_);
-    own.flow.middleCols(states_, torques_) += whole.middleCols(flow_->first_torque(), torques_);
+// Over a sample in a pattern, null until it has come often enough to be worth it.
+const Sensitivities::Propagator* Sensitivities::propagator(Tangent& own, std::size_t phase, Flow::Waiting waiting) {
+    Propagator& over = own.propagators[(phase * 2 + waiting.before) * 2 + waiting.after];
+    if (over.flow.size() > 0) return &over;
+    over.asked += 20.0 + 3.0 * own.bound * record_.step();  // terms
+    if (over.asked < worth) return nullptr;
+    const MatrixXd whole = machine_rows(flow_->over_a_sample(own.known, phase, waiting), own.outputs);
+    over.flow = memories_;
+    over.flow.leftCols(states_) += whole.leftCols(states_);
+    over.flow.middleCols(states_, torques_) += whole.middleCols(flow_->first_torque(), torques_);
     for (std::size_t c = 0; c < columns_.size() - laws_; ++c) {
         Flow& other = *columns_[c].flow;
-        const Frozen theirs = other.tangent_in(modes_);
-        own.apart.emplace_back(machine_rows(other.over_a_sample(theirs, 0), theirs.outputs) - whole);
+        Frozen theirs = other.tangent_in(own.modes);
+        over.apart.emplace_back(machine_rows(other.over_a_sample(theirs, phase, waiting), theirs.outputs) - whole);
     }
-    if (laws_) own.pushed = machine_rows(exponentials(frozen.A, record_.step()).phi1, frozen.outputs).leftCols(states_);
-    return true;
+    if (laws_) over.pushed = machine_rows(flow_->pushed_over_a_sample(own.known, phase, waiting), own.outputs);
+    return &over;
 }
 
 // Of a replay's modes; a look at the last ones first.
@@ -209,6 +217,7 @@ void Sensitivities::correct(std::size_t sample, const double* outputs, const Kal
     now.sample = sample;
     now.counts = counts;
     now.leaving = nullptr;
+    now.over = nullptr;
     now.pieces.clear();
     std::copy_n(outputs, channels_, now.outputs.begin());
     now.gain.assign(gain.stacked.data(), gain.stacked.data() + gain.stacked.size());
@@ -217,12 +226,17 @@ void Sensitivities::correct(std::size_t sample, const double* outputs, const Kal
 void Sensitivities::depart(Flow& flow) {
     Moment& now = waiting_[count_ - 1];
     now.leaving = now_ = &present(flow);
+    waiting_before_ = flow.waits(now.sample);
     std::copy_n(flow.y(), n_, y_.data() + (count_ - 1) * static_cast<std::size_t>(n_));
     std::swap(felt_, before_);
 }
 
 void Sensitivities::arrive(std::size_t sample, const Flow& flow) {
-    if (!flow.changes().empty() || !prepared(*now_)) divide(sample, flow.changes());
+    Moment& left = waiting_[count_ - 1];
+    if (flow.changes().empty())
+        left.over = propagator(*now_, flow.phase(left.sample), {waiting_before_, flow.waits(sample)});
+    left.changes = flow.changes();
+    if (!left.over) divide(sample);
     if (!laws_) return;
     feel(sample, flow);
     const std::size_t first = columns_.size() - laws_, at = count_ - 1, states = static_cast<std::size_t>(states_);
@@ -246,19 +260,18 @@ void Sensitivities::otherwise() {
     const auto rows = static_cast<std::size_t>(rows_);
     std::vector<double> pushed(rows * many);
     for (std::size_t i = 0; i < count_;) {
-        const Tangent* const leaving = waiting_[i].leaving;
+        const Propagator* const over = waiting_[i].over;
         std::size_t end = i + 1;
-        const bool whole = leaving && waiting_[i].pieces.empty();
-        while (whole && end < count_ && waiting_[end].leaving == leaving && waiting_[end].pieces.empty()) ++end;
+        while (over && end < count_ && waiting_[end].over == over) ++end;
         const auto together = static_cast<int>(end - i);
-        for (std::size_t c = 0; whole && c < columns_.size(); ++c) {
+        for (std::size_t c = 0; over && c < columns_.size(); ++c) {
             double* const to = differing_.data() + (c * many + i) * rows;
             if (c < affine) {
-                exact::kernels().product(rows_, n_, leaving->apart[c].data(), n_,
+                exact::kernels().product(rows_, n_, over->apart[c].data(), n_,
                                          y_.data() + i * static_cast<std::size_t>(n_), together, to);
                 continue;
             }
-            exact::kernels().product(rows_, states_, leaving->pushed.data(), states_,
+            exact::kernels().product(rows_, states_, over->pushed.data(), states_,
                                      rates_.data() + ((c - affine) * many + i) * static_cast<std::size_t>(states_),
                                      together, pushed.data());
             for (std::size_t k = 0; k < rows * static_cast<std::size_t>(together); ++k)
@@ -307,8 +320,8 @@ void Sensitivities::flush() {
         if (!now.leaving) continue;
         for (std::size_t c = 0; c < columns_.size(); ++c)
             for (const std::size_t k : now.leaving->held) column(x_, c)[k] = 0.0;
-        const bool whole = now.pieces.empty();
-        exact::kernels().product(rows_, size_, (whole ? now.leaving->flow : memories_).data(), rows_, x_.data(), all,
+        const bool whole = now.over;
+        exact::kernels().product(rows_, size_, (whole ? now.over->flow : memories_).data(), rows_, x_.data(), all,
                                  next_.data());
         for (std::size_t c = 0; whole && c < columns_.size(); ++c) {
             const double* const w = differing_.data() + (c * many + i) * rows;

@@ -53,27 +53,34 @@ class Sensitivities {
         std::size_t row, column;
         double value;
     };
-    // One pattern of modes. Of neighbours whose laws are affine, by how much theirs differ.
-    struct Tangent {
-        Modes modes;
-        Eigen::MatrixXd shown;                    // C of the machine's states
-        std::vector<Eigen::MatrixXd> showing;     // by how much the neighbours' C of all that y has differ
-        std::vector<std::size_t> held;            // speeds that friction holds at 0
-        Eigen::MatrixXd outputs, guards;          // of all that y has
-        std::vector<Eigen::MatrixXd> guarding;    // by how much
-        std::vector<double> rates;                // A, padded rows
-        double bound = 0.0;                       // on its spectral radius, 1/s
-        std::vector<std::vector<Entry>> differs;  // by how much
-        // propagators over a sample, [F; C F], and what constant rates of the states become; empty until they are worth it
-        double asked = 0.0;  // terms of series that they would have spared
+    // Over a sample, [F; C F], and what constant rates of the states become; empty until they are worth it.
+    struct Propagator {
+        double asked = 0.0;  // terms of series that it would have spared
         Eigen::MatrixXd flow, pushed;
         std::vector<Eigen::MatrixXd> apart;  // by how much
     };
-    // Of a sample on which modes change: what holds, since which guard fell (−1: since its beginning), for how long, s.
+    // One pattern of modes. Of neighbours whose laws are affine, by how much theirs differ.
+    struct Tangent {
+        Modes modes;
+        Eigen::MatrixXd shown;                                 // C of the machine's states
+        std::vector<Eigen::MatrixXd> showing;                  // by how much the neighbours' C of all that y has differ
+        std::vector<std::size_t> held;                         // speeds that friction holds at 0
+        Eigen::MatrixXd outputs, guards;                       // of all that y has
+        std::vector<Eigen::MatrixXd> guarding;                 // by how much
+        std::vector<double> rates;                             // A, padded rows
+        double bound = 0.0;                                    // on its spectral radius, 1/s
+        std::vector<std::vector<Entry>> differs;               // by how much
+        Frozen known;                                          // its ticks
+        std::vector<std::vector<std::vector<Entry>>> ticking;  // per clock and neighbour, by how much
+        std::map<std::size_t, Propagator> propagators;         // by phase of the ticks, and which of them wait
+    };
+    // Of a sample on which modes change or a tick meets a limit: what holds, since which guard fell or which tick was, for how
+    // long, s.
     struct Piece {
         const Tangent* tangent;
-        int guard;
-        double length;
+        int guard = -1, event = -1;
+        double length = 0.0;
+        const Flow::Limited* limited = nullptr;  // of the tick; null: it meets no limit
     };
     struct Column {
         std::size_t neighbour;
@@ -85,8 +92,10 @@ class Sensitivities {
     struct Moment {
         std::size_t sample;
         bool counts;
-        const Tangent* leaving;     // null: a stretch ends
-        std::vector<Piece> pieces;  // on the way to the next one; empty: a propagator leads there
+        const Tangent* leaving;             // null: a stretch ends
+        const Propagator* over;             // null: it goes in pieces
+        std::vector<Flow::Change> changes;  // of modes, on the way to the next one
+        std::vector<Piece> pieces;          // on the way to the next one; empty: a propagator leads there
         std::vector<double> outputs, gain;
     };
     static constexpr std::size_t many = 16;
@@ -98,9 +107,10 @@ class Sensitivities {
     static std::vector<Entry> differing(const Eigen::MatrixXd& of, const Eigen::MatrixXd& theirs);
     Tangent& tangent(const Modes& modes);
     Tangent& present(const Flow& flow);
-    bool prepared(Tangent& own);
+    const Propagator* propagator(Tangent& own, std::size_t phase, Flow::Waiting waiting);
     void feel(std::size_t sample, const Flow& flow);
-    void divide(std::size_t sample, const std::vector<Flow::Change>& changes);
+    void divide(std::size_t sample);
+    void tick(const Tangent& tangent, const Piece& piece);
     void otherwise();
     void innovate(const Moment& now);
     void through_changes(const Moment& now, std::size_t at);
@@ -123,6 +133,7 @@ class Sensitivities {
     std::map<Modes, Tangent> tangents_;
     Tangent* now_ = nullptr;  // of these modes
     Modes modes_;
+    bool waiting_before_ = false;  // ticks that belong at the sample that is left
     std::array<Moment, many> waiting_;
     std::size_t count_ = 0, seen_ = 0;  // of them; since the beginning
     const SensitivityOptions how_;

@@ -100,7 +100,8 @@ void Reader<R>::columns(const Modes& modes, const Store& store) {
         d.value = value;
         return d;
     };
-    std::vector<D> z;
+    std::vector<D>& z = point_;
+    z.clear();
     for (const R& value : about_) z.push_back(at(value));
     for (std::size_t first = 0; first < n; first += directions) {
         const std::size_t last = std::min<std::size_t>(first + directions, n);
@@ -155,6 +156,31 @@ Energies<R> Reader<R>::energies(const Modes& modes) {
         form += half + half.transpose();
     }
     return energies;
+}
+
+template <class R>
+Matrix<R> Reader<R>::tick(const Modes& modes, const Clock& clock, double t, const double* z) {
+    std::vector<int> own;
+    for (std::size_t b = 0; b < layout_.blocks.size(); ++b)
+        if (layout_.blocks[b].loop == clock.loop) own.push_back(static_cast<int>(b));
+    const auto rows = static_cast<Eigen::Index>(states());
+    Matrix<R> found = Matrix<R>::Zero(rows + 2 * static_cast<Eigen::Index>(own.size()), size());
+    about_.assign(z, z + states());
+    when_ = R(t);
+    columns(modes, [&](Eigen::Index column, const auto& pick) {
+        std::vector<D> next = point_;
+        model_.tick(clock, next.data(), false);
+        for (Eigen::Index row = 0; row < rows; ++row) found(row, column) += pick(next[static_cast<std::size_t>(row)]);
+        Eigen::Index row = rows;
+        for (const int b : own) {
+            const Block<D>& block = model_.block(b);
+            found(row++, column) += pick(block.limit - block.raw);
+            found(row++, column) += pick(block.limit + block.raw);
+        }
+    });
+    about_.assign(about_.size(), R(0));
+    when_ = R(0);
+    return found;
 }
 
 template <class R>

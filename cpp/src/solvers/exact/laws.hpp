@@ -59,6 +59,9 @@ class Reader {
     Matrix<R> slopes(const Modes& modes, double t, const Cell& cell, const double* z, const std::vector<int>& along,
                      Scope scope);
     Energies<R> energies(const Modes& modes);
+    // What a clock's tick makes of the states in these modes where no limit is met, as affine in y; below, by how much each of its
+    // blocks then stays within its upper limit and its lower one. Of a machine that is not affine about z at time t.
+    Matrix<R> tick(const Modes& modes, const Clock& clock, double t, const double* z);
 
     // ∂(laws)/∂p for each list of parameter slots that move together.
     std::vector<Laws<R>> derivatives(const Modes& modes, const std::vector<std::vector<std::size_t>>& parameters);
@@ -95,8 +98,8 @@ class Reader {
     std::vector<Inputs> value_, rate_;  // one input of them 1·t, or with the rate 1·t, all others zero
     std::vector<Inputs> one_value_, one_rate_;
     Model<D> model_;
-    std::vector<D> found_, block_rates_;
-    std::vector<R> about_;  // the state that tangents touch at
+    std::vector<D> found_, block_rates_, point_;  // what the model gave; of blocks; where it was asked
+    std::vector<R> about_;                        // the state that tangents touch at
     R when_{0};
     Scope scope_ = Scope::whole;
 };

@@ -114,8 +114,11 @@ class Library:
             grown, free = own.put_in(base.grown, self.sizes, parts)
             losses = [u for e, p in own.effects for u in _losses(grown, e, p)]
             extra = [*own.unknowns(grown, free, self.sizes), *losses]
+            grown.states()
         except ValueError:
-            return None  # the machine has no such part, or nothing of it was recorded
+            # the machine has no such part, nothing of it was recorded, or a number is missing that
+            # its law is measured by
+            return None
         looks = base.looks * (100.0 if order is not None else 1.0)
         for e, p in own.effects:
             looks *= max(1, len(spots(grown, f"{e}@{p}", extra)))
