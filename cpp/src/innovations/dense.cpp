@@ -106,14 +106,18 @@ MatrixXd cholesky_factor(const MatrixXd& A) {
 
 double spectral_bound(const MatrixXd& A) {
     MatrixXd B = A.cwiseAbs();
-    for (int sweep = 0; sweep < 6; ++sweep)  // balanced by powers of two
+    bool scaled = true;
+    for (int sweep = 0; sweep < 6 && scaled; ++sweep) {  // balanced by powers of two
+        scaled = false;
         for (Eigen::Index i = 0; i < B.rows(); ++i) {
             const double row = B.row(i).sum() - B(i, i), column = B.col(i).sum() - B(i, i);
-            if (!(row > 0 && column > 0)) continue;
+            if (!(row > 0 && column > 0) || (row < 2 * column && column < 2 * row)) continue;
             const double f = std::exp2(std::round(std::log2(row / column) / 2));
             B.row(i) /= f;
             B.col(i) *= f;
+            scaled = true;
         }
+    }
     double bound = 0.0;  // max √(row sum · column sum), A. Ostrowski (1951)
     for (Eigen::Index i = 0; i < B.rows(); ++i) bound = std::max(bound, std::sqrt(B.row(i).sum() * B.col(i).sum()));
     return bound;

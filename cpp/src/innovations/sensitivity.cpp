@@ -88,10 +88,14 @@ Sensitivities::Sensitivities(const Machine& machine, const SampledRecord& record
     torques_ = flow_->torque_count();
     size_ = states_ + torques_ + m * (1 + gains.noise.of_order_two() + gains.noise.drifts());
     rows_ = (size_ + m + at_once - 1) / at_once * at_once;
-    memories_ = memories();
+    shown_ = (states_ + m + at_once - 1) / at_once * at_once;
+    MatrixXd kept = MatrixXd::Zero(size_, size_);
+    write_memories(gains.noise, states_, kept);
+    memories_ = differing(MatrixXd::Zero(size_, size_), kept);
     const auto rows = static_cast<std::size_t>(rows_), all = columns_.size();
     y_.assign(static_cast<std::size_t>(n_) * many, 0.0);
-    differing_.assign(rows * many * all, 0.0);
+    differing_.assign(static_cast<std::size_t>(shown_) * many * all, 0.0);
+    brought_.assign(static_cast<std::size_t>(shown_) * all, 0.0);
     for (auto* v : {&x_, &next_}) v->assign(rows * all, 0.0);
     for (auto* v : {&felt_, &before_}) v->assign(static_cast<std::size_t>(states_) * laws_, 0.0);
     for (auto* v : {&rates_, &more_}) v->assign(felt_.size() * many, 0.0);
@@ -102,22 +106,18 @@ Sensitivities::Sensitivities(const Machine& machine, const SampledRecord& record
     for (const Column& c : columns_) found_[c.neighbour].assign(record.times().size() * channels_, 0.0);
 }
 
-// Rows of a column that a propagator of y brings about: states, torques of unknown course, outputs.
+// What a propagator of y brings about of the machine's own: states and outputs.
 MatrixXd Sensitivities::machine_rows(const MatrixXd& flow, const MatrixXd& outputs) const {
-    MatrixXd all = MatrixXd::Zero(rows_, flow.cols());
+    MatrixXd all = MatrixXd::Zero(shown_, flow.cols());
     all.topRows(states_) = flow.topRows(states_);
-    all.middleRows(size_, outputs.rows()) = product(outputs, flow);
+    all.middleRows(states_, outputs.rows()) = product(outputs, flow);
     return all;
 }
 
-// What is the filter's own in [F; C F]: the memories of torques and of sensors' noise, and what these add to outputs.
-MatrixXd Sensitivities::memories() const {
-    const auto m = static_cast<Eigen::Index>(channels_);
-    MatrixXd F = MatrixXd::Zero(rows_, size_);
-    write_memories(gains_.noise, states_, F);
-    F.middleRows(size_, m) = F.middleRows(states_ + torques_, m);
-    if (gains_.noise.drifts()) F.middleRows(size_, m) += F.middleRows(size_ - m, m);
-    return F;
+// Torques of unknown course and sensors' noise over a sample.
+void Sensitivities::remember(const double* x, double* next) const {
+    std::fill(next + states_, next + size_, 0.0);
+    for (const Entry& e : memories_) next[e.row] += e.value * x[e.column];
 }
 
 Sensitivities::Tangent& Sensitivities::tangent(const Modes& modes) {
@@ -156,9 +156,8 @@ const Sensitivities::Propagator* Sensitivities::propagator(Tangent& own, std::si
     over.asked += 20.0 + 3.0 * own.bound * record_.step();  // terms
     if (over.asked < worth) return nullptr;
     const MatrixXd whole = machine_rows(flow_->over_a_sample(own.known, phase, waiting), own.outputs);
-    over.flow = memories_;
-    over.flow.leftCols(states_) += whole.leftCols(states_);
-    over.flow.middleCols(states_, torques_) += whole.middleCols(flow_->first_torque(), torques_);
+    over.flow.resize(shown_, states_ + torques_);
+    over.flow << whole.leftCols(states_), whole.middleCols(flow_->first_torque(), torques_);
     for (std::size_t c = 0; c < columns_.size() - laws_; ++c) {
         Flow& other = *columns_[c].flow;
         Frozen theirs = other.tangent_in(own.modes);
@@ -249,7 +248,7 @@ void Sensitivities::arrive(std::size_t sample, const Flow& flow) {
             more[k] = 0.5 * (now[k] - before[k]);
         }
         const MatrixXd& differ = now_->showing[first + c];
-        Eigen::Map<VectorXd>(differing_.data() + ((first + c) * many + at) * static_cast<std::size_t>(rows_) + size_,
+        Eigen::Map<VectorXd>(differing_.data() + ((first + c) * many + at) * static_cast<std::size_t>(shown_) + states_,
                              static_cast<Eigen::Index>(channels_)) = differ * Eigen::Map<const VectorXd>(flow.y(), n_);
     }
 }
@@ -257,7 +256,7 @@ void Sensitivities::arrive(std::size_t sample, const Flow& flow) {
 // w of all that waits, and C w.
 void Sensitivities::otherwise() {
     const std::size_t affine = columns_.size() - laws_;
-    const auto rows = static_cast<std::size_t>(rows_);
+    const auto rows = static_cast<std::size_t>(shown_);
     std::vector<double> pushed(rows * many);
     for (std::size_t i = 0; i < count_;) {
         const Propagator* const over = waiting_[i].over;
@@ -267,15 +266,15 @@ void Sensitivities::otherwise() {
         for (std::size_t c = 0; over && c < columns_.size(); ++c) {
             double* const to = differing_.data() + (c * many + i) * rows;
             if (c < affine) {
-                exact::kernels().product(rows_, n_, over->apart[c].data(), n_,
+                exact::kernels().product(shown_, n_, over->apart[c].data(), n_,
                                          y_.data() + i * static_cast<std::size_t>(n_), together, to);
                 continue;
             }
-            exact::kernels().product(rows_, states_, over->pushed.data(), states_,
+            exact::kernels().product(shown_, states_, over->pushed.data(), states_,
                                      rates_.data() + ((c - affine) * many + i) * static_cast<std::size_t>(states_),
                                      together, pushed.data());
             for (std::size_t k = 0; k < rows * static_cast<std::size_t>(together); ++k)
-                to[k] = pushed[k] + (k % rows < static_cast<std::size_t>(size_) ? 0.0 : to[k]);
+                to[k] = pushed[k] + (k % rows < static_cast<std::size_t>(states_) ? 0.0 : to[k]);
         }
         i = end;
     }
@@ -304,7 +303,9 @@ void Sensitivities::innovate(const Moment& now) {
 void Sensitivities::flush() {
     otherwise();
     const auto all = static_cast<int>(columns_.size()), m = static_cast<int>(channels_);
-    const auto rows = static_cast<std::size_t>(rows_);
+    const std::size_t shown = static_cast<std::size_t>(shown_), sensor = static_cast<std::size_t>(states_ + torques_),
+                      zero = static_cast<std::size_t>(size_) - channels_;
+    const bool drifts = gains_.noise.drifts();
     for (std::size_t i = 0; i < count_; ++i) {
         const Moment& now = waiting_[i];
         innovate(now);
@@ -321,12 +322,20 @@ void Sensitivities::flush() {
         for (std::size_t c = 0; c < columns_.size(); ++c)
             for (const std::size_t k : now.leaving->held) column(x_, c)[k] = 0.0;
         const bool whole = now.over;
-        exact::kernels().product(rows_, size_, (whole ? now.over->flow : memories_).data(), rows_, x_.data(), all,
-                                 next_.data());
-        for (std::size_t c = 0; whole && c < columns_.size(); ++c) {
-            const double* const w = differing_.data() + (c * many + i) * rows;
+        if (whole)
+            exact::kernels().product(shown_, states_ + torques_, now.over->flow.data(), rows_, x_.data(), all,
+                                     brought_.data());
+        for (std::size_t c = 0; c < columns_.size(); ++c) {
             double* const next = column(next_, c);
-            for (std::size_t k = 0; k < rows; ++k) next[k] += w[k];
+            remember(column(x_, c), next);
+            if (!whole) continue;
+            const double *const w = differing_.data() + (c * many + i) * shown, *const own =
+                                                                                    brought_.data() + c * shown;
+            for (int k = 0; k < states_; ++k) next[k] = own[k] + w[k];
+            for (std::size_t j = 0; j < channels_; ++j) {
+                const std::size_t row = static_cast<std::size_t>(states_) + j;
+                next[zero + channels_ + j] = own[row] + w[row] + next[sensor + j] + (drifts ? next[zero + j] : 0.0);
+            }
         }
         if (!whole) through_changes(now, i);
         std::swap(x_, next_);

@@ -53,7 +53,7 @@ class Sensitivities {
         std::size_t row, column;
         double value;
     };
-    // Over a sample, [F; C F], and what constant rates of the states become; empty until they are worth it.
+    // Over a sample, [F; C F] of states and torques of unknown course, and what constant rates of the states become; empty until they are worth it.
     struct Propagator {
         double asked = 0.0;  // terms of series that it would have spared
         Eigen::MatrixXd flow, pushed;
@@ -103,7 +103,7 @@ class Sensitivities {
         return of.data() + c * static_cast<std::size_t>(rows_);
     }
     Eigen::MatrixXd machine_rows(const Eigen::MatrixXd& flow, const Eigen::MatrixXd& outputs) const;
-    Eigen::MatrixXd memories() const;
+    void remember(const double* x, double* next) const;
     static std::vector<Entry> differing(const Eigen::MatrixXd& of, const Eigen::MatrixXd& theirs);
     Tangent& tangent(const Modes& modes);
     Tangent& present(const Flow& flow);
@@ -129,7 +129,8 @@ class Sensitivities {
     int n_ = 0;                    // of y
     // of a column: states and torques of unknown course; all that the filter has; and with outputs, padded
     int states_ = 0, torques_ = 0, size_ = 0, rows_ = 0;
-    Eigen::MatrixXd memories_;
+    int shown_ = 0;                // rows of the machine's own: states and outputs, padded
+    std::vector<Entry> memories_;  // what torques of unknown course and sensors keep of themselves
     std::map<Modes, Tangent> tangents_;
     Tangent* now_ = nullptr;  // of these modes
     Modes modes_;
@@ -139,9 +140,10 @@ class Sensitivities {
     const SensitivityOptions how_;
     std::vector<long> apart_;  // per column, changes of modes of which its own comes more than a sample before or after
     long changes_ = 0;
-    double spent_ = 0.0;             // terms of series
-    std::vector<double> y_;          // per moment, as the replay left it
-    std::vector<double> differing_;  // per column and moment: w, and C w with what sensors say otherwise
+    double spent_ = 0.0;     // terms of series
+    std::vector<double> y_;  // per moment, as the replay left it
+    std::vector<double> differing_,
+        brought_;  // per column and moment: w, and C w with what sensors say otherwise; per column, F x
     // per law, what it adds to rates: now, a sample before; per moment, amid, and by how much more at the end
     std::vector<double> felt_, before_, rates_, more_;
     std::vector<double> way_, term_, last_;     // per column, of y, padded: along pieces, the terms of a series
