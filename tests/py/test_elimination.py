@@ -101,11 +101,11 @@ def test_an_elimination_that_is_stopped_ends() -> None:
 def test_what_came_last_is_taken_out_where_it_has_not_proved_itself() -> None:
     own = grey(0.4).on(grey(0.4).records)
     search = Means(own.core, own, EFFORTS["quick"], lambda _: None)
-    estimator, noise = Estimator(own.core, own), first_noise(own.core, own.records, 0.1)
+    estimator = Estimator(own.core, own)
     pair = nothing = Variant(own.core)
     for effect in (("coulomb", "table"), ("torque_ripple", "motors")):
         pair = beside(search.library, pair, effect)
-    fits = [estimator.likeliest(own, v, own.start(v), noise) for v in (nothing, pair)]
+    fits = [estimator.from_far(own, v, own.start(v)) for v in (nothing, pair)]
     base, leader = (f for f in fits if f is not None)
     on = Forward(search, own, [base, leader])
     assert on.backward.eliminated(leader, proven=1) is leader

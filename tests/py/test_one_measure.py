@@ -158,9 +158,11 @@ def test_dry_friction_of_a_robot_axis_has_its_name() -> None:
     trace = read(path, EXAMPLES / "kuka_axis1.map.toml")
     machine = Machine.load(EXAMPLES / "kuka.toml")
     d = diagnose(machine, trace, mode="balance", experiment=False)
-    assert (d.verdict, d.candidates[0].label) == ("effect", "coulomb@table")
+    # behind rigid joints friction of the motors does the very same: rounding says which leads
+    leader = d.candidates[0].label
+    assert (d.verdict, set(d.groups[0])) == ("effect", {"coulomb@motors", "coulomb@table"})
     assert d.error["held_out_best"] < 0.25 < d.error["held_out_refitted"]
-    assert f"with coulomb@table it is {100 * d.error['best']:.3g} %" in d.paragraph
+    assert f"with {leader} it is {100 * d.error['best']:.3g} %" in d.paragraph
     guess = "table.J (1500 kg·m² in the machine file) can't be as well known as data sheets are"
     assert guess in d.paragraph
     assert not wrong_guesses(machine.core, d, d), "nothing is gained, so nothing is contradicted"

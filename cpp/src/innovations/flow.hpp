@@ -173,7 +173,8 @@ class Flow final {
         int limited_clock = -1;
         Limited limited = {};
     };
-    const std::vector<Change>& changes() const { return changes_; }
+    const std::vector<Change>& changes() const { return changes_; }  // none unless `hear_changes` was asked
+    void hear_changes() { heard_ = true; }
     // Rates of the states at a sample where another flow is, in its modes; of driven ones at least. The layouts are alike.
     const double* rates(std::size_t sample, const Flow& other, Scope scope);
     // A guard in these modes, at a state between this sample and the next.
@@ -294,8 +295,11 @@ class Flow final {
     std::vector<Output> shows_;
     std::vector<double> falling_;  // a guard's share in each term of a series
     std::vector<double> out_, terms_, trial_, n0_, n1_, slope_, bend_, shift_, g0_, g1_, shown_, earlier_;
-    std::vector<double> arriving_, rest_, ticked_, departed_,
-        little_;  // y before ticks at a sample; guards' felt at a step's beginning
+    std::vector<double> arriving_;           // y before the ticks at a sample
+    std::vector<double> rest_;               // what guards felt at the beginning of a step
+    std::vector<double> departed_, little_;  // y where a step began; terms of a short series
+    std::vector<double> ticked_;             // states after a tick, and how far limits are
+    bool heard_ = false;                     // whether changes are asked for
     std::vector<Change> changes_;
     double ticked_at_ = -1.0;  // s
     Cell cell_;

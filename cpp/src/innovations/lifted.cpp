@@ -56,8 +56,9 @@ Lifted Flow::lift(Frozen& frozen, std::size_t phase) {
     own.due.resize(layout_.clocks.size());
     std::vector<Eigen::RowVectorXd> rows;
     const auto check = [&](const Eigen::RowVectorXd& row, int felt) {
-        const bool constant = row.isZero(0) || (row.head(reader_.one()).isZero(0) && row.tail(wide - n).isZero(0));
-        if (constant && felt < 0 && row(reader_.one()) >= 0.0) return;
+        Eigen::RowVectorXd moving = row;
+        moving(reader_.one()) = 0.0;
+        if (felt < 0 && moving.isZero(0) && row(reader_.one()) >= 0.0) return;
         rows.push_back(row);
         own.checks.push_back({felt, at});
     };

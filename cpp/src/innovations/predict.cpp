@@ -46,6 +46,7 @@ class Replay {
           torques_(bodies_.size()),
           offsets_(options.offsets),
           changes_(changes) {
+        if (changes_) flow_.hear_changes();
         if (offsets_.empty()) offsets_.assign(channels_, 0.0);
         if (offsets_.size() != channels_) throw std::invalid_argument("predict: one offset per channel");
         if (options.initial.size() > record.starts().size())

@@ -89,7 +89,7 @@ void Flow::tick(double t) {
             evaluate(t, y_.data());
             ticked_.assign(y_.begin(), y_.begin() + states());
             model_.tick(k, ticked_.data());
-            note_limits(t, c);
+            if (heard_) note_limits(t, c);
             std::copy_n(ticked_.data(), states(), y_.data());
         }
         ++ticks_[c];
@@ -106,7 +106,7 @@ void Flow::tick(double t) {
         evaluate(t, y_.data());
         modes_[e] = standing_mode(layout_, model_, y_.data(), element, modes_[e]);
         now_ = &frozen();
-        changes_.push_back({t, -1, modes_});
+        if (heard_) changes_.push_back({t, -1, modes_});
     }
 }
 

@@ -98,7 +98,7 @@ void Flow::switch_element(double t, int element, int which) {
     if (s.kind == SwitchKind::stick) y_[static_cast<std::size_t>(s.index)] = 0.0;
     if (modes_[e] != from) {
         ++switches_;
-        changes_.push_back({t, element * guards_per_switch + which, modes_});
+        if (heard_) changes_.push_back({t, element * guards_per_switch + which, modes_});
     }
     now_ = &frozen();
 }
