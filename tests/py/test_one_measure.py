@@ -160,7 +160,8 @@ def test_dry_friction_of_a_robot_axis_has_its_name() -> None:
     d = diagnose(machine, trace, mode="balance", experiment=False)
     # behind rigid joints friction of the motors does the very same: rounding says which leads
     leader = d.candidates[0].label
-    assert (d.verdict, set(d.groups[0])) == ("effect", {"coulomb@motors", "coulomb@table"})
+    assert d.verdict == "effect"
+    assert leader in {"coulomb@motors", "coulomb@table"}
     assert d.error["held_out_best"] < 0.25 < d.error["held_out_refitted"]
     assert f"with {leader} it is {100 * d.error['best']:.3g} %" in d.paragraph
     guess = "table.J (1500 kg·m² in the machine file) can't be as well known as data sheets are"
