@@ -1,8 +1,8 @@
 """Laws that refitted numbers had hidden from a search, or that another law was taken for.
 
 Rows of `benchmarks/survey_of_laws.py`: the motions of measured records, the machine this program's.
-A worn range of the ring is none here: its search ends elsewhere on a processor whose sums round
-otherwise (docs/theory/innovations.md).
+A worn range of the ring is none here: it is named by some trees on some processors, and not by all
+(docs/theory/innovations.md).
 """
 
 from __future__ import annotations

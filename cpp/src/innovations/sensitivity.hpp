@@ -53,7 +53,8 @@ class Sensitivities {
         std::size_t row, column;
         double value;
     };
-    // Over a sample, [F; C F] of states and torques of unknown course, and what constant rates of the states become; empty until they are worth it.
+    // Over a sample, [F; C F] of states and torques of unknown course, and what constant rates of the states become; empty until
+    // they are worth it.
     struct Propagator {
         double asked = 0.0;  // terms of series that it would have spared
         Eigen::MatrixXd flow, pushed;
@@ -140,10 +141,10 @@ class Sensitivities {
     const SensitivityOptions how_;
     std::vector<long> apart_;  // per column, changes of modes of which its own comes more than a sample before or after
     long changes_ = 0;
-    double spent_ = 0.0;     // terms of series
-    std::vector<double> y_;  // per moment, as the replay left it
-    std::vector<double> differing_,
-        brought_;  // per column and moment: w, and C w with what sensors say otherwise; per column, F x
+    double spent_ = 0.0;             // terms of series
+    std::vector<double> y_;          // per moment, as the replay left it
+    std::vector<double> differing_;  // per column and moment: w, and C w with what sensors say otherwise
+    std::vector<double> brought_;    // per column: [F; C F] x
     // per law, what it adds to rates: now, a sample before; per moment, amid, and by how much more at the end
     std::vector<double> felt_, before_, rates_, more_;
     std::vector<double> way_, term_, last_;     // per column, of y, padded: along pieces, the terms of a series
