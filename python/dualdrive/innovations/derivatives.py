@@ -48,6 +48,7 @@ def changes(
     gains: Sequence[Any],
     *,
     most_apart: float = 1.0,
+    share: float = 1.0,
 ) -> list[Array | None]:
     """How the residuals at a point change, to first order, with other machines in its place.
 
@@ -58,6 +59,7 @@ def changes(
         gains: held.
         most_apart: share of the changes of modes that may come more than a sample apart in one:
             beyond, it is no small change.
+        share: of the change that is meant: as much of it has to be small.
 
     Returns:
         Of each, flat; None where the first order can't tell, or no machine is made. A change
@@ -91,7 +93,7 @@ def changes(
     result: list[Array | None] = [None] * len(others)
     for k, parts_of_it in told.items():
         known = [x for x in parts_of_it if x is not None]
-        if len(known) == len(grey.records) and all(np.max(np.abs(x)) <= LOST for x in known):
+        if len(known) == len(grey.records) and all(share * np.max(np.abs(x)) <= LOST for x in known):
             result[k] = flat(known)
     return result
 

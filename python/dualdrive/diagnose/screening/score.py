@@ -113,7 +113,7 @@ def scores(
 
     within = _WITHIN * min(x.sampled.step for x in grey.records)
     sensitive = has_sensitivities(grey, base)
-    apart_at_most = 1.0 if faint else threshold("apart")
+    small = {"share": _SMALLEST} if faint else {"most_apart": threshold("apart")}
     jobs: list[_Job] = []
     for k, v in enumerate(variants):
         if brings_states(v.effects[-1][0]):
@@ -131,7 +131,7 @@ def scores(
     while begin < len(jobs) and not grey.counter.stop():
         batch = jobs[begin : begin + _BATCH]
         begin += len(batch)
-        told = changes(grey, base, [(j[1], j[2]) for j in batch], gains, most_apart=apart_at_most)
+        told = changes(grey, base, [(j[1], j[2]) for j in batch], gains, **small)
         rest = [k for k, change in enumerate(told) if change is None]
         points = grey.points([batch[k][1] for k in rest], [batch[k][2] for k in rest], gains)
         for k, p in zip(rest, points, strict=True):
