@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 #: of a unit of an unknown: a difference at most, and at least; how far it moves all residuals
 #: together, and how often that before it is taken anew
 _DIFFERENCE, _LEAST, _SCATTER, _TOO_LONG = 1e-3, 1e-8, 1.0, 3.0
-_TOGETHER = 16  # neighbours of one replay
+_TOGETHER = 8  # neighbours of one replay
 _FEW = 2  # numbers whose slopes two replays tell as soon
 
 
@@ -93,7 +93,9 @@ def changes(
     result: list[Array | None] = [None] * len(others)
     for k, parts_of_it in told.items():
         known = [x for x in parts_of_it if x is not None]
-        if len(known) == len(grey.records) and all(share * np.max(np.abs(x)) <= LOST for x in known):
+        if len(known) == len(grey.records) and all(
+            share * np.max(np.abs(x)) <= LOST for x in known
+        ):
             result[k] = flat(known)
     return result
 

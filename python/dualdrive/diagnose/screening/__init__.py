@@ -4,6 +4,15 @@ from __future__ import annotations
 
 from dualdrive.diagnose.screening.orders import strongest_orders
 from dualdrive.diagnose.screening.score import Scored, residual_maker, scores
-from dualdrive.diagnose.screening.variants import Library, brings_states
+from dualdrive.diagnose.screening.variants import Library, brings_states, local_faults, travel
 
-__all__ = ["Library", "Scored", "brings_states", "residual_maker", "scores", "strongest_orders"]
+__all__ = [
+    "Library",
+    "Scored",
+    "brings_states",
+    "local_faults",
+    "residual_maker",
+    "scores",
+    "strongest_orders",
+    "travel",
+]

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.hypotheses import is_strength, probes
-from dualdrive.diagnose.screening.variants import brings_states, periods, spots
+from dualdrive.diagnose.screening.variants import LARGER, brings_states, periods, spots, travel
 from dualdrive.estimation.thresholds import threshold
 from dualdrive.estimation.unknowns import Unknown
 from dualdrive.innovations import (
@@ -38,8 +38,6 @@ _WITHIN = 0.3  # of a sample
 _BATCH = 16  # probes whose innovations are kept at a time
 _ROOT = math.sqrt(2.0)
 _SMALLEST = 0.1  # of its usual size: a strength that the score has smaller begins there
-#: times its usual size: where flanks part elsewhere with a law, no other size tells of one
-_SIZES = (2.0, 4.0, 8.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,11 +113,12 @@ def scores(
     sensitive = has_sensitivities(grey, base)
     small = {"share": _SMALLEST} if faint else {"most_apart": threshold("apart")}
     jobs: list[_Job] = []
+    way = travel(grey)
     for k, v in enumerate(variants):
         if brings_states(v.effects[-1][0]):
             continue  # the base's gains are none for it
         own = v.extra[len(base.variant.extra) :]
-        for probe in _probes(v.grown, own):
+        for probe in _probes(v.grown, own, way):
             # a reading that moves by whole samples moves its noise, too: a probe stays within one
             held = {
                 p: min(x, within) if p.endswith(".time") else x for p, x in probe.setting.items()
@@ -159,7 +158,7 @@ def _larger(base: Point, job: _Job) -> list[_Job]:
         return []
     own = variant.extra[len(base.variant.extra) :]
     found = []
-    for times in _SIZES:
+    for times in LARGER:
         setting = {**probe.setting, probe.strength: times * probe.setting[probe.strength]}
         there = np.r_[base.theta, coordinates(own, setting)]
         found.append((k, variant, there, replace(probe, setting=setting, larger=True)))
@@ -190,10 +189,10 @@ def residual_maker(
     return lambda change: change - ((change @ J.T) @ factor) @ J
 
 
-def _probes(core: Any, free: Sequence[Unknown]) -> list[_Probe]:
+def _probes(core: Any, free: Sequence[Unknown], way: tuple[float, float]) -> list[_Probe]:
     """Every strength by itself, at two phases where it has one; other laws at usual values.
 
-    A local fault is tried all around its wheel, as far apart as it is wide.
+    A local fault is tried wherever its wheel turns, as far apart as it is wide.
     Of a wheel that two pinions meet each phase is tried at two spacings of theirs, alike and in
     turn: the four waves span every spacing.
     """
@@ -205,7 +204,7 @@ def _probes(core: Any, free: Sequence[Unknown]) -> list[_Probe]:
     found = []
     for p in strengths:
         on = {**off, p.path: p.scale}
-        if begins := spots(core, p.path.rpartition(".")[0], free):
+        if begins := spots(core, p.path.rpartition(".")[0], free, way):
             return [_Probe({**on, **spot}, p.path, signed=False, instead=True) for spot in begins]
         phase = phases.get(p.path.rpartition(".")[0])
         if phase is None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from dualdrive import _core
 from dualdrive.diagnose.candidates import LOWEST, candidates, parts_of
-from dualdrive.diagnose.hypotheses import Hypothesis
+from dualdrive.diagnose.hypotheses import Hypothesis, is_strength
 from dualdrive.diagnose.orders import LOW
 from dualdrive.diagnose.screening.orders import strongest_orders
 from dualdrive.estimation.unknowns import Unknown, unknowns
@@ -21,7 +21,9 @@ from dualdrive.replay import ratio_to_table
 
 _ORDERS = 2  # that an effect with an order is tried at, beside its usual one and the low ones
 _DAMPING_RATIO = 0.05  # with which a part that is put in begins to ring
-_WIDTHS = (0.2, 0.06)  # of the period of a wheel: ranges that a local fault is tried over
+_WIDTHS = (0.2, 0.06)  # of what a wheel turns through: ranges that a local fault is tried over
+#: times its usual size: where flanks part elsewhere with a local fault, no other size tells of one
+LARGER = (2.0, 4.0, 8.0)
 _DELAY = 5e-5  # s: a delay below that shows in no record
 
 
@@ -121,7 +123,7 @@ class Library:
             return None
         looks = base.looks * (100.0 if order is not None else 1.0)
         for e, p in own.effects:
-            looks *= max(1, len(spots(grown, f"{e}@{p}", extra)))
+            looks *= max(1, len(spots(grown, f"{e}@{p}", extra, travel(self.grey))))
         return Variant(
             grown,
             (*base.extra, *extra),
@@ -131,23 +133,59 @@ class Library:
         )
 
 
-def spots(core: Any, label: str, free: Sequence[Unknown]) -> list[dict[str, float]]:
+def travel(grey: GreyBox) -> tuple[float, float]:
+    """Between which angles the table turns, as commanded, over all records, rad."""
+    angles = [r.record.reference for r in grey.records]
+    return min(float(np.min(a)) for a in angles), max(float(np.max(a)) for a in angles)
+
+
+def spots(
+    core: Any, label: str, free: Sequence[Unknown], way: tuple[float, float]
+) -> list[dict[str, float]]:
     """Where a local fault may sit and how far it may reach; empty for what is none.
 
     Args:
         core: the core's machine.
         label: of the effect.
         free: its unknowns.
+        way: between which angles the table turns, rad: a fault elsewhere shows nowhere.
 
     """
     centre, width = f"{label}.centre", f"{label}.width"
     if not {centre, width} <= {p.path for p in free}:
         return []
-    period = 2.0 * math.pi / periods(core, label)
+    period, place = 2.0 * math.pi / periods(core, label), label.partition("@")[2]
+    times = ratio_to_table(core, (parts_of(core, place) or [place])[0])
+    low, high = sorted(times * angle for angle in way)
+    if not 0.0 < high - low < period:
+        low, high = -0.5 * period, 0.5 * period
     return [
-        {centre: period * ((0.5 + k * share) % 1.0 - 0.5), width: period * share}
+        {
+            centre: 0.5 * (low + high) + (high - low) * ((0.5 + k * share) % 1.0 - 0.5),
+            width: (high - low) * share,
+        }
         for share in _WIDTHS
         for k in range(round(1.0 / share))
+    ]
+
+
+def local_faults(
+    core: Any, free: Sequence[Unknown], way: tuple[float, float]
+) -> list[dict[str, float]]:
+    """A local fault wherever it may sit, at several sizes; empty for what is none.
+
+    Args:
+        core: the core's machine.
+        free: unknowns of one law.
+        way: between which angles the table turns, rad.
+
+    """
+    return [
+        {**spot, p.path: times * p.scale}
+        for p in free
+        if is_strength(core, p.path)
+        for spot in spots(core, p.path.rpartition(".")[0], free, way)
+        for times in (1.0, *LARGER)
     ]
 
 

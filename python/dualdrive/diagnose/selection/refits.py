@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
-from dualdrive.diagnose.screening import Scored
+from dualdrive.diagnose.screening import Scored, local_faults, travel
 from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.diagnose.selection.fitted import Fitted
 from dualdrive.diagnose.selection.parts import is_part, part_refitted, part_score
 from dualdrive.estimation.thresholds import threshold
-from dualdrive.innovations import GreyBox, Place, Point, Variant, coordinates, fit, values
+from dualdrive.innovations import GreyBox, Noise, Place, Point, Variant, coordinates, fit, values
 
 Array = NDArray[np.float64]
 
@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 #: bears there; and a delay, times its usual one
 _SIZES = tuple(1.5**k for k in range(-2, 5))
 _DELAYS = tuple(1.5**k for k in range(-4, 7))
+_MANY, _FEW = 20, 3  # points: so many are looked at under gains of one of them, so few under own
 
 
 def worth_refitting(
@@ -83,12 +84,15 @@ def begin(point: Point, s: Scored, times: float = 1.0) -> Array:
     return start
 
 
-def _other_sizes(point: Point, s: Scored) -> list[Array]:
+def _other_sizes(grey: GreyBox, point: Point, s: Scored) -> list[Array]:
     """Where a law may begin whose score, beside numbers that stand in for it, is of another size.
 
-    What a delay does is no multiple of what it does within a sample: its likelihood has a valley.
+    What a delay does is no multiple of what it does within a sample: its likelihood has a valley. A
+    local fault has one at its own place, which a score under numbers that stand in for it misses.
     """
     own = s.variant.extra[len(point.variant.extra) :]
+    if faults := local_faults(s.variant.grown, own, travel(grey)):
+        return [begin(point, replace(s, start=fault)) for fault in faults]
     late = [p for p in own if p.strength and p.unit == "s"]
     if not late:
         return [begin(point, s, k) for k in _SIZES]
@@ -154,7 +158,8 @@ def refitted(
     found = [fit(grey, variant, start, leader.gains, steps=5, shared_columns=shared)]
     if far:
         # so may any law: it does for the data sheet's machine nearly what the leader's numbers do
-        begins = [np.r_[sheet, own[grey.shared :]] for own in _other_sizes(point, far)]
+        begins = [np.r_[sheet, own[grey.shared :]] for own in _other_sizes(grey, point, far)]
+        begins = _nearest(grey, variant, begins, noise)
         seen = [f for f in grey.likelihoods(variant, [(x, noise) for x in begins]) if f]
         best = min(seen, key=lambda f: f[0].minus_two_log, default=None)
         alone = np.r_[sheet, point.theta[grey.shared :]]
@@ -166,6 +171,19 @@ def refitted(
     followed = [p for p in found if not p.lost]
     nearest = min(followed, key=lambda p: p.minus_two_log, default=None)
     return (nearest, noise) if nearest else None
+
+
+def _nearest(grey: GreyBox, variant: Variant, begins: list[Array], noise: Noise) -> list[Array]:
+    """Those of many points at which a variant is near the records, by the gains of one of them."""
+    if len(begins) <= _MANY:
+        return begins
+    try:
+        gains = grey.gains(variant, begins[0], noise)
+    except ValueError:
+        return begins[:_MANY]
+    points = grey.points([variant] * len(begins), begins, gains)
+    points.sort(key=lambda p: p.minus_two_log)
+    return [p.theta for p in points[:_FEW]]
 
 
 def with_rivals(ranked: Sequence[Place], most: int) -> list[Place]:
