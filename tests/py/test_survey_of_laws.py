@@ -1,8 +1,6 @@
 """Laws that refitted numbers had hidden from a search, or that another law was taken for.
 
 Rows of `benchmarks/survey_of_laws.py`: the motions of measured records, the machine this program's.
-A worn range of the ring is none here: it is named by some trees on some processors, and not by all
-(docs/theory/innovations.md).
 """
 
 from __future__ import annotations
@@ -24,7 +22,7 @@ DRAW = 7
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("row", ["delay_motors", "encoder", "shafts"])
+@pytest.mark.parametrize("row", ["delay_motors", "encoder", "shafts", "wear"])
 def test_the_law_that_was_hidden_is_named_with_its_size(row: str) -> None:
     sheet = measured_file("independent_bench/nominal.toml")
     true, numbers, rng = survey.hidden(row, DRAW)
