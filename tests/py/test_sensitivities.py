@@ -234,3 +234,6 @@ def test_what_grows_without_bound_is_told_by_replays() -> None:
     told = changes(grey, point, [(nothing, little), (nothing, much)], gains)
     assert told[0] is not None
     assert told[1] is None
+    [meant] = changes(grey, point, [(nothing, much)], gains, share=1e-9)
+    assert meant is not None
+    np.testing.assert_allclose(meant, 1e9 * told[0], rtol=1e-6, atol=1e-6 * np.max(np.abs(meant)))

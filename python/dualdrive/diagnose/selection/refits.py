@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 #: bears there; and a delay, times its usual one
 _SIZES = tuple(1.5**k for k in range(-2, 5))
 _DELAYS = tuple(1.5**k for k in range(-4, 7))
-_MANY, _FEW = 20, 3  # points: so many are looked at under gains of one of them, so few under own
+_MANY, _FEW = 20, 3  # points: of more, so few are looked at under gains of their own
 
 
 def worth_refitting(
@@ -181,9 +181,13 @@ def _nearest(grey: GreyBox, variant: Variant, begins: list[Array], noise: Noise)
         gains = grey.gains(variant, begins[0], noise)
     except ValueError:
         return begins[:_MANY]
-    points = grey.points([variant] * len(begins), begins, gains)
-    points.sort(key=lambda p: p.minus_two_log)
-    return [p.theta for p in points[:_FEW]]
+    found = list[tuple[float, Array]]()
+    for k in range(0, len(begins), _MANY):  # innovations of that many are kept at a time
+        lot = begins[k : k + _MANY]
+        points = grey.points([variant] * len(lot), lot, gains)
+        found += [(p.minus_two_log, p.theta) for p in points]
+    found.sort(key=lambda own: own[0])
+    return [theta for _, theta in found[:_FEW]]
 
 
 def with_rivals(ranked: Sequence[Place], most: int) -> list[Place]:
