@@ -158,7 +158,8 @@ class Contest:
     def on_these(self, found: Sequence[Fitted]) -> list[Fitted]:
         """What was found on stretches of these records, on all of them.
 
-        What fails elsewhere is refitted on stretches where it does first.
+        What fails elsewhere is refitted on stretches where it does first, and begins there if that
+        is the likelier beginning: of what holds elsewhere these stretches may tell less.
         """
         places = list[Place]()
         for f in found:
@@ -167,7 +168,8 @@ class Contest:
                 self.tell(f"stretches where {f.variant.key} fails")
                 few = some(self.grey, there.point, there.gains, int(threshold("stretches")))
                 own = self.estimator.likeliest(few, f.variant, f.point.theta, f.noise, roughly=True)
-                there = on_all_samples(self.grey, own) if own else there
+                again = on_all_samples(self.grey, own) if own else there
+                there = min(there, again, key=lambda x: x.point.minus_two_log)
             places.append((there.point, there.noise))
         return self.compared(places)
 
