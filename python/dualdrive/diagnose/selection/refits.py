@@ -180,7 +180,7 @@ def _nearest(grey: GreyBox, variant: Variant, begins: list[Array], noise: Noise)
     try:
         gains = grey.gains(variant, begins[0], noise)
     except ValueError:
-        return begins[:_MANY]
+        return begins  # each under gains of its own, then
     found = list[tuple[float, Array]]()
     for k in range(0, len(begins), _MANY):  # innovations of that many are kept at a time
         lot = begins[k : k + _MANY]
