@@ -108,12 +108,12 @@ class Forward:
             most: laws in all; as many as the effort allows unless given.
 
         """
-        for count in range((most or self.own.effort.most) - len(leader.variant.effects)):
+        for _ in range((most or self.own.effort.most) - len(leader.variant.effects)):
             named = bool(leader.variant.effects)
             done = named and not self.faint and self.contest.leaves_noise(leader)
             if self.grey.counter.stop() or done:
                 break
-            parts = count == 0 and not self.faint
+            parts = not named and not self.faint
             sheet = None if named or self.faint else self._beside_the_data_sheet()
             found = self._step(leader, self.scores_beside(leader), parts, sheet)
             self.ranking.keep(found)

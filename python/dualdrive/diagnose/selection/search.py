@@ -166,18 +166,27 @@ class _Search:
         self.on.ranking.keep([nothing, *found])
 
     def _search_where_it_fails(self) -> None:
-        """Once more, on stretches where the best machine fails that leaves noise on others."""
-        ranking, whole, there = self.on.ranking, self.own.whole, self.base.there
-        known, nothing, best = list(ranking), ranking.base, ranking.best
+        """Beside the best machine that leaves noise on stretches, on others, where it fails.
+
+        What passed for the law that is missing is taken out again once that one stands beside it.
+        """
+        on, whole, estimator = self.on, self.own.whole, self.own.estimator
+        nothing, best = on.ranking.base, on.ranking.best
         self.own.tell(f"stretches where {best.variant.key} fails")
         grey = some(whole, best.point, best.gains, int(threshold("stretches")))
-        found = self.own.estimator.likeliest(grey, nothing.variant, there.point.theta, there.noise)
-        if found is None:
+        there = [
+            estimator.likeliest(grey, f.variant, f.point.theta, f.noise) for f in (nothing, best)
+        ]
+        found = [f for f in there if f is not None]
+        if len(found) < len(there):
             return
-        self.on = Forward(self.own, grey, [found], faint=self._faint)
-        self._forward(found)
-        self._on_all_samples(Base(grey, found, nothing))
-        self.on.ranking.keep(known)
+        self.on = Forward(self.own, grey, found, faint=self._faint)
+        self._forward(found[-1])
+        if self.on.ranking.best.variant.key == best.variant.key:  # nothing describes what is left
+            self.on = on
+            return
+        self._on_all_samples(Base(grey, found[0], nothing))
+        self.on.ranking.keep(on.ranking)
 
     def _everywhere_refitted(self, base: Fitted, beaten: bool) -> Fitted:
         """The numbers alone on all samples; to the end where no law stands."""
