@@ -69,7 +69,7 @@ void bind_innovations(nb::module_& m) {
                 return g.steady.at(g.carrying)[phase].K();
             },
             nb::arg("phase") = 0,
-            "The steady gain, shape (states + torques + channels, again where of order two, again where zeros drift; "
+            "The steady gain, shape (states + disturbances + channels, again where of order two, again where zeros drift; "
             "channels).")
         .def(
             "whitening",
@@ -89,7 +89,7 @@ void bind_innovations(nb::module_& m) {
         [](const Machine& machine, const SampledRecord& record, const std::vector<NoiseTuple>& sensors,
            const std::map<std::string, TorqueTuple>& torque, double speed, const std::vector<TorqueTuple>& drifts,
            const std::map<std::string, TorqueTuple>& first_torque, std::map<std::string, double> first_deviation,
-           const std::vector<double>& second) {
+           const std::vector<double>& second, const std::map<std::string, TorqueTuple>& creep) {
             NoiseModel noise;
             FirstState first{{}, std::move(first_deviation)};
             for (const auto& [drive, memory, white] : sensors) noise.sensors.push_back({drive, memory, white});
@@ -104,6 +104,7 @@ void bind_innovations(nb::module_& m) {
             for (std::size_t j = 0; j < drifts.size(); ++j)
                 noise.sensors[j].drift = {drifts[j].first, drifts[j].second};
             for (const auto& [body, n] : torque) noise.torque[body] = {n.first, n.second};
+            for (const auto& [body, n] : creep) noise.creep[body] = {n.first, n.second};
             for (const auto& [body, n] : first_torque) first.torque[body] = {n.first, n.second};
             const nb::gil_scoped_release unlocked;
             return kalman_gains(machine, record, noise, speed, first);
@@ -111,6 +112,7 @@ void bind_innovations(nb::module_& m) {
         nb::arg("machine"), nb::arg("record"), nb::arg("sensors"), nb::arg("torque"), nb::arg("speed") = 0.0,
         nb::arg("drifts") = std::vector<TorqueTuple>{}, nb::arg("first_torque") = std::map<std::string, TorqueTuple>{},
         nb::arg("first_deviation") = std::map<std::string, double>{}, nb::arg("second") = std::vector<double>{},
+        nb::arg("creep") = std::map<std::string, TorqueTuple>{},
         "Kalman gains: the steady ones where all meshes carry; `predict` learns the others along a record.\n\n"
         "sensors: (drive, memory, white) per channel: n' = memory n + drive w, and a white part. torque: body -> "
         "(drive, memory) of a torque of unknown course, constant over a sample, d' = memory d + drive w, N*m. speed: "
@@ -118,8 +120,12 @@ void bind_innovations(nb::module_& m) {
         "are not affine are linearised. drifts: (drive, memory) per channel of a zero that drifts, or none. What is "
         "not known of the first state is where torques like first_torque (those "
         "of torque unless told) would take it, and first_deviation besides, state -> standard deviation. second: per "
-        "channel, the second partial autocorrelation of its noise, none for order one; memory is the first. Raises "
+        "channel, the second partial autocorrelation of its noise, none for order one; memory is the first. creep: body -> "
+        "(drive, memory) of its speed while dry friction holds it, rad/s. Raises "
         "ValueError.");
+
+    m.def("held_by_friction", &held_by_friction, nb::arg("machine"),
+          "Bodies that dry friction may hold, one of each that turn together.");
 
     m.def(
         "predict",

@@ -6,6 +6,8 @@
 // corrected by the gain of an extended Kalman filter, whose covariance P goes along through every change of the modes
 // (Jazwinski, Stochastic Processes and Filtering Theory, 1970, §8.3):
 //
+// A body that dry friction holds creeps besides at a speed of unknown course: no friction is so dry that nothing moves.
+//
 //   e_k = y_k − h(z⁻_k) − n⁻_k,   (z_k, d_k, n_k) = (z⁻_k, d⁻_k, n⁻_k) + K_s e_k,   r_k = S_s^(−1/2) e_k
 //
 // r is white with variance 1 if the model and the noise are right (Ljung, System Identification, 2nd ed., §7.4). With no
@@ -48,10 +50,15 @@ using TorqueNoise = Autoregression;
 struct NoiseModel {
     std::vector<SensorNoise> sensors;           // per channel
     std::map<std::string, TorqueNoise> torque;  // by body
-    bool drifts() const;                        // whether any sensor's zero does
-    bool of_order_two() const;                  // whether any sensor's autoregression is
-    std::vector<std::string> bodies() const;    // that torques of unknown course drive
+    std::map<std::string, Autoregression> creep = {};  // by body: its speed while dry friction holds it, rad/s
+    bool drifts() const;                               // whether any sensor's zero does
+    bool of_order_two() const;                         // whether any sensor's autoregression is
+    // Torques of unknown course, then speeds of creep, by body: states of the filter in this order.
+    std::vector<Autoregression> disturbances() const;
 };
+
+// Bodies that dry friction may hold, one of each that turn together.
+std::vector<std::string> held_by_friction(const Machine& machine);
 
 // A record, or stretches of one end to end: times about evenly spaced, what was commanded, and what the sensors said.
 class SampledRecord {
@@ -106,7 +113,7 @@ struct KalmanGains {
         Eigen::MatrixXd stacked;
         Eigen::Index states = 0;  // rows of K
         double log_det = 0.0;     // log det S
-        // (states + torques + channels, again where of order two, again where zeros drift) × channels
+        // (states + disturbances + channels, again where of order two, again where zeros drift) × channels
         auto K() const { return stacked.middleRows(stacked.cols(), states); }
         auto whitening() const { return stacked.topRows(stacked.cols()); }  // S^(−1/2), lower triangular
     };

@@ -30,9 +30,9 @@ std::vector<int> signals_of(const Layout& layout, const SampledRecord& record) {
     return signals;
 }
 
-std::vector<int> bodies_of(const Machine& machine, const std::vector<std::string>& names) {
+std::vector<int> bodies_of(const Machine& machine, const std::map<std::string, Autoregression>& noise) {
     std::vector<int> bodies;
-    for (const auto& name : names) {
+    for (const auto& [name, own] : noise) {
         bodies.push_back(machine.body(name));
         if (bodies.back() < 0) throw std::invalid_argument("kalman_gains: no body " + name);
     }
@@ -54,7 +54,7 @@ bool feels_no_control(const Machine& machine, const Layout& layout, const Inputs
 
 }  // namespace
 
-Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, const std::vector<std::string>& bodies,
+Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, const NoiseModel& noise,
            std::vector<Output> outputs)
     : machine_(machine),
       record_(record),
@@ -67,8 +67,9 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
       driven_(driven_rows()),
       watching_(watching_guards()),
       feeling_(felt_states()),
-      bodies_(bodies_of(machine, bodies)),
-      n_(reader_.size() + static_cast<int>(bodies_.size())),
+      bodies_(bodies_of(machine, noise.torque)),
+      creeping_(bodies_of(machine, noise.creep)),
+      n_(reader_.size() + disturbance_count()),
       outputs_(static_cast<int>(recorded_.size())),
       substeps_(affine_ ? 1 : std::max(1, substeps)),
       h_(record.step() / substeps_) {
@@ -119,7 +120,7 @@ Flow::~Flow() = default;
 
 void Flow::evaluate(double t, const double* y, Scope scope) {
     for (std::size_t b = 0; b < bodies_.size(); ++b)
-        pushing_[static_cast<std::size_t>(bodies_[b])] = y[static_cast<std::size_t>(first_torque()) + b];
+        pushing_[static_cast<std::size_t>(bodies_[b])] = y[static_cast<std::size_t>(first_disturbance()) + b];
     model_.evaluate(t, y, {modes_.data(), cell_, memory_.get(), nullptr, nullptr, scope, pushing_.data()});
 }
 
@@ -192,6 +193,8 @@ void Flow::remainder(double t, const double* y, double* n) {
     exact::kernels().multiply(exact::padded(n_), n_, now_->packed.data(), n_, y, 1, n);
     for (int k = 0; k < states(); ++k) n[k] = model_.rate()[static_cast<std::size_t>(k)] - n[k];
     for (int k = states(); k < n_; ++k) n[k] = 0.0;
+    for (int b = 0; b < disturbance_count(); ++b)
+        for (int k = 0; k < states(); ++k) n[k] += now_->creep(k, b) * y[first_disturbance() + b];
 }
 
 // The Taylor series over `length` from y on of ẏ = A y + n0 + slope s/length, in fractions of the length, of as many terms as
@@ -370,7 +373,7 @@ void Flow::carry_on(const KalmanGains::Set& gain, const double* e, double* moved
         there.setZero();
         for (const int j : delays_[d].channels) {
             there.head(states()) += e[j] * K.col(j).head(states());
-            there.segment(first_torque(), torque_count()) += e[j] * K.col(j).segment(states(), torque_count());
+            there.segment(first_disturbance(), disturbance_count()) += e[j] * K.col(j).segment(states(), disturbance_count());
         }
         exact::kernels().multiply(exact::padded(n_), n_, now_->onward[d].data(), n_, earlier_.data(), 1, trial_.data());
         for (int i = 0; i < states(); ++i) moved[i] += trial_[static_cast<std::size_t>(i)];
@@ -381,7 +384,7 @@ void Flow::correct(std::size_t sample, const KalmanGains::Set& gain, const doubl
     if (!delays_.empty()) carry_on(gain, e, moved);
     if (!affine_) std::copy_n(y_.data(), states(), earlier_.data());
     for (int i = 0; i < states(); ++i) y_[static_cast<std::size_t>(i)] += moved[i];
-    for (int j = 0; j < torque_count(); ++j) torques()[j] += moved[states() + j];
+    for (int j = 0; j < disturbance_count(); ++j) disturbances()[j] += moved[states() + j];
     if (holds)
         for (const int element : sticks_)
             if (modes_[static_cast<std::size_t>(element)] == stick::stuck) y_[resting(element)] = 0.0;

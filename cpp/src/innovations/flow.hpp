@@ -50,9 +50,10 @@ struct Lifted {
     std::vector<Due> due;  // per clock
 };
 
-// One set of modes, prepared. y = (states, generator of the inputs, 1, torques of unknown course).
+// One set of modes, prepared. y = (states, generator of the inputs, 1, disturbances).
 struct Frozen {
     Eigen::MatrixXd A, outputs, guards;
+    Eigen::MatrixXd creep;  // of A, what disturbances add to the speed of what rests
     std::vector<double> packed, watched, shown,
         shifted;                              // A, guards, outputs, and what late ones differ by: padded rows
     std::vector<std::vector<double>> onward;  // e^{A δ} − 1 of every delay δ, likewise
@@ -87,9 +88,9 @@ class Flow final {
         // by how much a step of integration may bend it
         double tolerance = std::numeric_limits<double>::infinity();
     };
-    // Machine and record must outlive the flow. bodies: on which torques of unknown course act. outputs: per channel; empty:
-    // they are as above.
-    Flow(const Machine& machine, const SampledRecord& record, int substeps, const std::vector<std::string>& bodies,
+    // Machine and record must outlive the flow. noise: on which bodies torques of unknown course act, and which may creep.
+    // outputs: per channel; empty: they are as above.
+    Flow(const Machine& machine, const SampledRecord& record, int substeps, const NoiseModel& noise,
          std::vector<Output> outputs = {});
     ~Flow();
 
@@ -100,11 +101,11 @@ class Flow final {
     const Modes& modes() const { return modes_; }
     double* y() { return y_.data(); }
     const double* y() const { return y_.data(); }
-    // Torques of unknown course, one a body, and where they stand in y. What rests they move no more than any other torque does:
-    // as far as friction lets them.
-    double* torques() { return y_.data() + reader_.size(); }
-    int torque_count() const { return static_cast<int>(bodies_.size()); }
-    int first_torque() const { return reader_.size(); }
+    // Torques of unknown course, one a body, then speeds of creep, and where they stand in y. What rests the torques move no more
+    // than any other torque does: as far as friction lets them.
+    double* disturbances() { return y_.data() + reader_.size(); }
+    int disturbance_count() const { return static_cast<int>(bodies_.size() + creeping_.size()); }
+    int first_disturbance() const { return reader_.size(); }
     // Outputs at a sample, whose state is not corrected yet.
     const double* outputs(std::size_t sample);
     std::size_t guard_count() const { return layout_.switches.size() * guards_per_switch; }
@@ -207,6 +208,7 @@ class Flow final {
     std::vector<double> felt(const exact::Laws<double>& laws, const Modes& modes) const;
     Eigen::MatrixXd widened(const Eigen::MatrixXd& rows, Eigen::Index height) const;
     void push(Eigen::MatrixXd& A, Eigen::MatrixXd& guards, const Modes& modes) const;
+    Eigen::MatrixXd creep(const Eigen::MatrixXd& A, const Modes& modes) const;
     std::vector<int> felt_states() const;
     void feel(double t, const double* y);
     void feel_correction(double t, const double* before);
@@ -271,7 +273,7 @@ class Flow final {
     const std::vector<int> driven_;    // rates on which they act
     const std::vector<int> watching_;  // guards that feel them
     const std::vector<int> feeling_;   // states that they feel
-    const std::vector<int> bodies_;
+    const std::vector<int> bodies_, creeping_;  // on which torques of unknown course act; which may creep
     const int n_;  // of y
     int outputs_, substeps_, order_ = 0, step_rows_ = 0;
     double h_;                                       // substep

@@ -31,7 +31,7 @@ void Flow::push(Eigen::MatrixXd& A, Eigen::MatrixXd& guards, const Modes& modes)
     for (std::size_t b = 0; b < bodies_.size(); ++b) {
         const int g = layout_.group_of[static_cast<std::size_t>(bodies_[b])];
         const int element = layout_.stick_of[static_cast<std::size_t>(g)];
-        const Eigen::Index column = first_torque() + static_cast<Eigen::Index>(b);
+        const Eigen::Index column = first_disturbance() + static_cast<Eigen::Index>(b);
         const double torque = model_.ratio(bodies_[b]);
         if (layout_.locked[static_cast<std::size_t>(g)]) continue;
         if (element < 0 || modes[static_cast<std::size_t>(element)] != stick::stuck) {
@@ -43,12 +43,28 @@ void Flow::push(Eigen::MatrixXd& A, Eigen::MatrixXd& guards, const Modes& modes)
     }
 }
 
+// What disturbances add to the speeds of what dry friction holds.
+Eigen::MatrixXd Flow::creep(const Eigen::MatrixXd& A, const Modes& modes) const {
+    Eigen::MatrixXd rates = Eigen::MatrixXd::Zero(n_, disturbance_count());
+    auto column = static_cast<Eigen::Index>(bodies_.size());
+    for (const int body : creeping_) {
+        const int g = layout_.group_of[static_cast<std::size_t>(body)];
+        const int element = layout_.stick_of[static_cast<std::size_t>(g)];
+        if (element >= 0 && modes[static_cast<std::size_t>(element)] == stick::stuck)
+            rates.col(column) = A.col(g) / model_.ratio(body);
+        ++column;
+    }
+    return rates;
+}
+
 Frozen Flow::prepare(const exact::Laws<double>& laws, const Modes& modes) const {
     Frozen f;
     f.A = widened(laws.A, n_);
     f.outputs = widened(laws.outputs, laws.outputs.rows());
     f.guards = widened(laws.guards, laws.guards.rows());
     push(f.A, f.guards, modes);
+    f.creep = creep(f.A, modes);
+    f.A.middleCols(first_disturbance(), disturbance_count()) += f.creep;
     f.modes = modes;
     f.bound = spectral_bound(f.A);
     f.packed = packed_rows(f.A);

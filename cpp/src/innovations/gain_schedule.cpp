@@ -137,7 +137,7 @@ void GainSchedule::work_out() {
 StateSpace& GainSchedule::space(const Modes& pattern) {
     Tangent& own = tangents_[pattern];
     if (!own.space) {
-        if (!flow_) flow_ = std::make_unique<Flow>(machine_, record_, 1, gains_.noise.bodies());
+        if (!flow_) flow_ = std::make_unique<Flow>(machine_, record_, 1, gains_.noise);
         Modes modes = same_ ? pattern : all_;  // as the machine has it
         for (std::size_t e = 0; !same_ && e < where_.size(); ++e)
             if (where_[e] != nowhere) modes[where_[e]] = pattern[e];

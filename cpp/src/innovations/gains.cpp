@@ -17,9 +17,10 @@ bool NoiseModel::of_order_two() const {
     return std::any_of(sensors.begin(), sensors.end(), [](const SensorNoise& s) { return s.second != 0.0; });
 }
 
-std::vector<std::string> NoiseModel::bodies() const {
-    std::vector<std::string> found;
-    for (const auto& [body, noise] : torque) found.push_back(body);
+std::vector<Autoregression> NoiseModel::disturbances() const {
+    std::vector<Autoregression> found;
+    for (const auto* all : {&torque, &creep})
+        for (const auto& [body, noise] : *all) found.push_back(noise);
     return found;
 }
 
@@ -97,8 +98,8 @@ double unforgotten(double memory) { return std::max(1e-9, 1.0 - memory * memory)
 void write_memories(const NoiseModel& noise, Eigen::Index first, MatrixXd& F) {
     const auto m = static_cast<Eigen::Index>(noise.sensors.size());
     const Eigen::Index before = noise.of_order_two() ? m : 0;
-    for (const auto& [body, torque] : noise.torque) {
-        F(first, first) = torque.memory;
+    for (const Autoregression& own : noise.disturbances()) {
+        F(first, first) = own.memory;
         ++first;
     }
     for (Eigen::Index j = 0; j < m; ++j) {
@@ -117,7 +118,7 @@ StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel
                        double speed)
     : states_(flow.states()), step_(record.step()) {
     Frozen frozen = flow.tangent(pattern, speed);
-    const auto torques = Eigen::Index{flow.torque_count()}, n = states_ + torques,
+    const auto disturbances = Eigen::Index{flow.disturbance_count()}, n = states_ + disturbances,
                m = static_cast<Eigen::Index>(record.channels().size());
     const Eigen::Index before = noise.of_order_two() ? m : 0, drifts = noise.drifts() ? m : 0;
     const Eigen::Index size = n + m + before + drifts;
@@ -148,9 +149,9 @@ StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel
         R_(j, j) = s.white * s.white + white_floor * white_floor * s.drive * s.drive;
     }
     Eigen::Index b = states_;
-    for (const auto& [body, torque] : noise.torque) {
-        Q_(b, b) = torque.drive * torque.drive;
-        stationary_(b, b) = Q_(b, b) / unforgotten(torque.memory);
+    for (const Autoregression& own : noise.disturbances()) {
+        Q_(b, b) = own.drive * own.drive;
+        stationary_(b, b) = Q_(b, b) / unforgotten(own.memory);
         ++b;
     }
     for (Eigen::Index j = states_; j < size; ++j)
@@ -159,7 +160,7 @@ StateSpace::StateSpace(Flow& flow, const SampledRecord& record, const NoiseModel
     for (std::size_t phase = 0; phase < flow.phases(); ++phase) {
         const MatrixXd flowed = flow.over_a_sample(frozen, phase);
         F.topLeftCorner(states_, states_) = flowed.topLeftCorner(states_, states_);
-        F.block(0, states_, states_, torques) = flowed.block(0, flow.first_torque(), states_, torques);
+        F.block(0, states_, states_, disturbances) = flowed.block(0, flow.first_disturbance(), states_, disturbances);
         F_.push_back(F);
         const MatrixXd rows = F.topLeftCorner(states_, n);
         moved_.push_back({padded_rows(rows), rows.transpose()});
@@ -312,12 +313,25 @@ void StateSpace::next(MatrixXd& P, const KalmanGains::Set& set, std::size_t phas
 
 }  // namespace innovations
 
+std::vector<std::string> held_by_friction(const Machine& machine) {
+    const Inputs none;
+    const Layout layout(machine, none);
+    std::vector<std::string> found;
+    std::vector<bool> seen(static_cast<std::size_t>(layout.groups), false);
+    for (std::size_t b = 0; b < machine.bodies().size(); ++b) {
+        const auto g = static_cast<std::size_t>(layout.group_of[b]);
+        if (layout.stick_of[g] >= 0 && !seen[g]) found.push_back(machine.bodies()[b].name);
+        seen[g] = true;
+    }
+    return found;
+}
+
 KalmanGains kalman_gains(const Machine& machine, const SampledRecord& record, const NoiseModel& noise, double speed,
                          const FirstState& first) {
     if (noise.sensors.size() != record.channels().size())
         throw std::invalid_argument("kalman_gains: " + std::to_string(noise.sensors.size()) + " noises for " +
                                     std::to_string(record.channels().size()) + " channels");
-    innovations::Flow flow(machine, record, 1, noise.bodies());
+    innovations::Flow flow(machine, record, 1, noise);
     KalmanGains gains;
     gains.noise = noise;
     gains.speed = speed;

@@ -37,13 +37,12 @@ class Replay {
         : record_(record),
           options_(options),
           readings_(readings_of(machine, record)),
-          bodies_(gains.noise.bodies()),
           sensors_(gains.noise),
-          flow_(machine, record, options.substeps, bodies_, outputs_of(readings_, gains.noise)),
+          flow_(machine, record, options.substeps, gains.noise, outputs_of(readings_, gains.noise)),
           schedule_(machine, record, gains, options.learn, flow_),
           channels_(record.channels().size()),
           states_(static_cast<std::size_t>(flow_.states())),
-          torques_(bodies_.size()),
+          disturbances_(static_cast<std::size_t>(flow_.disturbance_count())),
           offsets_(options.offsets),
           changes_(changes) {
         if (changes_) flow_.hear_changes();
@@ -51,11 +50,12 @@ class Replay {
         if (offsets_.size() != channels_) throw std::invalid_argument("predict: one offset per channel");
         if (options.initial.size() > record.starts().size())
             throw std::invalid_argument("predict: more initial states than stretches");
-        const std::size_t size = states_ + torques_ + sensors_.size();
+        const std::size_t size = states_ + disturbances_ + sensors_.size();
         for (const auto& [pattern, set] : gains.steady)
             if (set[0].states != static_cast<Eigen::Index>(size))
                 throw std::invalid_argument("predict: gains of a machine with other states");
-        for (const auto& [body, torque] : gains.noise.torque) memory_.push_back(torque.memory);
+        for (const auto& [body, torque] : gains.noise.torque) bodies_.push_back(body);
+        for (const Autoregression& own : gains.noise.disturbances()) memory_.push_back(own.memory);
         e_.assign(channels_, 0.0);
         corrected_.assign(static_cast<std::size_t>(exact::padded(static_cast<int>(channels_ + size))), 0.0);
     }
@@ -95,7 +95,7 @@ class Replay {
         if (!options_.states) return;
         out_.trajectory.assign(samples * states_, 0.0);
         out_.corrections.assign(samples * states_, 0.0);
-        out_.torques.assign(samples * torques_, 0.0);
+        out_.torques.assign(samples * bodies_.size(), 0.0);
         out_.innovations.assign(samples * channels_, 0.0);
         out_.pattern.assign(samples, 0);
     }
@@ -139,7 +139,7 @@ class Replay {
     }
 
     void correct(std::size_t k, const KalmanGains::Set& gain) {
-        sensors_.flow(moved() + states_ + torques_);
+        sensors_.flow(moved() + states_ + disturbances_);
         flow_.correct(k, gain, e_.data(), moved(), k - begin_ >= one_by_one);
         if (!options_.states) return;
         const auto row = static_cast<std::ptrdiff_t>(k);
@@ -148,7 +148,7 @@ class Replay {
         };
         put(flow_.y(), states_, out_.trajectory);
         put(moved(), states_, out_.corrections);
-        put(flow_.torques(), torques_, out_.torques);
+        put(flow_.disturbances(), bodies_.size(), out_.torques);
         put(e_.data(), channels_, out_.innovations);
         out_.pattern[k] = static_cast<int>(flow_.now().contacts);
     }
@@ -158,19 +158,19 @@ class Replay {
         if (changes_) changes_->depart(flow_);
         if (!flow_.flow(k)) return false;
         if (changes_) changes_->arrive(k + 1, flow_);
-        for (std::size_t j = 0; j < torques_; ++j) flow_.torques()[j] *= memory_[j];
+        for (std::size_t j = 0; j < disturbances_; ++j) flow_.disturbances()[j] *= memory_[j];
         return true;
     }
 
     const SampledRecord& record_;
     const PredictionOptions& options_;
     const std::vector<Reading> readings_;
-    const std::vector<std::string> bodies_;
+    std::vector<std::string> bodies_;  // of the torques of unknown course
     SensorStates sensors_;
     Flow flow_;
     GainSchedule schedule_;
-    const std::size_t channels_, states_, torques_;
-    std::vector<double> offsets_, memory_;  // by channel; of the torques of unknown course
+    const std::size_t channels_, states_, disturbances_;
+    std::vector<double> offsets_, memory_;  // by channel; by disturbance
     std::vector<double> e_, corrected_;     // (r, K e)
     const double* outputs_ = nullptr;       // at the present sample
     Sensitivities* const changes_;          // null: nobody asks for them
@@ -188,7 +188,7 @@ Prediction predict(const Machine& machine, const SampledRecord& record, KalmanGa
 }
 
 bool has_sensitivities(const Machine& machine, const SampledRecord& record) {
-    return innovations::Sensitivities::told(innovations::Flow(machine, record, 1, {}),
+    return innovations::Sensitivities::told(innovations::Flow(machine, record, 1, NoiseModel{}),
                                             innovations::readings_of(machine, record));
 }
 

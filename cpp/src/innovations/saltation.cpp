@@ -83,12 +83,12 @@ void Sensitivities::tick(const Tangent& tangent, const Piece& piece) {
 void Sensitivities::through_changes(const Moment& now, std::size_t at) {
     const std::size_t all = columns_.size(), rows = static_cast<std::size_t>(exact::padded(n_)),
                       states = static_cast<std::size_t>(states_),
-                      torque = static_cast<std::size_t>(flow_->first_torque());
+                      torque = static_cast<std::size_t>(flow_->first_disturbance());
     std::fill(way_.begin(), way_.end(), 0.0);
     for (std::size_t c = 0; c < all; ++c) {
         const double* const x = column(x_, c);
         std::copy_n(x, states, way_.data() + c * rows);
-        std::copy_n(x + states, torques_, way_.data() + c * rows + torque);
+        std::copy_n(x + states, disturbances_, way_.data() + c * rows + torque);
     }
     double* const y = way_.data() + all * rows;
     std::copy_n(y_.data() + at * static_cast<std::size_t>(n_), n_, y);
@@ -108,7 +108,7 @@ void Sensitivities::through_changes(const Moment& now, std::size_t at) {
         std::copy_n(way_.data() + c * rows, states, next);
         Eigen::Map<VectorXd> shown(next + size_, m);
         shown = last.outputs * Eigen::Map<const VectorXd>(way_.data() + c * rows, n_) + last.showing[c] * arrived;
-        shown += Eigen::Map<const VectorXd>(next + states_ + torques_, m);
+        shown += Eigen::Map<const VectorXd>(next + states_ + disturbances_, m);
         if (gains_.noise.drifts()) shown += Eigen::Map<const VectorXd>(next + size_ - m, m);
     }
 }

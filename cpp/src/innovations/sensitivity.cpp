@@ -63,13 +63,12 @@ Sensitivities::Sensitivities(const Machine& machine, const SampledRecord& record
       channels_(record.channels().size()),
       how_(how),
       found_(neighbours.size()) {
-    const auto bodies = gains.noise.bodies();
-    flow_ = std::make_unique<Flow>(machine, record, 1, bodies);
+    flow_ = std::make_unique<Flow>(machine, record, 1, gains.noise);
     if (!told(*flow_, own)) return;
     std::vector<Column> laws;
     for (std::size_t p = 0; p < neighbours.size(); ++p) {
         const Machine& other = *neighbours[p].machine;
-        Column own_column{p, std::make_unique<Flow>(other, record, 1, bodies), readings_of(other, record),
+        Column own_column{p, std::make_unique<Flow>(other, record, 1, gains.noise), readings_of(other, record),
                           neighbours[p].offsets};
         const Flow& flow = *own_column.flow;
         if (late(own_column.readings) || !flow.told_by_tangents() ||
@@ -85,8 +84,8 @@ Sensitivities::Sensitivities(const Machine& machine, const SampledRecord& record
     const auto m = static_cast<int>(channels_);
     n_ = flow_->width();
     states_ = flow_->states();
-    torques_ = flow_->torque_count();
-    size_ = states_ + torques_ + m * (1 + gains.noise.of_order_two() + gains.noise.drifts());
+    disturbances_ = flow_->disturbance_count();
+    size_ = states_ + disturbances_ + m * (1 + gains.noise.of_order_two() + gains.noise.drifts());
     rows_ = (size_ + m + at_once - 1) / at_once * at_once;
     shown_ = (states_ + m + at_once - 1) / at_once * at_once;
     MatrixXd kept = MatrixXd::Zero(size_, size_);
@@ -156,8 +155,8 @@ const Sensitivities::Propagator* Sensitivities::propagator(Tangent& own, std::si
     over.asked += 20.0 + 3.0 * own.bound * record_.step();  // terms
     if (over.asked < worth) return nullptr;
     const MatrixXd whole = machine_rows(flow_->over_a_sample(own.known, phase, waiting), own.outputs);
-    over.flow.resize(shown_, states_ + torques_);
-    over.flow << whole.leftCols(states_), whole.middleCols(flow_->first_torque(), torques_);
+    over.flow.resize(shown_, states_ + disturbances_);
+    over.flow << whole.leftCols(states_), whole.middleCols(flow_->first_disturbance(), disturbances_);
     for (std::size_t c = 0; c < columns_.size() - laws_; ++c) {
         Flow& other = *columns_[c].flow;
         Frozen theirs = other.tangent_in(own.modes);
@@ -283,7 +282,7 @@ void Sensitivities::otherwise() {
 // δe at a sample.
 void Sensitivities::innovate(const Moment& now) {
     const double t = record_.times()[now.sample];
-    const std::size_t m = channels_, sensor = static_cast<std::size_t>(states_ + torques_),
+    const std::size_t m = channels_, sensor = static_cast<std::size_t>(states_ + disturbances_),
                       zero = static_cast<std::size_t>(size_) - m;
     const bool drifts = gains_.noise.drifts();
     for (std::size_t c = 0; c < columns_.size(); ++c) {
@@ -303,7 +302,7 @@ void Sensitivities::innovate(const Moment& now) {
 void Sensitivities::flush() {
     otherwise();
     const auto all = static_cast<int>(columns_.size()), m = static_cast<int>(channels_);
-    const std::size_t shown = static_cast<std::size_t>(shown_), sensor = static_cast<std::size_t>(states_ + torques_),
+    const std::size_t shown = static_cast<std::size_t>(shown_), sensor = static_cast<std::size_t>(states_ + disturbances_),
                       zero = static_cast<std::size_t>(size_) - channels_;
     const bool drifts = gains_.noise.drifts();
     for (std::size_t i = 0; i < count_; ++i) {
@@ -323,7 +322,7 @@ void Sensitivities::flush() {
             for (const std::size_t k : now.leaving->held) column(x_, c)[k] = 0.0;
         const bool whole = now.over;
         if (whole)
-            exact::kernels().product(shown_, states_ + torques_, now.over->flow.data(), rows_, x_.data(), all,
+            exact::kernels().product(shown_, states_ + disturbances_, now.over->flow.data(), rows_, x_.data(), all,
                                      brought_.data());
         for (std::size_t c = 0; c < columns_.size(); ++c) {
             double* const next = column(next_, c);

@@ -129,7 +129,7 @@ class Sensitivities {
     std::size_t laws_ = 0;         // how many these are
     int n_ = 0;                    // of y
     // of a column: states and torques of unknown course; all that the filter has; and with outputs, padded
-    int states_ = 0, torques_ = 0, size_ = 0, rows_ = 0;
+    int states_ = 0, disturbances_ = 0, size_ = 0, rows_ = 0;
     int shown_ = 0;                // rows of the machine's own: states and outputs, padded
     std::vector<Entry> memories_;  // what torques of unknown course and sensors keep of themselves
     std::map<Modes, Tangent> tangents_;

@@ -74,7 +74,7 @@ Frozen Flow::tangent(const Modes& pattern, double speed) {
         const int element = layout_.stick_of[static_cast<std::size_t>(g)];
         if (element < 0 || pattern[static_cast<std::size_t>(element)] != stick::stuck) continue;
         const double speed_per_torque = model_.ratio(bodies_[b]) * slips * record_.step() / model_.group_inertia(g);
-        f.A.col(first_torque() + static_cast<Eigen::Index>(b)) += f.A.col(g) * speed_per_torque;
+        f.A.col(first_disturbance() + static_cast<Eigen::Index>(b)) += f.A.col(g) * speed_per_torque;
     }
     return f;
 }

@@ -24,6 +24,7 @@ from dualdrive.innovations.noise import Noise, first_noise
 from dualdrive.innovations.prediction import Replayed, predicted, replayed
 from dualdrive.innovations.records import Predictable
 from dualdrive.innovations.variant import Point, Variant
+from dualdrive.replay import ratio_to_table
 from dualdrive.replay.record import with_settings
 
 Array = NDArray[np.float64]
@@ -158,6 +159,13 @@ class GreyBox:
             core.set(path, value)
         return core
 
+    def resting(self, variant: Variant) -> dict[str, float]:
+        """Body that dry friction may hold -> its RMS speed as commanded, rad/s."""
+        return {
+            body: self.speed * abs(ratio_to_table(self.core, body))
+            for body in _core.held_by_friction(variant.grown)
+        }
+
     def constants(self, theta: Array) -> dict[str, float]:
         """Channel -> what its sensor adds."""
         n = len(self.nominal)
@@ -259,6 +267,7 @@ class GreyBox:
                     steady[key] = _core.kalman_gains(
                         there, r.sampled, noise.sensors(r), noise.torques(), self.speed,
                         drifts=noise.drifts(r), second=noise.seconds(r),
+                        creep=noise.creeps() if noise.torque else {},
                         first_torque=self.first_torque[r.filtered],
                         first_deviation=r.unsure,
                     )  # fmt: skip

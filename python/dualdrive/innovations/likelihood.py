@@ -67,7 +67,8 @@ def maximum_likelihood(
 
     """
     enough = _NEARLY if roughly else _ENOUGH
-    own = Logarithms(noise, floor)
+    resting = grey.resting(variant)
+    own = Logarithms(noise.creeping(resting), floor and floor.least_creeping(resting))
     n, m = len(theta), len(own)
     low, high = (np.r_[a, b] for a, b in zip(grey.bounds(variant), own.bounds(), strict=True))
     reach = np.r_[np.full(n, np.inf), np.full(m, _LONGEST)]

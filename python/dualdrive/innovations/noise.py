@@ -1,4 +1,4 @@
-"""The noise of a grey box: sensors with a memory, torques of unknown course."""
+"""The noise of a grey box: sensors with a memory, torques of unknown course, friction that creeps."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 _LEAST_MEMORY = -0.5
 _MOST_SECOND = 0.95
 _COURSE = 0.1  # s: over which a torque of unknown course changes
+_CREEP = 1e-3  # of a body's RMS speed as commanded: that of its creep at first
+_LEAST_CREEP = 1e-6  # the same of the least
 _WANDER = 0.2  # s: over which a sensor's zero drifts
 _DRIFT = 0.3  # of what drives a sensor's noise: its zero's drift at first
 _SHORTEST, _LONGEST = 10.0, 1e6  # samples: over which a zero may drift, where that is sought
@@ -39,6 +41,8 @@ class Noise:
     torque: body -> what drives the torque of unknown course there, constant over a sample, N*m in
         the body's own frame; empty: the replay is a simulation
     course: pole over a sample of these torques, an autoregression of order one, too
+    creep:  body -> what drives its speed while dry friction holds it, another one of that pole,
+        rad/s; empty: it does not move
     drift:  kind of channel -> what drives its zero, another one, SI of the channel; empty: none
     wander: kind of channel -> pole over a sample of that zero
     seeks: whether a search of the noise seeks these poles, too
@@ -52,10 +56,15 @@ class Noise:
     wander: Mapping[str, float] = field(default_factory=dict)
     second: Mapping[str, float] = field(default_factory=dict)
     seeks: bool = False
+    creep: Mapping[str, float] = field(default_factory=dict)
 
     def torques(self) -> dict[str, tuple[float, float]]:
         """Body -> (drive, memory)."""
         return {body: (s, self.course) for body, s in self.torque.items()}
+
+    def creeps(self) -> dict[str, tuple[float, float]]:
+        """Body -> (drive, memory) of its speed while dry friction holds it."""
+        return {body: (s, self.course) for body, s in self.creep.items()}
 
     def sensors(self, record: Predictable) -> list[tuple[float, float, float]]:
         """(drive, memory, white part of the rounding) per channel of a record."""
@@ -96,6 +105,19 @@ class Noise:
             for kind, s in self.drift.items()
         }
         return replace(self, drift=drift, wander=wander, seeks=True)
+
+    def creeping(self, speeds: Mapping[str, float]) -> Noise:
+        """The same where these bodies may creep, and no others.
+
+        speeds: body -> its RMS speed as commanded, rad/s
+        """
+        drive = _CREEP * float(np.sqrt(1.0 - self.course**2))
+        return replace(self, creep={b: self.creep.get(b, drive * v) for b, v in speeds.items()})
+
+    def least_creeping(self, speeds: Mapping[str, float]) -> Noise:
+        """The same with the least creep of these bodies; see `creeping`."""
+        drive = _LEAST_CREEP * float(np.sqrt(1.0 - self.course**2))
+        return replace(self, creep={b: drive * v for b, v in speeds.items()})
 
     def with_torque(self, factor: float) -> Noise:
         """The same with torques of unknown course `factor` times as large."""
@@ -164,7 +186,7 @@ def _rated(core: Any) -> float:
 
 
 class Logarithms:
-    """A noise as a vector of logarithms, torques of the motors tied.
+    """A noise as a vector of logarithms, torques and creep of the motors tied.
 
     noise: where all of them are zero
     floor: less drives nothing; None: there is no least
@@ -174,6 +196,7 @@ class Logarithms:
         self.noise, self.floor = noise, floor
         self.kinds = tuple(sorted(noise.drive))
         self.ties = tuple(sorted({_tie(body) for body in noise.torque}))
+        self.creeping = {_tie(body): body for body in sorted(noise.creep)}
 
     def __len__(self) -> int:
         return sum(map(len, self._parts()))
@@ -181,12 +204,13 @@ class Logarithms:
     def _parts(self) -> tuple[tuple[str, ...], ...]:
         """Whose logarithms come one after the other.
 
-        Drives, memories, drifts, the times over which they change, second autocorrelations, and
-        torques.
+        Drives, memories, drifts, the times over which they change, second autocorrelations,
+        torques, and creep.
         """
         drifting = tuple(sorted(self.noise.drift))
         sought = drifting if self.noise.seeks else ()
-        return self.kinds, self.kinds, drifting, sought, tuple(sorted(self.noise.second)), self.ties
+        second, creeping = tuple(sorted(self.noise.second)), tuple(self.creeping)
+        return self.kinds, self.kinds, drifting, sought, second, self.ties, creeping
 
     def _of(self, x: Array) -> list[dict[str, float]]:
         """Of every part, name -> logarithm."""
@@ -199,7 +223,7 @@ class Logarithms:
     def at(self, x: Array) -> Noise:
         """The noise at a vector; zero is the one it was begun with."""
         own = self.noise
-        grown, kept, far, slow, seconds, torques = self._of(x)
+        grown, kept, far, slow, seconds, torques, creeps = self._of(x)
         drive = {**own.drive, **{k: float(own.drive[k] * np.exp(v)) for k, v in grown.items()}}
         memory = {**own.memory, **{k: _memory(_logit(own.memory[k]) + v) for k, v in kept.items()}}
         wander = {k: float(pole ** np.exp(-slow.get(k, 0.0))) for k, pole in own.wander.items()}
@@ -210,9 +234,10 @@ class Logarithms:
         second = {k: _memory(_logit(own.second[k]) + v) for k, v in seconds.items()}
         factor = {tie: float(np.exp(v)) for tie, v in torques.items()}
         torque = {body: float(s * factor.get(_tie(body), 1.0)) for body, s in own.torque.items()}
+        creep = {body: float(s * np.exp(creeps[_tie(body)])) for body, s in own.creep.items()}
         found = replace(
             own, drive=drive, memory=memory, torque=torque, drift=drift, wander=wander,
-            second=second,
+            second=second, creep=creep,
         )  # fmt: skip
         return found.at_least(self.floor)
 
@@ -232,6 +257,8 @@ class Logarithms:
             known = _logit(own.second[kind])
             ends.append((_logit(-_MOST_SECOND) - known, _logit(_MOST_SECOND) - known))
         ends += [(-_FARTHEST, _FARTHEST)] * len(self.ties)
+        first = {body: own.creep[body] for body in self.creeping.values()}
+        ends += _above(first, floor.creep if floor else {})
         low, high = np.array(ends).T
         return np.minimum(low, 0.0), np.maximum(high, 0.0)
 
