@@ -25,20 +25,21 @@ def grey_box(
     seed: int,
     noise: Callable[[np.random.Generator, int], Array] = coloured,
     late: float = 0.0,
+    motion: Any = REVERSALS,
 ) -> GreyBox:
-    """The machine's, where the true one has been recorded at its reversals.
+    """The machine's, where the true one has been recorded on a motion.
 
     noise: of the sensors, (random, samples) -> shape (samples, channels)
     late:  of the first motor's encoder, s
     """
-    clean = run(true, {"theta_ref": REVERSALS}, samples)
+    clean = run(true, {"theta_ref": motion}, samples)
     seen = clean + noise(np.random.default_rng(seed), samples)
     k = CHANNELS.index("theta_1")
     rate = np.gradient(clean[:, k], STEP)
     seen[:, k] += late * (0.5 * late * np.gradient(rate, STEP) - rate)
     t = STEP * np.arange(samples, dtype=np.float64)
     columns = dict(zip(CHANNELS, seen.T, strict=True))
-    trace = Trace(t, {"theta_ref": REVERSALS.value(t), **columns}, name="record")
+    trace = Trace(t, {"theta_ref": motion.value(t), **columns}, name="record")
     core = core_of(machine)
     played = predictable(core, records(machine, {"record": trace}, start="rest"))
     return GreyBox(core, played, nominal_unknowns(core, None))
