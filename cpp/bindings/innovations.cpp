@@ -69,7 +69,8 @@ void bind_innovations(nb::module_& m) {
                 return g.steady.at(g.carrying)[phase].K();
             },
             nb::arg("phase") = 0,
-            "The steady gain, shape (states + disturbances + channels, again where of order two, again where zeros drift; "
+            "The steady gain, shape (states + disturbances + channels, again where of order two, again where zeros "
+            "drift; "
             "channels).")
         .def(
             "whitening",
@@ -120,7 +121,8 @@ void bind_innovations(nb::module_& m) {
         "are not affine are linearised. drifts: (drive, memory) per channel of a zero that drifts, or none. What is "
         "not known of the first state is where torques like first_torque (those "
         "of torque unless told) would take it, and first_deviation besides, state -> standard deviation. second: per "
-        "channel, the second partial autocorrelation of its noise, none for order one; memory is the first. creep: body -> "
+        "channel, the second partial autocorrelation of its noise, none for order one; memory is the first. creep: "
+        "body -> "
         "(drive, memory) of its speed while dry friction holds it, rad/s. Raises "
         "ValueError.");
 

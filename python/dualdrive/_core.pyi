@@ -710,7 +710,7 @@ class KalmanGains:
 
     def K(self, phase: int = 0) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]:
         """
-        The steady gain, shape (states + torques + channels, again where of order two, again where zeros drift; channels).
+        The steady gain, shape (states + disturbances + channels, again where of order two, again where zeros drift; channels).
         """
 
     def whitening(self, phase: int = 0) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]:
@@ -725,12 +725,15 @@ class KalmanGains:
         Stays in one pattern of modes (what carries, what rests, which limits are met) whose gains were learned.
         """
 
-def kalman_gains(machine: Machine, record: SampledRecord, sensors: Sequence[tuple[float, float, float]], torque: Mapping[str, tuple[float, float]], speed: float = 0.0, drifts: Sequence[tuple[float, float]] = [], first_torque: Mapping[str, tuple[float, float]] = {}, first_deviation: Mapping[str, float] = {}, second: Sequence[float] = []) -> KalmanGains:
+def kalman_gains(machine: Machine, record: SampledRecord, sensors: Sequence[tuple[float, float, float]], torque: Mapping[str, tuple[float, float]], speed: float = 0.0, drifts: Sequence[tuple[float, float]] = [], first_torque: Mapping[str, tuple[float, float]] = {}, first_deviation: Mapping[str, float] = {}, second: Sequence[float] = [], creep: Mapping[str, tuple[float, float]] = {}) -> KalmanGains:
     """
     Kalman gains: the steady ones where all meshes carry; `predict` learns the others along a record.
 
-    sensors: (drive, memory, white) per channel: n' = memory n + drive w, and a white part. torque: body -> (drive, memory) of a torque of unknown course, constant over a sample, d' = memory d + drive w, N*m. speed: table speed, rad/s, about which laws that are not affine are linearised. drifts: (drive, memory) per channel of a zero that drifts, or none. What is not known of the first state is where torques like first_torque (those of torque unless told) would take it, and first_deviation besides, state -> standard deviation. second: per channel, the second partial autocorrelation of its noise, none for order one; memory is the first. Raises ValueError.
+    sensors: (drive, memory, white) per channel: n' = memory n + drive w, and a white part. torque: body -> (drive, memory) of a torque of unknown course, constant over a sample, d' = memory d + drive w, N*m. speed: table speed, rad/s, about which laws that are not affine are linearised. drifts: (drive, memory) per channel of a zero that drifts, or none. What is not known of the first state is where torques like first_torque (those of torque unless told) would take it, and first_deviation besides, state -> standard deviation. second: per channel, the second partial autocorrelation of its noise, none for order one; memory is the first. creep: body -> (drive, memory) of its speed while dry friction holds it, rad/s. Raises ValueError.
     """
+
+def held_by_friction(machine: Machine) -> list[str]:
+    """Bodies that dry friction may hold, one of each that turn together."""
 
 def predict(machine: Machine, record: SampledRecord, gains: KalmanGains, *, initial: Sequence[Mapping[str, float]] = [], offsets: Sequence[float] = [], substeps: int = 1, given: int = 0, states: bool = False, learn: bool = False) -> dict[str, Any]:
     """

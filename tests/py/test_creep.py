@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bench_record import grey_box
-from test_innovations import SENSORS, bench, coloured, record, run
 
+from bench_record import grey_box
 from dualdrive import Machine, _core
 from dualdrive.diagnose.screening import Library
 from dualdrive.diagnose.selection.estimation import Estimator
@@ -26,6 +25,7 @@ from dualdrive.innovations import (
     inflation,
 )
 from dualdrive.replay import core_of
+from test_innovations import SENSORS, bench, coloured, record, run
 
 SAMPLES, FRICTION = 6000, 0.5
 SLOW = _core.sine(0.02, 0.25)  # the table is held for a while where it turns round

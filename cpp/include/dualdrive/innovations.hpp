@@ -48,8 +48,8 @@ struct SensorNoise {
 using TorqueNoise = Autoregression;
 
 struct NoiseModel {
-    std::vector<SensorNoise> sensors;           // per channel
-    std::map<std::string, TorqueNoise> torque;  // by body
+    std::vector<SensorNoise> sensors;                  // per channel
+    std::map<std::string, TorqueNoise> torque;         // by body
     std::map<std::string, Autoregression> creep = {};  // by body: its speed while dry friction holds it, rad/s
     bool drifts() const;                               // whether any sensor's zero does
     bool of_order_two() const;                         // whether any sensor's autoregression is

@@ -373,7 +373,8 @@ void Flow::carry_on(const KalmanGains::Set& gain, const double* e, double* moved
         there.setZero();
         for (const int j : delays_[d].channels) {
             there.head(states()) += e[j] * K.col(j).head(states());
-            there.segment(first_disturbance(), disturbance_count()) += e[j] * K.col(j).segment(states(), disturbance_count());
+            there.segment(first_disturbance(), disturbance_count()) +=
+                e[j] * K.col(j).segment(states(), disturbance_count());
         }
         exact::kernels().multiply(exact::padded(n_), n_, now_->onward[d].data(), n_, earlier_.data(), 1, trial_.data());
         for (int i = 0; i < states(); ++i) moved[i] += trial_[static_cast<std::size_t>(i)];

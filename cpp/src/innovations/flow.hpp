@@ -269,12 +269,12 @@ class Flow final {
     std::vector<int> recorded_;
     exact::Reader<double> reader_;
     const bool affine_;
-    const Scope scope_;                // of what laws that are not affine are felt by
-    const std::vector<int> driven_;    // rates on which they act
-    const std::vector<int> watching_;  // guards that feel them
-    const std::vector<int> feeling_;   // states that they feel
+    const Scope scope_;                         // of what laws that are not affine are felt by
+    const std::vector<int> driven_;             // rates on which they act
+    const std::vector<int> watching_;           // guards that feel them
+    const std::vector<int> feeling_;            // states that they feel
     const std::vector<int> bodies_, creeping_;  // on which torques of unknown course act; which may creep
-    const int n_;  // of y
+    const int n_;                               // of y
     int outputs_, substeps_, order_ = 0, step_rows_ = 0;
     double h_;                                       // substep
     std::vector<int> contacts_, sticks_, limiters_;  // elements: flanks; bodies with dry friction; limits

@@ -302,7 +302,8 @@ void Sensitivities::innovate(const Moment& now) {
 void Sensitivities::flush() {
     otherwise();
     const auto all = static_cast<int>(columns_.size()), m = static_cast<int>(channels_);
-    const std::size_t shown = static_cast<std::size_t>(shown_), sensor = static_cast<std::size_t>(states_ + disturbances_),
+    const std::size_t shown = static_cast<std::size_t>(shown_),
+                      sensor = static_cast<std::size_t>(states_ + disturbances_),
                       zero = static_cast<std::size_t>(size_) - channels_;
     const bool drifts = gains_.noise.drifts();
     for (std::size_t i = 0; i < count_; ++i) {

@@ -15,6 +15,7 @@ from dualdrive.diagnose.axis import candidate_on, numbers_on, shape_on
 from dualdrive.diagnose.decision import (
     Decision,
     beside_the_data_sheet,
+    creeps,
     decide,
     leaves_too_much,
     numbers_alone,
@@ -149,6 +150,8 @@ def _told(
     warnings = [*warnings, *_left_out(sorted(out))]
     if why:
         warnings.append(f"no verdict but unknown can stand: {why}")
+    elif why := creeps(decision.verdict, error):
+        warnings.append(why)
     candidates = [
         candidate_on(machine, _candidate(grey, found, sure, f, p, each[f.variant.key], error))
         for f, p in decision.ranked
@@ -219,6 +222,7 @@ def _errors(
         "held_out_refitted": held_out[base.variant.key],
         "best": each[stands.variant.key],
         "held_out_best": held_out[stands.variant.key],
+        "creeping": loops[stands.variant.key].creeping(stands.noise).error(out),
     }
     return each, headline, out
 

@@ -118,7 +118,8 @@ class Diagnosis:
 
     mode:      closed_loop | balance
     error:     headline errors: nominal, refitted, best, noise_floor, held_out_refitted,
-               held_out_best
+               held_out_best; in a closed loop `creeping`, of what stands, where what dry friction
+               holds follows its creep
     groups:    labels that this record can't tell apart
     warnings:  what is wrong with the record itself; such a record names no effect
     cut:       what a time limit or a stop left undone

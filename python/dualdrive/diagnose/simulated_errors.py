@@ -46,6 +46,12 @@ class Simulation:
         every = zip(self.grey.records, self.found.followed(noise), strict=True)
         return {r.name for r, followed in every if not followed}
 
+    def creeping(self, noise: Noise) -> Simulation:
+        """The same where what dry friction holds follows its creep; see `Simulated.creeping`."""
+        if self.found is None or not noise.creep:
+            return self
+        return Simulation(self.grey, self.found.creeping(noise))
+
     def error(self, without: Collection[str] = ()) -> float:
         """Headline error, over all records but these; NaN where it does not run, or none is left.
 

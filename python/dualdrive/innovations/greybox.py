@@ -267,7 +267,7 @@ class GreyBox:
                     steady[key] = _core.kalman_gains(
                         there, r.sampled, noise.sensors(r), noise.torques(), self.speed,
                         drifts=noise.drifts(r), second=noise.seconds(r),
-                        creep=noise.creeps() if noise.torque else {},
+                        creep=noise.creeps(),
                         first_torque=self.first_torque[r.filtered],
                         first_deviation=r.unsure,
                     )  # fmt: skip

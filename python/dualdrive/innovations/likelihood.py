@@ -67,7 +67,7 @@ def maximum_likelihood(
 
     """
     enough = _NEARLY if roughly else _ENOUGH
-    resting = grey.resting(variant)
+    resting = grey.resting(variant) if noise.torque else {}
     own = Logarithms(noise.creeping(resting), floor and floor.least_creeping(resting))
     n, m = len(theta), len(own)
     low, high = (np.r_[a, b] for a, b in zip(grey.bounds(variant), own.bounds(), strict=True))

@@ -1,4 +1,4 @@
-"""The noise of a grey box: sensors with a memory, torques of unknown course, friction that creeps."""
+"""The noise of a grey box: sensors with a memory, torques of unknown course, and creep."""
 
 from __future__ import annotations
 
@@ -118,6 +118,14 @@ class Noise:
         """The same with the least creep of these bodies; see `creeping`."""
         drive = _LEAST_CREEP * float(np.sqrt(1.0 - self.course**2))
         return replace(self, creep={b: drive * v for b, v in speeds.items()})
+
+    def of_a_simulation(self, records: Sequence[Predictable]) -> Noise:
+        """Sensors that forget at once, as noisy as they are, no torque, and what creeps."""
+        most: dict[str, float] = {}
+        for r in records:
+            for kind, variance in zip(r.kinds, self.variance(r).values(), strict=True):
+                most[kind] = max(most.get(kind, 0.0), float(np.sqrt(variance)))
+        return Noise(most, dict.fromkeys(most, 0.0), {}, self.course, creep=self.creep)
 
     def with_torque(self, factor: float) -> Noise:
         """The same with torques of unknown course `factor` times as large."""

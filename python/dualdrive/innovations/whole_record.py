@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,24 @@ class Simulated:
 
         """
         return self._loop.followed(self._begin, self.missed, noise)
+
+    def creeping(self, noise: Noise) -> Simulated | None:
+        """The same where what dry friction holds follows its creep; None where that is lost.
+
+        A simulation holds it, and goes on elsewhere: of friction that is not so dry that says more
+        than of the machine. Nothing else is corrected by the record.
+
+        Args:
+            noise: of the sensors, and how fast what is held creeps.
+
+        """
+        loop = copy(self._loop)
+        loop.gains = loop.grey.steady(loop.core, noise.of_a_simulation(loop.grey.records))
+        missed = loop.residuals(self._begin)
+        if missed is None:
+            return None
+        whole = [part * scale for part, scale in zip(missed, loop.scale, strict=True)]
+        return replace(self, missed=whole, _loop=loop)
 
 
 def simulated(grey: GreyBox, variant: Variant, theta: Array) -> Simulated | None:

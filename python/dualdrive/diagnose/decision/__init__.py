@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dualdrive.diagnose.decision.sanity import (
     beside_the_data_sheet,
+    creeps,
     leaves_too_much,
     objection,
     removed,
@@ -18,6 +19,7 @@ __all__ = [
     "Decision",
     "MissingTorque",
     "beside_the_data_sheet",
+    "creeps",
     "decide",
     "leaves_too_much",
     "numbers_alone",

@@ -82,6 +82,22 @@ def takes_too_little(verdict: Verdict, error: Mapping[str, float]) -> str:
     )
 
 
+def creeps(verdict: Verdict, error: Mapping[str, float]) -> str:
+    """What to say of dry friction that is not so dry; empty where nothing needs be said.
+
+    error: as in :func:`leaves_too_much`
+    """
+    left = error["best" if verdict in ("effect", "ambiguous") else "refitted"]
+    floor, creeping = error["noise_floor"], error["creeping"]
+    if verdict in ("unknown", "unfinished") or not left > threshold("beyond the floor") * floor:
+        return ""
+    return (
+        f"what dry friction holds creeps: the simulated loop, where it rests, leaves {left:.3g}; "
+        f"{creeping:.3g} where it follows the record while it is held, the sensors alone "
+        f"{floor:.3g}"
+    )
+
+
 def leaves_too_much(verdict: Verdict, error: Mapping[str, float]) -> str:
     """Why an answer is not all there is to say of a simulated loop; empty where nothing speaks so.
 
@@ -89,10 +105,11 @@ def leaves_too_much(verdict: Verdict, error: Mapping[str, float]) -> str:
     play is missing that carries a simulation to several times what the sensors leave. So a
     hysteresis of no law of the library is nearly as likely to it as bristles, too.
 
-    error: as in :func:`objection`
+    error: as in :func:`objection`; `creeping`: of what stands, where what dry friction holds
+        follows its creep
     """
     floor, named = error["noise_floor"], verdict in ("effect", "ambiguous")
-    left = error["best"] if named else error["refitted"]
+    left = error["creeping"]
     answered = named or verdict in ("adequate", "parameters")
     if not answered or not left > threshold("beyond the floor") * floor:
         return ""

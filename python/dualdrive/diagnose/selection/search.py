@@ -98,7 +98,7 @@ class _Search:
             return False
         loop = Simulation.of(whole, f)
         out = loop.unfollowed(f.noise)
-        left, floor = loop.error(out), noise_floor(whole, f, out)
+        left, floor = loop.creeping(f.noise).error(out), noise_floor(whole, f, out)
         return left < threshold("beyond the floor") * floor
 
     def _on_all_samples_at_once(self, everywhere: Fitted) -> None:
