@@ -5,6 +5,7 @@
     python benchmarks/survey_of_laws.py coulomb_table+ripple   two laws at once
     python benchmarks/survey_of_laws.py --draw 3               other sizes and numbers
     python benchmarks/survey_of_laws.py --noise 1              sensors of another size and colour
+    python benchmarks/survey_of_laws.py stribeck --creep 1e-3  friction that sets in over a speed
 
 The motions are those of the independent bench (`DUALDRIVE_DATA`), its sensors' coloured noise and
 rounding as well unless drawn; the machine behind them is this program's own. So the survey shows
@@ -15,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -24,9 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dualdrive as dd
-from dualdrive._core import recorder_delay
+from dualdrive._core import effect_type, recorder_delay
 from dualdrive.diagnose import diagnose
 from dualdrive.recorder import reading_times, written
+from dualdrive.replay import ratio_to_table
 from dualdrive.traces import Trace
 from dualdrive.traces import read as read_trace
 from independent_bench import DATA, SLACK, told
@@ -93,6 +96,13 @@ LAWS: dict[str, tuple[str, str, dict[str, float]]] = {
     "play": ("gearbox_backlash", "gearboxes", {"gap": 5e-4, "stiffness": 1e6}),
     "shafts": ("shaft_compliance", "gearboxes", {"stiffness": 600.0}),
 }
+#: dry friction -> the same as a formula, as other programs have it: sign(speed) as tanh(speed/range)
+FORMULAS = {
+    "coulomb": "-torque*tanh(speed/range)",
+    "stribeck": "-torque*(1 + (static_ratio - 1)*exp(-(speed/speed_0)*(speed/speed_0)))"
+    "*tanh(speed/range)",
+    "angle_dependent_friction": "-torque*(1 + cos(order*angle + phase))*tanh(speed/range)",
+}
 NOTHING = "nothing"
 #: channel -> one-sigma of its noise, its rounding; the noise remembers MEMORY of itself each ms
 NOISE = {
@@ -115,8 +125,13 @@ HEAD = [
 ]  # fmt: skip
 
 
-def hidden(name: str, draw: int) -> tuple[dd.Machine, dict[str, float], np.random.Generator]:
-    """A machine whose numbers are a little off, with its laws; path -> number of these."""
+def hidden(
+    name: str, draw: int, creep: float = 0.0
+) -> tuple[dd.Machine, dict[str, float], np.random.Generator]:
+    """A machine whose numbers are a little off, with its laws; path -> number of these.
+
+    creep: rad/s of the table, over which its dry friction sets in; 0: at once
+    """
     rng = np.random.default_rng([draw, *name.encode()])
     machine = dd.Machine.load(DATA / "nominal.toml")
     for path, sigma in OFF.items():
@@ -130,9 +145,30 @@ def hidden(name: str, draw: int) -> tuple[dd.Machine, dict[str, float], np.rando
                 numbers[key] = float(rng.uniform(-np.pi, np.pi))
             elif key not in STANDING:
                 numbers[key] *= float(np.exp(rng.uniform(-0.35, 0.35)))
-        machine.add(effect, place, **numbers)
+        label = machine.add(effect, place, **numbers)
+        if creep and effect in FORMULAS:
+            _creeping(machine, label, creep)
         known |= {f"{effect}@{place}.{key}": x for key, x in numbers.items()}
     return machine, known, rng
+
+
+def _creeping(machine: dd.Machine, label: str, over: float) -> None:
+    """A dry friction of the library by its formula, at every member of its place.
+
+    over: rad/s of the table
+    """
+    [law] = (e for e in machine.core.effects if e["label"] == label)
+    formula = FORMULAS[law["effect"]]
+    units = {p.path: p.unit for p in effect_type(law["effect"]).parameters}
+    numbers = {key: {"value": machine.get(f"{label}.{key}"), "unit": units[key]} for key in units}
+    if "speed" in numbers:  # a formula knows the body's own by that name
+        numbers["speed_0"] = numbers.pop("speed")
+    machine.remove(label)
+    for body in law["members"]:
+        own = over * abs(ratio_to_table(machine.core, body))
+        used = {**numbers, "range": {"value": own, "unit": "rad/s"}}
+        named = {key: x for key, x in used.items() if re.search(rf"\b{key}\b", formula)}
+        machine.add("expression", body, formula=formula, parameters=named)
 
 
 #: channel -> one-sigma, rounding, memory over 1 ms
@@ -198,9 +234,9 @@ def coloured(rng: np.random.Generator, n: int, sigma: float, memory: float) -> A
     return x
 
 
-def row(name: str, draw: int, noise: int, budget: float, effort: str) -> list[str]:
+def row(name: str, draw: int, noise: int, creep: float, budget: float, effort: str) -> list[str]:
     """One law hidden and sought."""
-    machine, numbers, rng = hidden(name, draw)
+    machine, numbers, rng = hidden(name, draw, creep)
     traces = records(machine, rng, noise=sensors(noise))
     cpu = time.process_time()
     found = diagnose(
@@ -243,6 +279,12 @@ def main() -> None:
         "--noise", type=int, default=0, help="draw of the sensors' noise; 0: the bench's"
     )
     parser.add_argument(
+        "--creep",
+        type=float,
+        default=0.0,
+        help="rad/s of the table over which its dry friction sets in, as other programs have it",
+    )
+    parser.add_argument(
         "--budget",
         type=float,
         default=math.inf,
@@ -253,7 +295,10 @@ def main() -> None:
     asked = parser.parse_args()
     if not DATA.exists():
         parser.exit(1, f"no records in {DATA}; DUALDRIVE_DATA names the folder of measured data\n")
-    one = partial(row, draw=asked.draw, noise=asked.noise, budget=asked.budget, effort=asked.effort)
+    one = partial(
+        row, draw=asked.draw, noise=asked.noise, creep=asked.creep, budget=asked.budget,
+        effort=asked.effort,
+    )  # fmt: skip
     rows = []
     with ProcessPoolExecutor(asked.jobs) as pool:
         for own in pool.map(one, asked.law or [NOTHING, *LAWS]):
