@@ -96,7 +96,7 @@ LAWS: dict[str, tuple[str, str, dict[str, float]]] = {
     "play": ("gearbox_backlash", "gearboxes", {"gap": 5e-4, "stiffness": 1e6}),
     "shafts": ("shaft_compliance", "gearboxes", {"stiffness": 600.0}),
 }
-#: dry friction -> the same as a formula, as other programs have it: sign(speed) as tanh(speed/range)
+#: dry friction -> the same as other programs have it: the sign of the speed as tanh(speed/range)
 FORMULAS = {
     "coulomb": "-torque*tanh(speed/range)",
     "stribeck": "-torque*(1 + (static_ratio - 1)*exp(-(speed/speed_0)*(speed/speed_0)))"
