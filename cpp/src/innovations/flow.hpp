@@ -122,7 +122,7 @@ class Flow final {
     void correct(std::size_t sample, const KalmanGains::Set& gain, const double* e, double* moved, bool holds);
     std::vector<std::string> elements() const;  // of the patterns
     Modes carrying() const;                     // all meshes carry, all slides, no limit is met
-    // The tangent for gains in a pattern: what slides does so at table speed `speed`, and what rests creeps under torques of
+    // The tangent for gains in a pattern: what slides does so at table speed `speed`, and what rests slips under torques of
     // unknown course, as if each had moved it freely for a few samples. Whether it rests is known by the mean alone; and
     // without it no such torque could be told while a body rests.
     Frozen tangent(const Modes& pattern, double speed);
