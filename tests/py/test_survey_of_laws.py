@@ -22,10 +22,20 @@ DRAW = 7
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("row", ["delay_motors", "encoder", "shafts", "wear"])
-def test_the_law_that_was_hidden_is_named_with_its_size(row: str) -> None:
+@pytest.mark.parametrize(
+    ("row", "creep"),
+    [
+        ("delay_motors", 0.0),
+        ("encoder", 0.0),
+        ("shafts", 0.0),
+        ("wear", 0.0),
+        ("coulomb_motors", 1e-3),
+    ],
+    ids=["delay_motors", "encoder", "shafts", "wear", "friction_that_creeps"],
+)
+def test_the_law_that_was_hidden_is_named_with_its_size(row: str, creep: float) -> None:
     sheet = measured_file("independent_bench/nominal.toml")
-    true, numbers, rng = survey.hidden(row, DRAW)
+    true, numbers, rng = survey.hidden(row, DRAW, creep)
     effect, place, _ = survey.LAWS[row]
     found = diagnose(
         Machine.load(sheet), survey.records(true, rng), settings=SLACK, experiment=False
