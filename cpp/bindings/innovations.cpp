@@ -70,8 +70,7 @@ void bind_innovations(nb::module_& m) {
             },
             nb::arg("phase") = 0,
             "The steady gain, shape (states + disturbances + channels, again where of order two, again where zeros "
-            "drift; "
-            "channels).")
+            "drift; channels).")
         .def(
             "whitening",
             [](const KalmanGains& g, std::size_t phase) -> Eigen::MatrixXd {
@@ -122,9 +121,7 @@ void bind_innovations(nb::module_& m) {
         "not known of the first state is where torques like first_torque (those "
         "of torque unless told) would take it, and first_deviation besides, state -> standard deviation. second: per "
         "channel, the second partial autocorrelation of its noise, none for order one; memory is the first. creep: "
-        "body -> "
-        "(drive, memory) of its speed while dry friction holds it, rad/s. Raises "
-        "ValueError.");
+        "body -> (drive, memory) of its speed while dry friction holds it, rad/s. Raises ValueError.");
 
     m.def("held_by_friction", &held_by_friction, nb::arg("machine"),
           "Bodies that dry friction may hold, one of each that turn together.");

@@ -1,12 +1,11 @@
 // Innovations of a record: what each sample tells that the model, pulled back to the samples before, had not predicted.
 //
 // The machine is a stochastic grey box (Kristensen, Madsen, Jørgensen, Automatica 40 (2004) 225–237): its own equations with
-// all their switches, driven besides by torques d of unknown course, one per equation, states of the filter themselves; and
+// all their switches, driven besides by torques d of unknown course, one per equation, and by the speeds at which bodies creep
+// that dry friction holds (none is so dry that nothing moves), all of them states of the filter; and
 // sensors with noise that has a memory. Between samples the state flows as it does in a simulation; at a sample it is
 // corrected by the gain of an extended Kalman filter, whose covariance P goes along through every change of the modes
 // (Jazwinski, Stochastic Processes and Filtering Theory, 1970, §8.3):
-//
-// A body that dry friction holds creeps besides at a speed of unknown course: no friction is so dry that nothing moves.
 //
 //   e_k = y_k − h(z⁻_k) − n⁻_k,   (z_k, d_k, n_k) = (z⁻_k, d⁻_k, n⁻_k) + K_s e_k,   r_k = S_s^(−1/2) e_k
 //

@@ -21,7 +21,7 @@ from dualdrive.innovations.levenberg_marquardt import (
     inflation,
     step_within,
 )
-from dualdrive.innovations.noise import Logarithms, Noise
+from dualdrive.innovations.noise import LEAST_CREEP, Logarithms, Noise
 from dualdrive.innovations.variant import Point, Variant, flat
 
 Array = NDArray[np.float64]
@@ -68,7 +68,7 @@ def maximum_likelihood(
     """
     enough = _NEARLY if roughly else _ENOUGH
     resting = grey.resting(variant) if noise.torque else {}
-    own = Logarithms(noise.creeping(resting), floor and floor.least_creeping(resting))
+    own = Logarithms(noise.creeping(resting), floor and floor.creeping(resting, LEAST_CREEP))
     n, m = len(theta), len(own)
     low, high = (np.r_[a, b] for a, b in zip(grey.bounds(variant), own.bounds(), strict=True))
     reach = np.r_[np.full(n, np.inf), np.full(m, _LONGEST)]

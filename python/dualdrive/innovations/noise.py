@@ -19,8 +19,8 @@ Array = NDArray[np.float64]
 _LEAST_MEMORY = -0.5
 _MOST_SECOND = 0.95
 _COURSE = 0.1  # s: over which a torque of unknown course changes
-_CREEP = 1e-3  # of a body's RMS speed as commanded: that of its creep at first
-_LEAST_CREEP = 1e-6  # the same of the least
+#: of a body's RMS speed as commanded: its creep at first, and the least
+CREEP, LEAST_CREEP = 1e-3, 1e-6
 _WANDER = 0.2  # s: over which a sensor's zero drifts
 _DRIFT = 0.3  # of what drives a sensor's noise: its zero's drift at first
 _SHORTEST, _LONGEST = 10.0, 1e6  # samples: over which a zero may drift, where that is sought
@@ -106,18 +106,16 @@ class Noise:
         }
         return replace(self, drift=drift, wander=wander, seeks=True)
 
-    def creeping(self, speeds: Mapping[str, float]) -> Noise:
+    def creeping(self, speeds: Mapping[str, float], share: float = CREEP) -> Noise:
         """The same where these bodies may creep, and no others.
 
-        speeds: body -> its RMS speed as commanded, rad/s
-        """
-        drive = _CREEP * float(np.sqrt(1.0 - self.course**2))
-        return replace(self, creep={b: self.creep.get(b, drive * v) for b, v in speeds.items()})
+        Args:
+            speeds: body -> its RMS speed as commanded, rad/s.
+            share: of that speed, of a creep that is not known yet.
 
-    def least_creeping(self, speeds: Mapping[str, float]) -> Noise:
-        """The same with the least creep of these bodies; see `creeping`."""
-        drive = _LEAST_CREEP * float(np.sqrt(1.0 - self.course**2))
-        return replace(self, creep={b: drive * v for b, v in speeds.items()})
+        """
+        drive = share * float(np.sqrt(1.0 - self.course**2))
+        return replace(self, creep={b: self.creep.get(b, drive * v) for b, v in speeds.items()})
 
     def of_a_simulation(self, records: Sequence[Predictable]) -> Noise:
         """Sensors that forget at once, as noisy as they are, no torque, and what creeps."""
