@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from dualdrive.compare.noise import noise_floor
 from dualdrive.compare.signs import torques_fit, train_fits
 from dualdrive.compare.time_skew import skews
 from dualdrive.identify import with_torques
+from dualdrive.mapper import Threads, mapped
 from dualdrive.replay import core_of, named
 from dualdrive.traces import CHANNELS, Trace
 
@@ -67,11 +69,12 @@ def check_records(
 
     """
     core = core_of(machine)
-    found: list[RecordWarning] = []
-    for name, trace in named(traces).items():
+
+    def check(name: str, trace: Trace) -> list[RecordWarning]:
         own = list(_all(core, name, trace, mode))
-        found += [RecordWarning(code, name, f"{name}: {said}", fatal) for code, said, fatal in own]
-    return found
+        return [RecordWarning(code, name, f"{name}: {said}", fatal) for code, said, fatal in own]
+
+    return list(chain(*mapped(Threads(), check, list(named(traces).items()))))
 
 
 def _all(core: Any, name: str, trace: Trace, mode: str) -> Iterator[Finding]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -99,21 +100,16 @@ class Processing:
 
     def low_pass(self, signal: Array, step: float) -> Array:
         """Zero-phase Butterworth low-pass along the last axis."""
-        from scipy.signal import butter
-
         own = self.at(step)
         assert own.cutoff is not None
-        return _forward_backward(butter(own.order, 2 * own.cutoff * step, output="sos"), signal)
+        return _forward_backward(_butterworth(own.order, 2 * own.cutoff * step), signal)
 
     def reduce(self, signal: Array, step: float) -> Array:
         """What either side of the balance goes through: low-pass, decimate, drop the ends."""
-        from scipy.signal import cheby1
-
         smooth = self.low_pass(signal, step)
         if (kept := self.every(step)) > 1:
-            sections = cheby1(8, RIPPLE, 0.8 / kept, output="sos")
             at_rest = 10 ** (-RIPPLE / 10)  # an even order sits at the foot of its ripple, twice
-            smooth = _forward_backward(sections, smooth) / at_rest
+            smooth = _forward_backward(_chebyshev(kept), smooth) / at_rest
         return smooth[..., self.kept(signal.shape[-1], step)]
 
     def kept(self, samples: int, step: float) -> NDArray[np.intp]:
@@ -280,6 +276,22 @@ def _kinematics(
             continue
         found[acceleration] = np.gradient(found[speed], step)
     return found
+
+
+@lru_cache(maxsize=64)
+def _butterworth(order: int, cutoff: float) -> Array:
+    """Second-order sections of a low-pass; its cutoff over half the sampling rate."""
+    from scipy.signal import butter
+
+    return np.asarray(butter(order, cutoff, output="sos"))
+
+
+@lru_cache(maxsize=64)
+def _chebyshev(kept: int) -> Array:
+    """Second-order sections of the low-pass before every so many samples are kept."""
+    from scipy.signal import cheby1
+
+    return np.asarray(cheby1(8, RIPPLE, 0.8 / kept, output="sos"))
 
 
 def _forward_backward(sections: Array, signal: Array) -> Array:

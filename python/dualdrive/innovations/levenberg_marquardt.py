@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.innovations.derivatives import slopes
+from dualdrive.innovations.derivatives import slopes, slopes_nearby
 from dualdrive.innovations.greybox import GreyBox
 from dualdrive.innovations.variant import Point, Variant, flat
 
@@ -46,6 +46,7 @@ def fit(
     steps: int = 6,
     shared_columns: Sequence[Array] | None = None,
     rival: float = -np.inf,
+    nearby: bool = False,
 ) -> Point:
     """Refit a variant from a point, gains held.
 
@@ -58,6 +59,8 @@ def fit(
         shared_columns: derivatives by the shared unknowns to begin with (a chord).
         rival: sum of squares and priors of what leads: a fit that would not come up to it at its
             present rate within the steps that it has left ends at once.
+        nearby: whether slopes may be told nearby (`slopes_nearby`) while they serve: it is to come
+            near under much unknown torque, and need not end where the exact ones would have it.
 
     """
     low, high = grey.bounds(variant)
@@ -67,14 +70,18 @@ def fit(
     weight = np.r_[1.0 / grey.sigma, np.zeros(n - m)]
     centre = np.r_[grey.centre, np.zeros(n - m)]
     columns = list(shared_columns) if shared_columns is not None else None
-    chord = columns is not None
+    chord, near = columns is not None, False  # near: these columns are told nearby
     for left in reversed(range(steps)):
         if grey.counter.stop():
             break
         s = 1.0 / inflation(now)
         if columns is None:
-            every, chord = slopes(grey, now, range(n), gains), False
-            columns = every[:m]
+            every, exact = (
+                slopes_nearby(grey, now, gains)
+                if nearby
+                else (slopes(grey, now, range(n), gains), True)
+            )
+            columns, chord, near = every[:m], not exact, not exact
         else:
             every = [*columns, *slopes(grey, now, range(m, n), gains)]
         J = np.stack(every)
@@ -99,12 +106,12 @@ def fit(
             if costs[k] < objective:
                 best = found[k], costs[k]
                 break
-            if chord:
+            if chord and not near:
                 break  # the chord is worn out
         if best is None:
             if not chord:
                 break
-            columns = None
+            columns, nearby = None, nearby and not near
             continue
         gained = now.chi2 + now.prior - best[0].chi2 - best[0].prior
         now, cost = best

@@ -155,7 +155,7 @@ def refitted(
         start[: grey.shared] = sheet
         return part_refitted(estimator, grey, variant, start, point.variant, noise)
     shared = columns[: grey.shared]
-    found = [fit(grey, variant, start, leader.gains, steps=5, shared_columns=shared)]
+    found = [fit(grey, variant, start, leader.gains, steps=5, shared_columns=shared, nearby=True)]
     if far:
         # so may any law: it does for the data sheet's machine nearly what the leader's numbers do
         begins = [np.r_[sheet, own[grey.shared :]] for own in _other_sizes(grey, point, far)]
@@ -167,7 +167,7 @@ def refitted(
         worst = without[0].minus_two_log if without else point.minus_two_log
         share = threshold("tied") * (worst - point.minus_two_log)
         if best and worst - best[0].minus_two_log > share:
-            found.append(fit(grey, variant, best[0].theta, best[1], steps=5))
+            found.append(fit(grey, variant, best[0].theta, best[1], steps=5, nearby=True))
     followed = [p for p in found if not p.lost]
     nearest = min(followed, key=lambda p: p.minus_two_log, default=None)
     return (nearest, noise) if nearest else None
