@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from dualdrive.diagnose.selection.estimation import on_all_samples
 from dualdrive.diagnose.selection.fitted import Fitted
 from dualdrive.diagnose.selection.forward import Forward, Means
 from dualdrive.diagnose.selection.residual_analysis import white
 from dualdrive.estimation.thresholds import threshold
 from dualdrive.innovations import GreyBox
 
-#: records, and the numbers alone and the best machine on them
-Stretches = tuple[GreyBox, Fitted, Fitted]
 
+def weigh_drifting_zeros(own: Means, on: Forward, stretches: Sequence[GreyBox]) -> None:
+    """What the best machine leaves, or one of its laws, explained by zeros that drift.
 
-def weigh_drifting_zeros(own: Means, on: Forward, stretches: Sequence[Stretches]) -> None:
-    """What the best machine leaves, explained by zeros that drift over times of their own.
-
-    From a fraction of a second (1/f noise) to minutes. A rival of the laws like any other, and the
-    last one: eccentric rings and encoders would pass for it while no law is in.
+    Over times of their own, from a fraction of a second (1/f noise) to minutes. A rival of the laws
+    like any other, and the last one: eccentric rings and encoders would pass for it while no law is
+    in, and so may a second law beside the first.
 
     Args:
         own: of the search.
@@ -27,19 +26,35 @@ def weigh_drifting_zeros(own: Means, on: Forward, stretches: Sequence[Stretches]
 
     """
     ranking, estimator = on.ranking, own.estimator
-    best, base = ranking.best, ranking.base
+    best = ranking.best
     if on.grey.counter.stop() or white(best):
         return
-    alone = base
-    places = [*stretches, (on.grey, base, best)] if best is not base else []
-    for grey, nothing, lead in places:
-        own.tell("drifting zeros")
-        alone = estimator.drifting(grey, nothing, rival=lead.point.minus_two_log)
-        behind = alone.point.minus_two_log > lead.point.minus_two_log
-        if behind and best.inflation < threshold("inflation"):
-            return
+    places = [*stretches, on.grey] if best is not ranking.base else []
+    rivals = list[Fitted]()
+    for fewer in _simpler(own, on, best):
+        own.tell(f"drifting zeros beside {fewer.variant.key}")
+        alone, behind = fewer, False
+        for grey in places:
+            lead = on_all_samples(grey, best).point.minus_two_log
+            alone = estimator.drifting(grey, on_all_samples(grey, fewer), rival=lead)
+            behind = alone.point.minus_two_log > lead
+            if behind and best.inflation < threshold("inflation"):
+                break
+        if not behind:
+            rivals.append(alone)
+    if not rivals and best is not ranking.base and best.inflation < threshold("inflation"):
+        return
     own.tell(f"drifting zeros beside {best.variant.key}")
     found = estimator.drifting(on.grey, best)
     ranking.keep([found])
-    if ranking.criterion(alone) < ranking.criterion(found):
-        ranking.keep([alone])
+    ranking.keep(f for f in rivals if ranking.criterion(f) < ranking.criterion(found))
+
+
+def _simpler(own: Means, on: Forward, best: Fitted) -> list[Fitted]:
+    """The best machine without one of its laws, as far as it is known, and without any."""
+    ranking, found = on.ranking, [on.ranking.base]
+    for effect in best.variant.effects:
+        variant = own.library.without(best.variant, effect)
+        known = ranking[variant.key] if variant and variant.key in ranking else ranking.base
+        found += [known] if known not in found else []
+    return found

@@ -24,6 +24,7 @@ from dualdrive.mapper import Threads
 
 _SIMULATIONS = 1500  # of single records, at most, in a round
 _ROUNDS = 3  # of least squares, at most, each under the weights of what the one before left
+_PRECISION = 1e-4  # of a round's sum of squares: the likelihood goes on from there
 
 
 def opens(variant: Variant) -> bool:
@@ -72,9 +73,9 @@ def by_simulation(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted | No
     low, high = problem.bounds
     point = np.clip(np.r_[start, problem.start[len(parameters) :]], low, high)
     best: Fitted | None = None
-    noise = replace(estimator.wide, torque={})
+    noise = replace(f.noise, torque={}, creep={})
     for _ in range(_ROUNDS):
-        search = Search(problem, _SIMULATIONS, told, rounds=1)
+        search = Search(problem, _SIMULATIONS, told, _PRECISION, rounds=1)
         search.first = point
         try:
             search.run()
@@ -86,8 +87,11 @@ def by_simulation(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted | No
         theta[grey.shared :] = coordinates(
             variant.extra, {p.path: found[p.path] for p in variant.extra}
         )
-        own = estimator.likeliest(grey, variant, theta, noise)
+        own = estimator.likeliest(grey, variant, theta, noise, roughly=True)
         if own is None or (best and own.point.minus_two_log > best.point.minus_two_log):
             break
         best, noise = own, own.noise
-    return replace(best, told_under=f.noise) if best and not grey.counter.stop() else None
+    if best is None or grey.counter.stop():
+        return None
+    own = estimator.likeliest(grey, variant, best.point.theta, best.noise)
+    return replace(own or best, told_under=f.noise)

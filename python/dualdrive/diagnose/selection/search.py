@@ -19,7 +19,7 @@ import numpy as np
 
 from dualdrive.diagnose.screening import Scored
 from dualdrive.diagnose.selection.base import Base, refitted_base
-from dualdrive.diagnose.selection.drift import Stretches, weigh_drifting_zeros
+from dualdrive.diagnose.selection.drift import weigh_drifting_zeros
 from dualdrive.diagnose.selection.estimation import on_all_samples
 from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selection
 from dualdrive.diagnose.selection.forward import Forward, Means
@@ -51,7 +51,7 @@ class _Search:
     def __init__(self, own: Means, base: Base) -> None:
         self.own, self.base = own, base
         self.on = Forward(own, base.grey, [base.there])
-        self._stretches: list[Stretches] = []
+        self._stretches: list[GreyBox] = []
         self._quiet = self._faint = False  # numbers alone leave noise: on all samples; on stretches
         self._simulated: Fitted | None = None  # likelier without any torque of unknown course
 
@@ -159,7 +159,7 @@ class _Search:
             beyond = ranking.criterion(ranked[0]) + threshold("beyond")
             laws = [f for f in ranked if f.variant.effects and ranking.criterion(f) < beyond]
             near = laws[: int(threshold("contenders"))]
-        self._stretches = [(grey, ranking.base, ranking.best)]
+        self._stretches = [grey]
         self.on = Forward(self.own, self.own.whole, [], grey, faint=self._faint)
         found = self.on.contest.on_these(near)
         nothing = base.everywhere or self._everywhere_refitted(ranking.base, bool(found))
