@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any
@@ -15,7 +16,6 @@ from dualdrive.compare.noise import noise_floor
 from dualdrive.compare.signs import torques_fit, train_fits
 from dualdrive.compare.time_skew import skews
 from dualdrive.identify import with_torques
-from dualdrive.mapper import Threads, mapped
 from dualdrive.replay import core_of, named
 from dualdrive.traces import CHANNELS, Trace
 
@@ -70,11 +70,13 @@ def check_records(
     """
     core = core_of(machine)
 
-    def check(name: str, trace: Trace) -> list[RecordWarning]:
-        own = list(_all(core, name, trace, mode))
+    def check(item: tuple[str, Trace]) -> list[RecordWarning]:
+        name, trace = item
+        own = _all(core, name, trace, mode)
         return [RecordWarning(code, name, f"{name}: {said}", fatal) for code, said, fatal in own]
 
-    return list(chain(*mapped(Threads(), check, list(named(traces).items()))))
+    with ThreadPoolExecutor() as pool:  # in the order of the traces, errors as well
+        return list(chain(*pool.map(check, named(traces).items())))
 
 
 def _all(core: Any, name: str, trace: Trace, mode: str) -> Iterator[Finding]:

@@ -43,7 +43,6 @@ from dualdrive.diagnose.uncertainty import Uncertainty
 from dualdrive.estimation.unknowns import Unknown, default_free, default_tolerances, unknowns
 from dualdrive.identify import FitError
 from dualdrive.innovations import Counter, GreyBox, Noise, predictable, values
-from dualdrive.mapper import Threads, mapped
 from dualdrive.replay import Record, core_of
 from dualdrive.said import Counted, Said
 from dualdrive.traces import Trace
@@ -171,9 +170,7 @@ def _told(
     refitted = machine_at(machine, grey, found.base)
     improved = machine_at(machine, grey, stands) if named else None
     job.tell("comparing the refitted machine, and the one that stands, with the records")
-    before, after = mapped(
-        Threads(job.threads), job.compared, [(m, traces) for m in (refitted, improved)]
-    )
+    before, after = grey.pool.map(lambda m: job.compared(m, traces), (refitted, improved))
     told = Diagnosis(
         machine=core_of(machine).name,
         mode="closed_loop",

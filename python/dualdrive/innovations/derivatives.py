@@ -116,11 +116,20 @@ def slopes(grey: GreyBox, point: Point, which: Sequence[int], gains: Sequence[An
 
 
 def slopes_nearby(grey: GreyBox, point: Point, gains: Sequence[Any]) -> tuple[list[Array], bool]:
-    """Derivatives by all unknowns with which a fit may begin, and whether they hold at the point.
+    """Derivatives by all unknowns with which a fit may go some way, and whether they are exact.
 
     Of a machine with laws that are not affine those by the shared unknowns are told about that
     machine without them: while much torque is unknown the record holds both on one course, and a
     law changes little of these derivatives. Differences cost four to five times as much.
+
+    Args:
+        grey: records and shared unknowns.
+        point: where.
+        gains: held.
+
+    Returns:
+        Flat per unknown; True where all of them are those at the point.
+
     """
     every, shared = range(len(point.theta)), grey.shared
     machine = grey.machine(point.variant, point.theta)

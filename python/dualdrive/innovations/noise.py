@@ -121,8 +121,10 @@ class Noise:
         """Sensors that forget at once, as noisy as they are, no torque, and what creeps."""
         most: dict[str, float] = {}
         for r in records:
-            for kind, variance in zip(r.kinds, self.variance(r).values(), strict=True):
-                most[kind] = max(most.get(kind, 0.0), float(np.sqrt(variance)))
+            sensors = zip(self.variance(r).values(), self.sensors(r), strict=True)
+            for kind, (variance, (_, _, rounding)) in zip(r.kinds, sensors, strict=True):
+                own = max(0.0, variance - rounding**2)  # rounding comes to each record by itself
+                most[kind] = max(most.get(kind, 0.0), float(np.sqrt(own)))
         return Noise(most, dict.fromkeys(most, 0.0), {}, self.course, creep=self.creep)
 
     def with_torque(self, factor: float) -> Noise:
