@@ -5,8 +5,8 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
+import secrets
 import signal
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
@@ -26,6 +26,7 @@ __all__ = [
     "write_atomically",
 ]
 
+_STOPS: Final = {signal.SIGINT, signal.SIGTERM}
 _LONGEST_TEXT: Final = 10**8  # bytes; a drive's file has some 10^4, a device has no end
 
 
@@ -135,8 +136,8 @@ def claim(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _ctrl_c_later() -> Iterator[Callable[[], AbstractContextManager[None]]]:
-    """Ctrl-C comes when this is over, or where what it gives is entered."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    """Ctrl-C and SIGTERM come when this is over, or where what it gives is entered."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _STOPS)
 
     @contextmanager
     def heard() -> Iterator[None]:
@@ -144,7 +145,7 @@ def _ctrl_c_later() -> Iterator[Callable[[], AbstractContextManager[None]]]:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
             yield
         finally:
-            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+            signal.pthread_sigmask(signal.SIG_BLOCK, _STOPS)
 
     try:
         yield heard
@@ -193,28 +194,28 @@ def write_atomically(path: Path, *, overwrite: bool = True, flush: bool = True) 
     On any failure the temporary file is removed and what stood at `path` is untouched. Trouble
     with the disk (no permission, no space, no folder) is raised as WriteError.
     """
-    temporary: Path | None = None
-    try:
-        _refuse_special(path)
-        place = target(path)
-        handle, name = tempfile.mkstemp(
-            dir=place.parent, prefix=f".{place.name}.", suffix=place.suffix
-        )
-        os.close(handle)
-        temporary = Path(name)
-        yield temporary
-        if flush:
-            _flush(temporary)
-        temporary.chmod(_mode(place))
-        if overwrite:
-            temporary.replace(place)
-        else:
-            _give_name(temporary, place)
-    except OSError as error:
-        raise _unwritable(path, error) from error
-    finally:
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)
+    with _ctrl_c_later() as heard:
+        temporary: Path | None = None  # named before it is there: no moment is without an owner
+        try:
+            _refuse_special(path)
+            place = target(path)
+            temporary = place.with_name(f".{place.name}.{secrets.token_hex(4)}{place.suffix}")
+            os.close(os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
+            with heard():
+                yield temporary
+                if flush:
+                    _flush(temporary)
+            temporary.chmod(_mode(place))
+            if overwrite:
+                temporary.replace(place)
+            else:
+                _give_name(temporary, place)
+        except OSError as error:
+            raise _unwritable(path, error) from error
+        finally:
+            if temporary is not None:
+                with suppress(OSError):  # it took its place, or never came to be
+                    temporary.unlink()
 
 
 def _give_name(temporary: Path, place: Path) -> None:

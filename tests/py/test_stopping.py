@@ -84,6 +84,33 @@ def test_ctrl_c_at_a_random_moment(seed: int, folder: Path) -> None:
     assert not list(folder.glob(".*")), "something half written was left"
 
 
+#: Nothing but a file that is written over and over.
+WRITING = """
+from pathlib import Path
+from dualdrive.files import write_atomically
+print("here", flush=True)
+while True:
+    with write_atomically(Path("x.json"), flush=False) as file:
+        file.write_text("1")
+"""
+
+
+def test_ctrl_c_in_the_midst_of_writing(tmp_path: Path) -> None:
+    """A temporary file that was there before anybody owned it stayed in 9 of 120 runs."""
+    choice = random.Random(0)
+    for k in range(50):
+        folder = tmp_path / str(k)
+        folder.mkdir()
+        process = begun([sys.executable, "-c", WRITING], folder)
+        assert process.stdout is not None
+        assert process.stdout.readline() == "here\n"
+        time.sleep(0.002 + 0.01 * choice.random())
+        process.send_signal(signal.SIGINT)
+        _, told = process.communicate(timeout=PATIENCE)
+        assert "KeyboardInterrupt" in told
+        assert not list(folder.glob(".*")), "something half written was left"
+
+
 @pytest.mark.parametrize("verb", ["compare", "fit"])
 @pytest.mark.parametrize("moment", [1, 2])
 def test_ctrl_c_in_a_simulation_of_a_search(
