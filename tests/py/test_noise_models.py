@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -101,6 +103,14 @@ def test_a_drift_over_seconds_is_recovered() -> None:
     assert there is not None
     assert point.minus_two_log < there[0].minus_two_log + 2.0
     assert drifts_by(noise)["drive angle"] == pytest.approx(far, rel=0.7)
+
+
+def test_a_simulation_has_sensors_as_noisy_as_the_filter_and_rounding_once() -> None:
+    record: Any = SimpleNamespace(
+        channels=("theta_m", "theta_1"), kinds=("table angle", "drive angle"), steps=(1e-7, 1e-6)
+    )
+    found = NOISE.of_a_simulation([record])
+    assert found.variance(record) == pytest.approx(NOISE.variance(record), rel=1e-9, abs=0.0)
 
 
 def test_no_drive_goes_below_the_floor() -> None:

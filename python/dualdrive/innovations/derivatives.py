@@ -120,7 +120,7 @@ def slopes_nearby(grey: GreyBox, point: Point, gains: Sequence[Any]) -> tuple[li
 
     Of a machine with laws that are not affine those by the shared unknowns are told about that
     machine without them: while much torque is unknown the record holds both on one course, and a
-    law changes little of these derivatives. Differences cost four to five times as much.
+    law changes little of these derivatives. They go along with one replay, as differences do not.
 
     Args:
         grey: records and shared unknowns.

@@ -9,6 +9,7 @@ from dualdrive.diagnose.selection.fitted import Fitted
 from dualdrive.diagnose.selection.forward import Forward, Means
 from dualdrive.diagnose.selection.residual_analysis import white
 from dualdrive.estimation.thresholds import threshold
+from dualdrive.identify import FitError
 from dualdrive.innovations import GreyBox
 
 
@@ -29,15 +30,18 @@ def weigh_drifting_zeros(own: Means, on: Forward, stretches: Sequence[GreyBox]) 
     best = ranking.best
     if on.grey.counter.stop() or white(best):
         return
-    places = [*stretches, on.grey] if best is not ranking.base else []
+    places = [(grey, found) for grey in stretches if (found := _at(grey, best))]
+    places = [*places, (on.grey, best)] if best is not ranking.base else []
     rivals = list[Fitted]()
     for fewer in _simpler(own, on, best):
         own.tell(f"drifting zeros beside {fewer.variant.key}")
         alone, behind = fewer, False
-        for grey in places:
-            lead = on_all_samples(grey, best).point.minus_two_log
-            alone = estimator.drifting(grey, on_all_samples(grey, fewer), rival=lead)
-            behind = alone.point.minus_two_log > lead
+        for grey, lead in places:
+            there = fewer if grey is on.grey else _at(grey, fewer)
+            if there is None:
+                continue
+            alone = estimator.drifting(grey, there, rival=lead.point.minus_two_log)
+            behind = alone.point.minus_two_log > lead.point.minus_two_log
             if behind and best.inflation < threshold("inflation"):
                 break
         if not behind:
@@ -48,6 +52,14 @@ def weigh_drifting_zeros(own: Means, on: Forward, stretches: Sequence[GreyBox]) 
     found = estimator.drifting(on.grey, best)
     ranking.keep([found])
     ranking.keep(f for f in rivals if ranking.criterion(f) < ranking.criterion(found))
+
+
+def _at(grey: GreyBox, f: Fitted) -> Fitted | None:
+    """A fitted machine on other records, as it is; None where it can't follow them."""
+    try:
+        return on_all_samples(grey, f)
+    except FitError:
+        return None
 
 
 def _simpler(own: Means, on: Forward, best: Fitted) -> list[Fitted]:
