@@ -24,6 +24,7 @@ from dualdrive.estimation.thresholds import threshold
 from dualdrive.estimation.unknowns import Unknown
 from dualdrive.innovations import (
     GreyBox,
+    Parts,
     Point,
     Variant,
     changes,
@@ -130,14 +131,15 @@ def scores(
     while begin < len(jobs) and not grey.counter.stop():
         batch = jobs[begin : begin + _BATCH]
         begin += len(batch)
-        told = changes(grey, base, [(j[1], j[2]) for j in batch], gains, **small)
-        rest = [k for k, change in enumerate(told) if change is None]
-        points = grey.points([batch[k][1] for k in rest], [batch[k][2] for k in rest], gains)
-        for k, p in zip(rest, points, strict=True):
-            told[k] = None if p.lost else flat(p.residuals) - r
+        places = [(j[1], j[2]) for j in batch]
+        told = changes(grey, base, places, gains, **small)
         if sensitive and not faint:
-            jobs += [larger for k in rest for larger in _larger(base, batch[k])]
-        known = [(j, change) for j, change in zip(batch, told, strict=True) if change is not None]
+            untold = [
+                j for j, parts in zip(batch, told, strict=True) if any(x is None for x in parts)
+            ]
+            jobs += [larger for job in untold for larger in _larger(base, job)]
+        whole = _replayed_where_untold(grey, base, places, told, gains)
+        known = [(j, change) for j, change in zip(batch, whole, strict=True) if change is not None]
         if not known:
             continue
         left_apart = apart(np.stack([change for _, change in known]))
@@ -145,6 +147,35 @@ def scores(
             found.setdefault(k, []).append((probe, own_part))
         tell(begin, len(jobs))
     return [_scored(v, found.get(k, []), left, inflation) for k, v in enumerate(variants)]
+
+
+def _replayed_where_untold(
+    grey: GreyBox,
+    base: Point,
+    places: Sequence[tuple[Variant, Array]],
+    told: Sequence[Parts],
+    gains: Sequence[object],
+) -> list[Array | None]:
+    """Changes of the residuals, flat: on records where no first order tells, those of a replay.
+
+    None of what is lost there.
+    """
+    rest = [k for k, parts in enumerate(told) if any(part is None for part in parts)]
+    records = [r for r in range(len(gains)) if any(told[k][r] is None for k in rest)]
+    own = grey.on([grey.records[r] for r in records])
+    points = own.points(
+        [places[k][0] for k in rest], [places[k][1] for k in rest], [gains[r] for r in records]
+    )
+    found: list[Array | None] = []
+    replayed = dict(zip(rest, points, strict=True))
+    for k, parts in enumerate(told):
+        known = dict(enumerate(parts))
+        if k in replayed:
+            there = zip(records, replayed[k].residuals, strict=True)
+            known |= {r: (x - base.residuals[r]).ravel() for r, x in there if known[r] is None}
+        lost = k in replayed and replayed[k].lost
+        found.append(None if lost else flat([x for x in known.values() if x is not None]))
+    return found
 
 
 def _larger(base: Point, job: _Job) -> list[_Job]:
