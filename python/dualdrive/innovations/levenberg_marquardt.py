@@ -66,25 +66,14 @@ def fit(
     low, high = grey.bounds(variant)
     theta = np.clip(theta, low, high)
     [now] = grey.points([variant], [theta], gains)
-    n, m = len(theta), grey.shared
-    weight = np.r_[1.0 / grey.sigma, np.zeros(n - m)]
-    centre = np.r_[grey.centre, np.zeros(n - m)]
-    columns = list(shared_columns) if shared_columns is not None else None
-    chord, near = columns is not None, False  # near: these columns are told nearby
+    more = np.zeros(len(theta) - grey.shared)
+    weight, centre = np.r_[1.0 / grey.sigma, more], np.r_[grey.centre, more]
+    shared = _Shared(grey, gains, shared_columns, nearby)
     for left in reversed(range(steps)):
         if grey.counter.stop():
             break
         s = 1.0 / inflation(now)
-        if columns is None:
-            every, exact = (
-                slopes_nearby(grey, now, gains)
-                if nearby
-                else (slopes(grey, now, range(n), gains), True)
-            )
-            columns, chord, near = every[:m], not exact, not exact
-        else:
-            every = [*columns, *slopes(grey, now, range(m, n), gains)]
-        J = np.stack(every)
+        J = np.stack(shared.columns_at(now))
         r = flat(now.residuals)
         off = (now.theta - centre) * weight
         H = s * (J @ J.T) + np.diag(weight**2)
@@ -106,21 +95,65 @@ def fit(
             if costs[k] < objective:
                 best = found[k], costs[k]
                 break
-            if chord and not near:
-                break  # the chord is worn out
+            if shared.are_a_chord:
+                break  # it is worn out
         if best is None:
-            if not chord:
+            if not shared.others():
                 break
-            columns, nearby = None, nearby and not near
             continue
         gained = now.chi2 + now.prior - best[0].chi2 - best[0].prior
         now, cost = best
-        chord = as_foretold(objective - cost, g, H, d)
-        columns = columns if chord else None
+        shared.kept(as_foretold(objective - cost, g, H, d))
         behind = now.chi2 + now.prior - left * gained > rival > -np.inf
         if objective - cost < _ENOUGH or behind:
             break
     return now
+
+
+class _Shared:
+    """Derivatives by the shared unknowns, which serve while steps bring what they promise.
+
+    Attributes:
+        are_a_chord: those of another point, exact there.
+
+    """
+
+    def __init__(
+        self,
+        grey: GreyBox,
+        gains: Sequence[Any],
+        columns: Sequence[Array] | None,
+        nearby: bool,
+    ) -> None:
+        self._grey, self._gains = grey, gains
+        self._columns = None if columns is None else list(columns)
+        self._may_be_nearby, self._are_nearby = nearby, False
+        self.are_a_chord = columns is not None
+
+    def columns_at(self, now: Point) -> list[Array]:
+        """Derivatives by all unknowns, those by the shared ones as they are held."""
+        m, n = self._grey.shared, len(now.theta)
+        if self._columns is not None:
+            return [*self._columns, *slopes(self._grey, now, range(m, n), self._gains)]
+        if self._may_be_nearby:
+            every, exact = slopes_nearby(self._grey, now, self._gains)
+        else:
+            every, exact = slopes(self._grey, now, range(n), self._gains), True
+        self._columns, self._are_nearby, self.are_a_chord = every[:m], not exact, False
+        return every
+
+    def others(self) -> bool:
+        """Whether there are others than those that led nowhere: of this point, or exact."""
+        if not (self.are_a_chord or self._are_nearby):
+            return False
+        self._may_be_nearby &= not self._are_nearby
+        self._columns = None
+        return True
+
+    def kept(self, served: bool) -> None:
+        """A step was taken with them: those that served go on, as a chord if they were exact."""
+        self.are_a_chord = served and not self._are_nearby
+        self._columns = self._columns if served else None
 
 
 def curvature(r: Array, there: Array, along: Array, share: float) -> Array:
