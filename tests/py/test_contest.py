@@ -47,6 +47,6 @@ def test_numbers_that_a_stretch_does_not_tell_begin_again_where_they_fail() -> N
         TORQUE, rel=1e-3
     )
     true = np.r_[own.start(nothing), coordinates(law.extra, {f"{LAW}.torque": TORQUE})]
-    best = estimator.likeliest(own, law, true, found.noise, roughly=True)
+    best = estimator.likeliest(own, law, true, found.noise)
     assert best is not None
     assert found.point.minus_two_log < best.point.minus_two_log + 20.0
