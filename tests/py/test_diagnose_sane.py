@@ -21,6 +21,7 @@ from dualdrive.diagnose.decision import (
     leaves_too_much,
     objection,
     takes_too_little,
+    unseen,
 )
 from dualdrive.diagnose.diagnosis import drives_close, unfit
 from dualdrive.diagnose.result import Verdict
@@ -177,6 +178,19 @@ def test_a_law_that_hardly_brings_the_simulation_nearer_is_no_name() -> None:
     faint = {**SOUND, "refitted": 0.0494, "best": 0.0468, "noise_floor": 0.0258}
     assert "takes away 11% of what the refitted machine leaves" in takes_too_little("effect", faint)
     assert takes_too_little("unknown", faint) == ""
+
+
+def test_an_answer_without_a_simulated_error_is_none() -> None:
+    """Of the table's speed alone no error is told; every comparison with NaN had passed."""
+    blind = dict.fromkeys(SOUND, math.nan)
+    for verdict in ("effect", "ambiguous", "adequate", "parameters"):
+        assert unseen(verdict, SOUND) == ""
+        assert "record the table's angle" in unseen(verdict, blind)
+    lost = {**SOUND, "best": math.nan}
+    assert "with the best candidate can't be simulated" in unseen("effect", lost)
+    assert unseen("adequate", lost) == ""
+    assert "refitted machine can't" in unseen("adequate", {**SOUND, "refitted": math.nan})
+    assert unseen("unknown", blind) == ""
 
 
 def test_a_law_with_which_more_than_noise_is_left_is_no_name() -> None:

@@ -22,6 +22,7 @@ from dualdrive.diagnose.decision import (
     objection,
     removed,
     takes_too_little,
+    unseen,
 )
 from dualdrive.diagnose.experiment import next_experiment
 from dualdrive.diagnose.findings import (
@@ -233,9 +234,10 @@ def _upheld(
 ) -> tuple[Decision, dict[str, float], str]:
     """Decision and errors that can stand beside one another; if none but unknown can, why."""
     decision = replace(decision, verdict=beside_the_data_sheet(decision.verdict, error))
-    denials = (objection, takes_too_little, leaves_too_much)
+    denials = (unseen, objection, takes_too_little, leaves_too_much)
     why = next(filter(None, (deny(decision.verdict, error) for deny in denials)), "")
-    if why and found.quiet and decision.verdict in ("effect", "ambiguous"):
+    alone_is_seen = not unseen("parameters", error)
+    if why and found.quiet and alone_is_seen and decision.verdict in ("effect", "ambiguous"):
         alone = {"best": error["refitted"], "held_out_best": error["held_out_refitted"]}
         return numbers_alone(sure, found, decision), {**error, **alone}, ""
     if why:

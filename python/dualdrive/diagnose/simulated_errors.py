@@ -75,7 +75,7 @@ class Simulation:
 def of_the_data_sheet(grey: GreyBox) -> Simulation:
     """The machine as given, its numbers where they are nominal."""
     nothing = Variant(grey.core)
-    return Simulation(grey, simulated(grey, nothing, grey.start(nothing)))
+    return Simulation(grey, simulated(grey, nothing, grey.of_the_data_sheet(nothing)))
 
 
 def noise_floor(grey: GreyBox, f: Fitted, without: Collection[str] = ()) -> float:

@@ -135,10 +135,16 @@ class GreyBox:
         return sum(len(r.measured) for r in self.records)
 
     def start(self, variant: Variant) -> Array:
-        """Where a fit from the data sheet begins."""
+        """Where a fit from the data sheet begins: what it has as nought at its usual size."""
         nominal = [p.start for p in self.nominal] + [0.0] * len(self.offsets)
         start: Array = np.r_[nominal, coordinates(variant.extra, {})]
         return start
+
+    def of_the_data_sheet(self, variant: Variant) -> Array:
+        """The same with the data sheet's own numbers."""
+        theta = self.start(variant)
+        theta[: len(self.nominal)] = self.centre[: len(self.nominal)]
+        return theta
 
     def bounds(self, variant: Variant) -> tuple[Array, Array]:
         """Lowest and highest of every unknown."""
@@ -160,7 +166,9 @@ class GreyBox:
         return core
 
     def resting(self, variant: Variant) -> dict[str, float]:
-        """Body that dry friction may hold -> its RMS speed as commanded, rad/s."""
+        """Body that dry friction may hold -> its RMS speed as commanded, rad/s; none at rest."""
+        if self.speed == 0.0:
+            return {}
         return {
             body: self.speed * abs(ratio_to_table(self.core, body))
             for body in _core.held_by_friction(variant.grown)

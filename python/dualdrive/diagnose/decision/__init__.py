@@ -9,6 +9,7 @@ from dualdrive.diagnose.decision.sanity import (
     objection,
     removed,
     takes_too_little,
+    unseen,
 )
 from dualdrive.diagnose.decision.verdict import Decision, decide, numbers_alone
 from dualdrive.diagnose.selection import MissingTorque
@@ -26,4 +27,5 @@ __all__ = [
     "objection",
     "removed",
     "takes_too_little",
+    "unseen",
 ]

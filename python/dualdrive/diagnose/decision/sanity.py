@@ -64,6 +64,25 @@ def removed(refitted: float, fitted: float, floor: float) -> float:
     return min(max(taken / beyond, 0.0), 1.0)
 
 
+def unseen(verdict: Verdict, error: Mapping[str, float]) -> str:
+    """Why a simulated loop can't bear an answer out; empty where it can.
+
+    error: as in :func:`objection`
+    """
+    named = verdict in ("effect", "ambiguous")
+    if not named and verdict not in ("adequate", "parameters"):
+        return ""
+    if math.isnan(error["noise_floor"]):
+        return (
+            "no record has a channel that an error is told of: record the table's angle, the "
+            "motors' currents or their torques as well"
+        )
+    if math.isnan(error["best" if named else "refitted"]):
+        who = "the machine with the best candidate" if named else "the refitted machine"
+        return f"{who} can't be simulated on these records"
+    return ""
+
+
 def takes_too_little(verdict: Verdict, error: Mapping[str, float]) -> str:
     """Why a law that is likelier is not what is missing from a simulated loop; empty where it is.
 
@@ -74,8 +93,6 @@ def takes_too_little(verdict: Verdict, error: Mapping[str, float]) -> str:
     taken = removed(refitted, error["best"], floor)
     if verdict not in ("effect", "ambiguous") or not beyond or taken >= threshold("closed"):
         return ""
-    if math.isnan(taken):
-        return "the machine with the best candidate can't be simulated on these records"
     return (
         f"the best candidate takes away {taken:.0%} of what the refitted machine leaves "
         "beyond the sensors' noise"

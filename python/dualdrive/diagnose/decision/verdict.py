@@ -70,17 +70,20 @@ def numbers_alone(sure: Uncertainty, found: Selection, decision: Decision) -> De
 
 
 def probabilities(found: Selection) -> list[tuple[Fitted, float]]:
-    """Weights of the criterion, one for each law, whatever its order: that of its best fit."""
+    """Weights of the criterion, one for each law, whatever its order: that of its best fit.
+
+    Several laws are the same in whatever turn they were put in.
+    """
     criteria = np.array([f.criterion for f in found.finals])
     weights = np.exp(-0.5 * (criteria - criteria.min()))
     weights /= weights.sum()
-    best: dict[str, Fitted] = {}
-    shares: dict[str, float] = {}
+    best: dict[frozenset[tuple[str, str]], Fitted] = {}
+    shares: dict[frozenset[tuple[str, str]], float] = {}
     for f, w in zip(found.finals, weights, strict=True):
-        label = f.variant.label
-        best.setdefault(label, f)
-        shares[label] = shares.get(label, 0.0) + float(w)
-    return [(f, shares[label]) for label, f in best.items()]
+        laws = frozenset(f.variant.effects)
+        best.setdefault(laws, f)
+        shares[laws] = shares.get(laws, 0.0) + float(w)
+    return [(f, shares[laws]) for laws, f in best.items()]
 
 
 def _of_numbers(sure: Uncertainty, f: Fitted) -> Verdict:

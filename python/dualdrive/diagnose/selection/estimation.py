@@ -72,7 +72,7 @@ class Estimator:
     def of_the_data_sheet(self, grey: GreyBox) -> Fitted | None:
         """The machine as its data sheet has it, under much unknown torque; None if it is lost."""
         nothing = Variant(self.core)
-        [found] = grey.likelihoods(nothing, [(grey.start(nothing), self.wide)])
+        [found] = grey.likelihoods(nothing, [(grey.of_the_data_sheet(nothing), self.wide)])
         return Fitted(found[0], self.wide, inflation(found[0]), 0.0, found[1]) if found else None
 
     def from_far(self, grey: GreyBox, variant: Variant, theta: Array) -> Fitted | None:

@@ -147,7 +147,7 @@ def refitted(
 
     """
     point, variant, noise = leader.point, s.variant, leader.noise
-    start, sheet = begin(point, s), grey.start(Variant(estimator.core))
+    start, sheet = begin(point, s), grey.of_the_data_sheet(Variant(estimator.core))
     if is_part(variant):
         if not part_score(grey, point, columns, variant, noise) > threshold("hopeless"):
             return None
