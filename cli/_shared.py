@@ -48,7 +48,8 @@ def verb(function: Callable[P, R]) -> Callable[P, R]:
             with files:
                 guard.release = files.release
                 result = function(*args, **kwargs)
-                sys.stdout.flush()  # here, where a full disk can still be told
+                if sys.stdout:  # closed by whoever called: what is written stands all the same
+                    sys.stdout.flush()  # here, where a full disk can still be told
                 return result
         except Exception as error:
             if guard.pressed:  # what Ctrl-C broke fails in words of its own

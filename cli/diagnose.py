@@ -97,15 +97,14 @@ def command(
             )
         except FitError as error:
             give_up(f"{m.name}: {error}", STOPPED if stop.is_set() else FAILED)
-    if plot:
-        _draw(found, plot)
+    drawn = bool(plot and _draw(found, plot))
     change = _save(found, output, m, overwrite=overwrite) if output and found.refitted else ""
     write_json(json_to, found.figures())
     if json_to != "-":
         show(found)
         if change:
             click.echo(f"written: {output}: {change}")
-        if plot:
+        if drawn:
             click.echo(f"written: {plot}")
     end(stop, found)
 
@@ -122,12 +121,15 @@ def _save(found: Diagnosis, path: Path, known: Machine, *, overwrite: bool) -> s
     return change
 
 
-def _draw(found: Diagnosis, path: Path) -> None:
+def _draw(found: Diagnosis, path: Path) -> bool:
+    """Draw what was found; whether there was anything."""
     from dualdrive.plots import PlotError, diagnosed
 
     try:
         figure = diagnosed(found)
-    except PlotError as error:
-        give_up(error, FAILED)
+    except PlotError as error:  # an answer without anything to draw is one all the same
+        click.echo(f"{path} was not drawn: {error}", err=True)
+        return False
     with write_atomically(path) as temporary:
         figure.savefig(temporary)
+    return True

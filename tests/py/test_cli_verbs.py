@@ -271,6 +271,15 @@ def test_standard_output_on_a_full_disk_is_told() -> None:
     )
 
 
+def test_a_closed_standard_output_is_no_error(tmp_path: Path) -> None:
+    verb = [*DUALDRIVE, "machine", "new", "--preset", "bench", "-o", "m.toml"]
+    done = subprocess.run(
+        ["sh", "-c", '"$@" >&-', "sh", *verb], cwd=tmp_path, stderr=subprocess.PIPE, text=True
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (tmp_path / "m.toml").exists()
+
+
 # --- stopping -------------------------------------------------------------------------------------
 
 LONG = """

@@ -36,6 +36,17 @@ def test_sound_records_raise_nothing() -> None:
     assert check_records(sheet(), [demo("fit"), demo("held_out")], "closed_loop") == []
 
 
+def test_a_pause_is_no_motion() -> None:
+    """Across it an angle jumps: taken for a speed, that left no other motion worth the name."""
+    whole = sound()
+    cut = len(whole) // 4
+    kept = np.r_[0:cut, 2 * cut : len(whole)]
+    columns = {c: whole[c][kept] for c in whole}
+    t = whole.t[kept]
+    t[cut:] -= t[cut] - t[cut - 1] - 2e-3  # a short pause, a long way
+    assert codes(Trace(t, columns, breaks=(cut,))).keys() <= {"jitter"}
+
+
 def test_the_linear_axis_raises_nothing() -> None:
     assert check_records(Machine.load(EXAMPLES / "emps.toml"), emps(), "closed_loop") == []
 

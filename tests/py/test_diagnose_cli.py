@@ -220,6 +220,17 @@ def test_a_record_of_few_samples_is_told_and_no_table_is_empty(folder: Path) -> 
     assert "RMS residual" not in done.stdout
 
 
+def test_an_answer_with_nothing_to_draw_is_told_all_the_same(folder: Path) -> None:
+    lines = Path("fit.csv").read_text().splitlines(keepends=True)[:3]
+    Path("few.csv").write_text("".join(lines))
+    done = run("diagnose machine.toml few.csv --json few.json --plot few.png")
+    assert done.exit_code == 0
+    assert "The records can't be judged" in done.stdout
+    assert "few.png was not drawn: " in done.stderr
+    assert json.loads(Path("few.json").read_text())["verdict"] == "unknown"
+    assert not Path("few.png").exists()
+
+
 def test_the_best_that_has_no_name_stands_beside_the_errors(
     asked: Asked, monkeypatch: pytest.MonkeyPatch
 ) -> None:

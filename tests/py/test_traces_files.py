@@ -51,6 +51,12 @@ def test_several_runs_must_be_told_apart(tmp_path: Path) -> None:
         read(path, group="run_3")
 
 
+def test_the_events_of_a_run_are_no_recording_of_their_own(tmp_path: Path) -> None:
+    """What `simulate -o` writes is read as it is."""
+    path = write_runs(tmp_path / "run.h5", run="deg", run__events="rad")
+    np.testing.assert_allclose(read(path)["theta_m"], np.radians(3 * T))
+
+
 def test_foreign_hdf5_with_a_clock_of_its_own(tmp_path: Path) -> None:
     path = tmp_path / "x.hdf5"
     with h5py.File(path, "w") as file:

@@ -165,13 +165,19 @@ def speed_of(trace: Trace) -> Array | None:
     for angle in ("theta_m", "theta_c1", "theta_1", "theta_2", "theta_ref"):
         if angle in trace:
             wide = max(1, round(len(trace) / 2000))
-            smooth = np.convolve(trace[angle], np.ones(2 * wide + 1) / (2 * wide + 1), "valid")
-            speed = np.gradient(smooth, trace.t[wide : len(trace) - wide])
-            return np.pad(speed, wide, mode="edge")
+            return np.concatenate([_smooth_rate(p.t, p[angle], wide) for p in trace.segments(1)])
     for name in ("omega_m", "omega_1"):
         if name in trace:
             return trace[name]
     return None
+
+
+def _smooth_rate(t: Array, values: Array, wide: int) -> Array:
+    """Slope of the mean of so many samples on either side, shape (n,); 0 where there are fewer."""
+    if len(t) < 2 * wide + 2:
+        return np.zeros(len(t))
+    smooth = np.convolve(values, np.ones(2 * wide + 1) / (2 * wide + 1), "valid")
+    return np.pad(np.gradient(smooth, t[wide : len(t) - wide]), wide, mode="edge")
 
 
 def _clipped(trace: Trace) -> Iterator[Finding]:

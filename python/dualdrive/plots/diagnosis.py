@@ -225,7 +225,7 @@ def diagnosed(diagnosis: Diagnosis) -> Figure:
         best = max(shapes, key=lambda s: s.explained)
         panels.append((8, "What is missing", lambda a: missing_torque(best, axes=a)))
     if not panels:
-        raise PlotError(f"diagnosis of {diagnosis.machine}: nothing is missing, nothing to draw")
+        raise PlotError(f"diagnosis of {diagnosis.machine}: no law and no error to draw")
     heights = [1.0 + 0.28 * rows for rows, _, _ in panels]
     figure = Figure(figsize=(8.5, 0.5 + sum(heights)), layout="constrained")
     grid = figure.subplots(len(panels), 1, squeeze=False, height_ratios=heights)
