@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from balance_stand_in import Recorded
 from dualdrive.identify import estimate_play
+from dualdrive.identify.play_result import Interval
 from dualdrive.plots import play
 from measured import rig
 
@@ -63,6 +65,13 @@ def test_a_known_play_is_found() -> None:
     loaded = PLAY + 2 * COMPLIANCE * found.torque
     assert found.loaded is not None
     assert found.loaded.low < loaded < found.loaded.high
+
+
+def test_the_angle_that_is_late_is_named() -> None:
+    found = estimate_play(driven(), 1)
+    assert "ms, the drive's angle is late" in found.table()
+    early = replace(found, skew=Interval(-0.002, -0.003, -0.001))
+    assert "time skew       2 [1 .. 3] ms, the ring's angle is late" in early.table()
 
 
 def test_a_late_sensor_left_out_would_pose_as_another_play() -> None:

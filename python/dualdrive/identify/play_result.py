@@ -90,9 +90,12 @@ class PlayEstimate(Displayed, picture="play"):
                 f"between flanks  {_degrees(self.loaded)} deg, at ±{self.torque:.3g} N*m",
                 f"compliance      {_degrees(self.compliance)} deg per N*m",
             ]
-        skew = Interval(*(1e3 * x for x in (self.skew.value, self.skew.low, self.skew.high)))
+        late, ends = "the drive's", (self.skew.value, self.skew.low, self.skew.high)
+        if self.skew.value < 0.0:
+            late, ends = "the ring's", (-self.skew.value, -self.skew.high, -self.skew.low)
+        skew = Interval(*(1e3 * x for x in ends))
         lines += [
-            f"time skew       {_plain(skew)} ms, the drive's angle is late",
+            f"time skew       {_plain(skew)} ms, {late} angle is late",
             f"{len(self.episodes)} episodes of contact, {settled} of {total} samples, scatter "
             f"{np.degrees(self.scatter):.3g} deg",
         ]
