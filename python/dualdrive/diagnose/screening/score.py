@@ -24,7 +24,6 @@ from dualdrive.estimation.thresholds import threshold
 from dualdrive.estimation.unknowns import Unknown
 from dualdrive.innovations import (
     GreyBox,
-    Parts,
     Point,
     Variant,
     changes,
@@ -134,13 +133,18 @@ def scores(
         begin += len(batch)
         places = [(j[1], j[2]) for j in batch]
         told = changes(grey, base, places, gains, **small)
+        # where a record goes another way, a law of its usual size is no small change on any
+        rest = [k for k, parts in enumerate(told) if any(part is None for part in parts)]
+        points = grey.points([places[k][0] for k in rest], [places[k][1] for k in rest], gains)
+        replayed = dict(zip(rest, points, strict=True))
+        known = list[tuple[_Job, Array]]()
+        for k, (job, parts) in enumerate(zip(batch, told, strict=True)):
+            if k not in replayed:
+                known.append((job, flat([part for part in parts if part is not None])))
+            elif not replayed[k].lost:
+                known.append((job, flat(replayed[k].residuals) - r))
         if sensitive and not faint:
-            untold = [
-                j for j, parts in zip(batch, told, strict=True) if any(x is None for x in parts)
-            ]
-            jobs += [larger for job in untold for larger in _larger(base, job)]
-        whole = _replayed_where_untold(grey, base, places, told, gains)
-        known = [(j, change) for j, change in zip(batch, whole, strict=True) if change is not None]
+            jobs += [larger for k in rest for larger in _larger(base, batch[k])]
         if not known:
             continue
         left_apart = apart(np.stack([change for _, change in known]))
@@ -148,35 +152,6 @@ def scores(
             found.setdefault(k, []).append((probe, own_part))
         tell(begin, len(jobs))
     return [_scored(v, found.get(k, []), left, inflation) for k, v in enumerate(variants)]
-
-
-def _replayed_where_untold(
-    grey: GreyBox,
-    base: Point,
-    places: Sequence[tuple[Variant, Array]],
-    told: Sequence[Parts],
-    gains: Sequence[object],
-) -> list[Array | None]:
-    """Changes of the residuals, flat: on records where no first order tells, those of a replay.
-
-    None of what is lost there.
-    """
-    rest = [k for k, parts in enumerate(told) if any(part is None for part in parts)]
-    records = [r for r in range(len(gains)) if any(told[k][r] is None for k in rest)]
-    own = grey.on([grey.records[r] for r in records])
-    points = own.points(
-        [places[k][0] for k in rest], [places[k][1] for k in rest], [gains[r] for r in records]
-    )
-    found: list[Array | None] = []
-    replayed = dict(zip(rest, points, strict=True))
-    for k, parts in enumerate(told):
-        known = dict(enumerate(parts))
-        if k in replayed:
-            there = zip(records, replayed[k].residuals, strict=True)
-            known |= {r: (x - base.residuals[r]).ravel() for r, x in there if known[r] is None}
-        lost = k in replayed and replayed[k].lost
-        found.append(None if lost else flat([x for x in known.values() if x is not None]))
-    return found
 
 
 def _larger(base: Point, job: _Job) -> list[_Job]:
