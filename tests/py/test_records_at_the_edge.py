@@ -7,20 +7,9 @@ import pytest
 
 from bench_record import grey_box
 from dualdrive import Machine, _core
-from dualdrive.diagnose.screening import Library, scores
 from dualdrive.diagnose.simulated_errors import of_the_data_sheet, simulated_error
-from dualdrive.innovations import (
-    Point,
-    Variant,
-    first_noise,
-    inflation,
-    least_noise,
-    maximum_likelihood,
-    slopes,
-)
+from dualdrive.innovations import Variant, first_noise, least_noise, maximum_likelihood
 from test_innovations import bench
-
-LATE = 1e-4
 
 
 def test_a_table_that_is_held_has_no_speed_to_creep_by() -> None:
@@ -46,18 +35,3 @@ def test_a_law_of_nought_is_nought_in_the_data_sheets_machine(law: tuple[str, st
     own = grey_box(machine, bench(), 1500, 2)
     given = simulated_error(own.core, [r.record for r in own.records])
     assert of_the_data_sheet(own).error() == pytest.approx(given, rel=0.02)
-
-
-def test_a_score_of_a_delay_begins_at_the_size_that_it_tells() -> None:
-    """It is probed by a part of a sample, and that is what the regression counts in."""
-    own = grey_box(Machine.load("bench"), bench(), 3000, 3, late=LATE)
-    nothing = Variant(own.core)
-    start = own.start(nothing)
-    gains = own.gains(nothing, start, first_noise(own.core, own.records, 1e-3))
-    [point] = own.points([nothing], [start], gains)
-    columns = slopes(own, point, range(len(start)), gains)
-    blank = tuple(np.zeros_like(r.measured) for r in own.records)
-    known = Library(own.core, own).variants(nothing, Point(nothing, start, blank, 0.0, 0.0))
-    [late] = [v for v in known if v.label == "sensor_delay@theta_1"]
-    [told] = scores(own, point, columns, [late], gains, inflation(point))
-    assert told.start["sensor_delay@theta_1.time"] == pytest.approx(LATE, rel=0.5)

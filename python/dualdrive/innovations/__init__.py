@@ -7,7 +7,7 @@ Sources: Kristensen, Madsen, Jørgensen, Automatica 40 (2004) 225-237; Ljung, Sy
 
 from __future__ import annotations
 
-from dualdrive.innovations.derivatives import Parts, changes, has_sensitivities, slopes
+from dualdrive.innovations.derivatives import changes, has_sensitivities, slopes
 from dualdrive.innovations.greybox import Counter, Filtered, GreyBox
 from dualdrive.innovations.harmonics import coordinates, deviations, values, waves
 from dualdrive.innovations.homotopy import Place, followed, levels
@@ -24,7 +24,6 @@ __all__ = [
     "Filtered",
     "GreyBox",
     "Noise",
-    "Parts",
     "Place",
     "Point",
     "Predictable",

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -20,8 +19,6 @@ from dualdrive.innovations.records import Predictable
 from dualdrive.innovations.variant import Point, Variant, flat
 
 Array = NDArray[np.float64]
-#: per record, flat; None where it is not known
-Parts = list[Array | None]
 
 #: of a unit of an unknown: a difference at most, and at least; how far it moves all residuals
 #: together, and how often that before it is taken anew
@@ -53,7 +50,7 @@ def changes(
     *,
     most_apart: float = 1.0,
     share: float = 1.0,
-) -> list[Parts]:
+) -> list[Array | None]:
     """How the residuals at a point change, to first order, with other machines in its place.
 
     Args:
@@ -66,48 +63,56 @@ def changes(
         share: of the change that is meant: as much of it has to be small.
 
     Returns:
-        Of each, per record, flat; None where the first order can't tell, or no machine is made. A
-        change beyond what a lost replay counts is none of first order: contacts that bounce, and
+        Of each, flat; None where the first order can't tell, or no machine is made. A change
+        beyond what a lost replay counts is none of first order: contacts that bounce, and
         filters that hardly correct, part from their neighbours as fast as they can.
 
     """
     core, offsets = grey.machine(point.variant, point.theta), grey.constants(point.theta)
-    result: list[Parts] = [[None] * len(grey.records) for _ in others]
-    telling = [r for r, record in enumerate(grey.records) if _told_at(core, [record])]
-    if not telling:
-        return result
+    if not _told_at(core, grey.records):
+        return [None] * len(others)
     neighbours: list[tuple[int, tuple[Any, Mapping[str, float]]]] = []
     for k, (variant, theta) in enumerate(others):
         try:
             neighbours.append((k, (grey.machine(variant, theta), grey.constants(theta))))
         except ValueError:
             continue
-    lots = [neighbours[k : k + _TOGETHER] for k in range(0, len(neighbours), _TOGETHER)]
-    jobs = [(lot, r) for lot in lots for r in telling]
+    parts = [neighbours[k : k + _TOGETHER] for k in range(0, len(neighbours), _TOGETHER)]
+    jobs = [(part, r, g) for part in parts for r, g in zip(grey.records, gains, strict=True)]
 
-    def one(job: tuple[list[tuple[int, tuple[Any, Mapping[str, float]]]], int]) -> Parts:
-        lot, r = job
-        own = [x for _, x in lot]
-        record = grey.records[r]
-        return sensitivities(core, offsets, record, gains[r], own, most_apart=most_apart)
+    def one(job: tuple[Any, Predictable, Any]) -> list[Array | None]:
+        part, record, own = job
+        return sensitivities(
+            core, offsets, record, own, [x for _, x in part], most_apart=most_apart
+        )
 
-    grey.counter.add(len(telling) * len(neighbours))
-    for (lot, r), found in zip(jobs, grey.pool.map(one, jobs), strict=True):
-        for (k, _), change in zip(lot, found, strict=True):
-            if change is not None and share * np.max(np.abs(change)) <= LOST:
-                result[k][r] = change.ravel()
+    grey.counter.add(len(grey.records) * len(neighbours))
+    told: dict[int, list[Array | None]] = {}
+    for (part, _, _), found in zip(jobs, grey.pool.map(one, jobs), strict=True):
+        for (k, _), own in zip(part, found, strict=True):
+            told.setdefault(k, []).append(own)
+    result: list[Array | None] = [None] * len(others)
+    for k, parts_of_it in told.items():
+        known = [x for x in parts_of_it if x is not None]
+        if len(known) == len(grey.records) and all(
+            share * np.max(np.abs(x)) <= LOST for x in known
+        ):
+            result[k] = flat(known)
     return result
 
 
 def slopes(grey: GreyBox, point: Point, which: Sequence[int], gains: Sequence[Any]) -> list[Array]:
     """Derivatives of the residuals by some unknowns, flat per unknown.
 
-    By the recursion of the filter's own sensitivities on the records where it tells, else by
-    differences, and so where only few are asked for.
+    By the recursion of the filter's own sensitivities where it tells, else by differences, and
+    so where only few are asked for.
     """
     steps = {k: _longest(grey, k) for k in which}
     found = _told(grey, point, steps, gains) if len(which) > _FEW else {}
-    return _completed(grey, point, which, found, gains)
+    rest = [k for k in which if k not in found]
+    if rest:
+        found |= _by_differences(grey, point, rest, gains)
+    return [found[k] for k in which]
 
 
 def slopes_nearby(grey: GreyBox, point: Point, gains: Sequence[Any]) -> tuple[list[Array], bool]:
@@ -136,8 +141,9 @@ def slopes_nearby(grey: GreyBox, point: Point, gains: Sequence[Any]) -> tuple[li
         found = _told(grey, about, {k: _longest(grey, k) for k in range(shared)}, gains)
     except ValueError:  # a shared unknown of such a law, or gains of another state
         found = {}
-    exact = all(part is None for parts in found.values() for part in parts)
-    return _completed(grey, point, every, found, gains), exact
+    rest = [k for k in every if k not in found]
+    found |= dict(zip(rest, slopes(grey, point, rest, gains), strict=True))
+    return [found[k] for k in every], len(rest) == len(every)
 
 
 def affine_part(core: Any) -> Any:
@@ -151,41 +157,20 @@ def affine_part(core: Any) -> Any:
 
 def _told(
     grey: GreyBox, point: Point, steps: Mapping[int, float], gains: Sequence[Any]
-) -> dict[int, Parts]:
-    """Derivatives by the recursion of sensitivities, per unknown and record."""
+) -> dict[int, Array]:
     signed, moved = _moved(grey, point, steps)
     found = changes(grey, point, [(point.variant, theta) for theta in moved], gains)
     return {
-        k: [None if change is None else change / h for change in parts]
-        for (k, h), parts in zip(signed.items(), found, strict=True)
+        k: change / h
+        for (k, h), change in zip(signed.items(), found, strict=True)
+        if change is not None
     }
-
-
-def _completed(
-    grey: GreyBox,
-    point: Point,
-    which: Sequence[int],
-    told: Mapping[int, Parts],
-    gains: Sequence[Any],
-) -> list[Array]:
-    """Derivatives, flat per unknown, by differences on the records where they are not told."""
-    none: Parts = [None] * len(grey.records)
-    known = {k: list(told.get(k, none)) for k in which}
-    rest = [k for k in which if any(part is None for part in known[k])]
-    untold = [r for r in range(len(none)) if any(known[k][r] is None for k in rest)]
-    if rest:
-        here = replace(point, residuals=tuple(point.residuals[r] for r in untold))
-        own = grey.on([grey.records[r] for r in untold])
-        for k, parts in _by_differences(own, here, rest, [gains[r] for r in untold]).items():
-            for r, part in zip(untold, parts, strict=True):
-                known[k][r] = part if known[k][r] is None else known[k][r]
-    return [flat([part for part in known[k] if part is not None]) for k in which]
 
 
 def _by_differences(
     grey: GreyBox, point: Point, which: Sequence[int], gains: Sequence[Any]
-) -> dict[int, list[Array]]:
-    """Derivatives by finite differences, per unknown and record.
+) -> dict[int, Array]:
+    """Derivatives by finite differences.
 
     A step moves the residuals by their own scatter and no further: numbers that a record tells
     only together would seem to be told apart by the error of the differences.
@@ -195,7 +180,7 @@ def _by_differences(
     found = _differences(grey, point, steps, gains)
     again = {}
     for k, column in found.items():
-        length = math.sqrt(sum(float(part @ part) for part in column))
+        length = float(np.linalg.norm(column))
         known = min(_longest(grey, k), max(_SCATTER / max(length, 1e-300), _LEAST))
         grey.steps[names[k]] = known
         if _TOO_LONG * known < steps[k]:
@@ -219,11 +204,12 @@ def _moved(
 
 def _differences(
     grey: GreyBox, point: Point, steps: Mapping[int, float], gains: Sequence[Any]
-) -> dict[int, list[Array]]:
+) -> dict[int, Array]:
     signed, moved = _moved(grey, point, steps)
+    base = flat(point.residuals)
     others = grey.points([point.variant] * len(moved), moved, gains)
     return {
-        k: [((a - b) / h).ravel() for a, b in zip(other.residuals, point.residuals, strict=True)]
+        k: (flat(other.residuals) - base) / h
         for (k, h), other in zip(signed.items(), others, strict=True)
     }
 

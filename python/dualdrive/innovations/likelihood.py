@@ -28,11 +28,7 @@ Array = NDArray[np.float64]
 
 _Found = tuple[Point, list[Any]]
 
-#: of a logarithm, for differences: a search that has come to its end with the first goes on with
-#: the second, until neither gains. -2 log L jumps by ten and more where a contact is taken for
-#: stuck a sample sooner: over a thousandth such a jump is a slope of ten thousand, over a tenth
-#: one of a hundred. Far from the end the curvature over a tenth would lead astray
-_STEPS = (1e-3, 0.1)
+_STEP = 1e-3  # of a logarithm, for finite differences
 _LONGEST = 1.5  # step of a logarithm
 _DAMPINGS = (1e-4, 0.03, 1.0, 30.0)
 _LATELY = 3  # steps, whose best is the present rate of a search
@@ -90,8 +86,7 @@ def maximum_likelihood(
         return None
     unit = np.r_[np.minimum(grey.sigma, 1.0), np.ones(n - grey.shared)]
     near = np.r_[_NEAR[0] * unit, np.full(m, _NEAR[1])]
-    derivatives, taken, columns = None, x, None
-    lengths, failed = list(_STEPS), 0
+    derivatives, taken = None, x
     lately = [np.inf] * _LATELY
     for left in reversed(range(steps)):
         if grey.counter.stop():
@@ -99,19 +94,18 @@ def maximum_likelihood(
         point, gains = now
         fresh = derivatives is None or bool(np.any(np.abs(x - taken) > near))
         if derivatives is None or fresh:
-            if columns is None or not np.array_equal(x, taken):
-                columns, taken = np.stack(slopes(grey, point, range(n), gains)), x
-            inward = np.where(x[n:] + lengths[0] > high[n:], -lengths[0], lengths[0])
+            columns, taken = np.stack(slopes(grey, point, range(n), gains)), x
+            inward = np.where(x[n:] + _STEP > high[n:], -_STEP, _STEP)
             moved = at([x + np.r_[np.zeros(n), e] for e in np.diag(inward)])
-            noisy, rest, information = _noise_slopes(now, moved, inward)
-            derivatives = np.concatenate([columns, noisy]), rest, information
-        J, rest, information = derivatives
+            noisy, bend, information = _noise_slopes(now, moved, inward)
+            derivatives = np.concatenate([columns, noisy]), bend, information
+        J, bend, information = derivatives
         r = flat(point.residuals)
         H = J @ J.T + np.diag(weight)
         H[n:, n:] += information
         g = J @ r + weight * (x - centre)
         # of log det S: along a chord it bends as its information has it
-        g[n:] += rest + information @ (x - taken)[n:]
+        g[n:] += 0.5 * bend + information @ (x - taken)[n:]
         ends = np.maximum(low - x, -reach), np.minimum(high - x, reach)
         for damping in _DAMPINGS:
             damped = H + damping * np.diag(np.diag(H)) + 1e-9 * np.eye(n + m)
@@ -128,15 +122,10 @@ def maximum_likelihood(
         lately = [*lately[1:], gained]
         if now[0].minus_two_log - left * max(lately) > rival > -np.inf:
             break
-        if gained >= enough * inflation(now[0]):
-            failed = 0
-            continue
-        failed += fresh
-        if roughly or failed == len(lengths):
-            break
-        if fresh:
-            lengths = [*lengths[1:], lengths[0]]
-        derivatives = None  # these, not the likelihood, may have come to their end
+        if gained < enough * inflation(now[0]):
+            if roughly or fresh:
+                break
+            derivatives = None  # the chord, not the likelihood, may have come to its end
     return now[0], own.at(x[n:]), now[1]
 
 
@@ -145,20 +134,19 @@ def _noise_slopes(
 ) -> tuple[Array, Array, Array]:
     """Derivatives by the logarithms of the noise.
 
-    Of the residuals, shape (logarithms, rows), what half the slopes of -2 log L have beside theirs,
-    and what Gauss-Newton lacks of their information.
+    Of the residuals, shape (logarithms, rows), of sum log det S, and what Gauss-Newton lacks of
+    their information.
     """
     point, gains = now
     r = flat(point.residuals)
-    columns = [
+    noisy = [
         (flat(f[0].residuals) - r) / s if f else np.zeros_like(r)
         for f, s in zip(moved, steps, strict=True)
     ]
-    noisy, information = np.stack(columns), _scale_information(gains, moved, steps, point)
-    curved = np.einsum("ij,ij->i", noisy, noisy) + np.diag(information)
-    rise = np.array([f[0].minus_two_log - point.minus_two_log if f else 0.0 for f in moved])
-    half = 0.5 * (rise / steps - curved * steps)  # by the secant, less what curvature adds to it
-    return noisy, half - noisy @ r, information
+    bend = [
+        (f[0].log_det - point.log_det) / s if f else 0.0 for f, s in zip(moved, steps, strict=True)
+    ]
+    return np.stack(noisy), np.array(bend), _scale_information(gains, moved, steps, point)
 
 
 def _scale_information(

@@ -123,28 +123,21 @@ def scores(
             held = {
                 p: min(x, within) if p.endswith(".time") else x for p, x in probe.setting.items()
             }
-            there = np.r_[base.theta, coordinates(own, held)]
-            jobs.append((k, v, there, replace(probe, setting=held)))
+            jobs.append((k, v, np.r_[base.theta, coordinates(own, held)], probe))
 
     found: dict[int, list[tuple[_Probe, Array]]] = {}
     begin = 0
     while begin < len(jobs) and not grey.counter.stop():
         batch = jobs[begin : begin + _BATCH]
         begin += len(batch)
-        places = [(j[1], j[2]) for j in batch]
-        told = changes(grey, base, places, gains, **small)
-        # where a record goes another way, a law of its usual size is no small change on any
-        rest = [k for k, parts in enumerate(told) if any(part is None for part in parts)]
-        points = grey.points([places[k][0] for k in rest], [places[k][1] for k in rest], gains)
-        replayed = dict(zip(rest, points, strict=True))
-        known = list[tuple[_Job, Array]]()
-        for k, (job, parts) in enumerate(zip(batch, told, strict=True)):
-            if k not in replayed:
-                known.append((job, flat([part for part in parts if part is not None])))
-            elif not replayed[k].lost:
-                known.append((job, flat(replayed[k].residuals) - r))
+        told = changes(grey, base, [(j[1], j[2]) for j in batch], gains, **small)
+        rest = [k for k, change in enumerate(told) if change is None]
+        points = grey.points([batch[k][1] for k in rest], [batch[k][2] for k in rest], gains)
+        for k, p in zip(rest, points, strict=True):
+            told[k] = None if p.lost else flat(p.residuals) - r
         if sensitive and not faint:
             jobs += [larger for k in rest for larger in _larger(base, batch[k])]
+        known = [(j, change) for j, change in zip(batch, told, strict=True) if change is not None]
         if not known:
             continue
         left_apart = apart(np.stack([change for _, change in known]))
