@@ -38,14 +38,16 @@ class _First:
 def interrupt() -> Iterator[threading.Event]:
     """Give an event that the first Ctrl-C sets; the second one does what it did before.
 
-    Inside another such call the first Ctrl-C sets the events of both; where that one had heard it
-    before, the new event is set from the first. Outside the main thread,
-    where Python delivers no signals, the event is never set.
+    Inside another such call the first Ctrl-C sets the events of both; where that one has heard it
+    already, the event is set from the first, and a second Ctrl-C stays the second. Outside the main
+    thread, where Python delivers no signals, the event is never set.
     """
     stop = threading.Event()
-    if finishing():  # heard by a call around this one, between its steps
-        stop.set()
     if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+    if finishing():  # heard by a call around this one, before it came here
+        stop.set()
         yield stop
         return
     first = _First(stop)

@@ -40,12 +40,8 @@ def test_numbers_that_a_stretch_does_not_tell_begin_again_where_they_fail() -> N
     contest = Contest(estimator, own, EFFORTS["normal"], Leader(), said.append, {})
     [found] = contest.on_these([there])
     assert f"stretches where {LAW} fails" in said
-    assert own.machine(law, found.point.theta).get(f"{LAW}.torque") == pytest.approx(
-        TORQUE, rel=1e-3
-    )
-    assert own.machine(law, found.point.theta).get(f"{LAW}.torque") == pytest.approx(
-        TORQUE, rel=1e-3
-    )
+    torque = own.machine(law, found.point.theta).get(f"{LAW}.torque")
+    assert torque == pytest.approx(TORQUE, rel=1e-3)
     true = np.r_[own.start(nothing), coordinates(law.extra, {f"{LAW}.torque": TORQUE})]
     best = estimator.likeliest(own, law, true, found.noise)
     assert best is not None

@@ -183,14 +183,15 @@ def test_a_law_that_hardly_brings_the_simulation_nearer_is_no_name() -> None:
 def test_an_answer_without_a_simulated_error_is_none() -> None:
     """Of the table's speed alone no error is told; every comparison with NaN had passed."""
     blind = dict.fromkeys(SOUND, math.nan)
-    for verdict in ("effect", "ambiguous", "adequate", "parameters"):
+    for verdict in ("effect", "ambiguous", "adequate", "parameters", "unknown"):
         assert unseen(verdict, SOUND) == ""
         assert "record the table's angle" in unseen(verdict, blind)
+    assert unseen("unfinished", blind) == ""
     lost = {**SOUND, "best": math.nan}
     assert "with the best candidate can't be simulated" in unseen("effect", lost)
     assert unseen("adequate", lost) == ""
     assert "refitted machine can't" in unseen("adequate", {**SOUND, "refitted": math.nan})
-    assert unseen("unknown", blind) == ""
+    assert unseen("unknown", {**SOUND, "best": math.nan, "refitted": math.nan}) == ""
 
 
 def test_a_law_with_which_more_than_noise_is_left_is_no_name() -> None:

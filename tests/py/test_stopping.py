@@ -144,6 +144,8 @@ def test_what_begins_after_a_ctrl_c_is_stopped_from_the_first() -> None:
         assert outer.is_set()
         with interrupt() as inner:
             assert inner.is_set()
+            with pytest.raises(KeyboardInterrupt):  # the second one ends at once, here as well
+                signal.raise_signal(signal.SIGINT)
     with interrupt() as anew:
         assert not anew.is_set()
 

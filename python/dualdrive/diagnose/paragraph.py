@@ -33,6 +33,8 @@ def paragraph(d: Diagnosis, why: Reason = "") -> str:
     """
     if not d.error:
         return f"The records can't be judged. {' '.join(d.warnings)}"
+    if d.verdict == "unknown" and _loop(d) and math.isnan(d.error["noise_floor"]):
+        return " ".join(["Whether anything is missing these records can't show.", *_closing(d)])
     said = [_opening(d)]
     if d.verdict in ("effect", "ambiguous", "unknown"):
         said += _unexplained(d)

@@ -42,7 +42,7 @@ def _group(file: Any, wanted: str, time: str, recorder: Recorder) -> Any:
     clocks = [name for name in datasets(file) if f"/{name}".endswith(f"/{time}")]
     every = [name.removesuffix(time).rstrip("/") or "/" for name in clocks]
     # what stands within a recording (the events of a run) belongs to it
-    groups = [g for g in every if not any(_within(g, other) for other in every)]
+    groups = [g for g in every if not any(g.startswith(f"{other}/") for other in every)]
     if len(groups) == 1:
         return file[groups[0]]
     if groups:
@@ -52,10 +52,6 @@ def _group(file: Any, wanted: str, time: str, recorder: Recorder) -> Any:
         return file
     way_out = "state [file] group and [time] column in the mapping"
     raise recorder.error("file", f"no group with a dataset {time!r}", way_out)
-
-
-def _within(group: str, other: str) -> bool:
-    return group != other and (other == "/" or group.startswith(f"{other}/"))
 
 
 def _names(file: Any, kind: type) -> list[str]:

@@ -69,15 +69,15 @@ def unseen(verdict: Verdict, error: Mapping[str, float]) -> str:
 
     error: as in :func:`objection`
     """
-    named = verdict in ("effect", "ambiguous")
-    if not named and verdict not in ("adequate", "parameters"):
+    if verdict == "unfinished":
         return ""
     if math.isnan(error["noise_floor"]):
         return (
             "no record has a channel that an error is told of: record the table's angle, the "
             "motors' currents or their torques as well"
         )
-    if math.isnan(error["best" if named else "refitted"]):
+    named = verdict in ("effect", "ambiguous")
+    if verdict != "unknown" and math.isnan(error["best" if named else "refitted"]):
         who = "the machine with the best candidate" if named else "the refitted machine"
         return f"{who} can't be simulated on these records"
     return ""
