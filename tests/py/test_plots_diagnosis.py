@@ -114,7 +114,7 @@ def test_a_sheet_holds_what_was_found_and_no_more() -> None:
         "What could explain it", "Where it fails", "Which equation", "What is missing",
     ]  # fmt: skip
     assert len(diagnosed(replace(d, candidates=[], shapes=[], equation=None)).axes) == 1
-    with pytest.raises(PlotError, match="nothing is missing"):
+    with pytest.raises(PlotError, match="no law and no error to draw"):
         diagnosed(replace(d, candidates=[], shapes=[], equation=None, where=[]))
 
 
