@@ -14,6 +14,7 @@ from recorded import DEMO, maker
 PAGE = Page("compare-and-fit.md")
 
 
+@pytest.mark.long
 def test_the_code_runs_and_the_error_falls(capsys: pytest.CaptureFixture[str]) -> None:
     names = PAGE.run_python()
     improved, refitted, hidden = names["improved"], names["refitted"], maker.truth()["effect"]

@@ -19,6 +19,7 @@ from test_innovations import bench
 LAW, TORQUE = "coulomb@table", 0.4
 
 
+@pytest.mark.long
 def test_numbers_that_a_stretch_does_not_tell_begin_again_where_they_fail() -> None:
     """At first the table turns one way alone: how strong dry friction is backwards is not told.
 

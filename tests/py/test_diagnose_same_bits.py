@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 from dualdrive.diagnose import diagnose
 from recorded import demo, sheet
 
 
+@pytest.mark.long
 def test_records_may_come_in_any_order_and_on_any_number_of_threads() -> None:
     """To the last bit and word, warnings and all."""
     first, second = demo("fit").between(0.0, 4.0), demo("held_out").between(0.0, 4.0)

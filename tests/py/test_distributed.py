@@ -96,6 +96,7 @@ def test_a_worker_killed_in_mid_sweep_costs_nothing(
     assert sorted(watch.runs) == list(range(RUNS)), "nothing lost, nothing twice"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("victims", "words"),
     [
@@ -188,6 +189,7 @@ def local_fit() -> Fit:
     return of_three_starts()
 
 
+@pytest.mark.long
 def test_a_fit_of_several_starts_is_the_local_one(cluster: Cluster, local_fit: Fit) -> None:
     told: list[Progress] = []
     there = of_three_starts(scheduler=cluster.address, progress=told.append)
@@ -195,6 +197,7 @@ def test_a_fit_of_several_starts_is_the_local_one(cluster: Cluster, local_fit: F
     assert sorted(now.start for now in told) == [1, 2, 3]
 
 
+@pytest.mark.long
 def test_a_worker_killed_in_mid_fit_costs_nothing(mortal: Cluster, local_fit: Fit) -> None:
     """Told of its first start, the fit has two more under way or to do, one worker for them."""
     mortal.grow(2)
@@ -210,6 +213,7 @@ def test_a_worker_killed_in_mid_fit_costs_nothing(mortal: Cluster, local_fit: Fi
     assert sorted(now.start for now in told) == [1, 2, 3], "no start lost, none told twice"
 
 
+@pytest.mark.long
 def test_a_fit_of_several_records_is_the_local_one(cluster: Cluster) -> None:
     from distributed import Client
 
@@ -221,6 +225,7 @@ def test_a_fit_of_several_records_is_the_local_one(cluster: Cluster) -> None:
     assert same(here, there)
 
 
+@pytest.mark.long
 def test_a_fit_keeps_the_starts_that_ended_before_the_scheduler_was_lost(mortal: Cluster) -> None:
     mortal.grow(1)
     found = of_three_starts(scheduler=mortal.address, progress=lambda _: mortal.scheduler.kill())
@@ -242,6 +247,7 @@ def test_an_error_of_a_job_is_raised_and_order_is_kept(cluster: Cluster) -> None
             mapped(workers, divmod, [(1, 1), (1, 0)])
 
 
+@pytest.mark.long
 def test_the_command_line(cluster: Cluster, tmp_path: Path) -> None:
     words = ["sweep", "heavy-table-250t", "--delta", "0:2mrad:6", "--motion", MOTION]
     program = [sys.executable, "-c", "from dualdrive_cli.main import main; main()", *words]

@@ -112,6 +112,7 @@ def test_what_came_last_is_taken_out_where_it_has_not_proved_itself() -> None:
     assert on.backward.eliminated(leader).variant.label == "coulomb@table"
 
 
+@pytest.mark.long
 def test_a_single_law_is_told_against_the_numbers_alone_at_their_best() -> None:
     """Nothing is missing; the numbers alone had been left far from what they can do."""
     own = grey(0.0).on(grey(0.0).records)
@@ -127,6 +128,7 @@ def test_a_single_law_is_told_against_the_numbers_alone_at_their_best() -> None:
     assert not on.ranking.best.variant.effects
 
 
+@pytest.mark.long
 def test_what_few_samples_need_is_not_refitted_without_it_on_all() -> None:
     own = grey(0.4).on(grey(0.4).records)
     nothing, noise, _ = likeliest(0.4)
@@ -141,6 +143,7 @@ def test_what_few_samples_need_is_not_refitted_without_it_on_all() -> None:
     assert few.counter.replays > own.counter.replays == 0
 
 
+@pytest.mark.long
 def test_scores_on_all_samples_are_of_laws_that_stretches_leave_a_hope() -> None:
     own = grey(0.4).on(grey(0.4).records)
     search = Means(own.core, own, EFFORTS["quick"], lambda _: None)
@@ -158,6 +161,7 @@ def test_scores_on_all_samples_are_of_laws_that_stretches_leave_a_hope() -> None
     assert len(hopeful) < 0.8 * len(every)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("second", "label"), [(0.0, "motor_1"), (0.05, "motors")])
 def test_an_effect_stands_at_one_member_where_the_others_have_none_of_it(
     second: float, label: str

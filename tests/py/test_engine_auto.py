@@ -89,6 +89,7 @@ def switches(m: RandomMachine, engine: str, rtol: float) -> list[Switch] | None:
     return sorted(event[1:] for event in raw.events)
 
 
+@pytest.mark.long
 def test_no_switch_is_missed_or_invented() -> None:
     """Wherever the explicit engine finds the same at two tolerances, so that there is an answer."""
     machines = count = 0

@@ -74,6 +74,7 @@ def test_a_drag_that_goes_with_the_square_of_speed() -> None:
     )
 
 
+@pytest.mark.long
 def test_bristles_bend_slip_and_spring_back() -> None:
     """A table on LuGre friction, pulled back and forth, as Radau sees it."""
     J, pull, w = 2.0, 5.0, 12.0
@@ -331,6 +332,7 @@ def test_slopes_are_handed_over_too() -> None:
                                        atol=1e-5 * np.abs(expected).max())  # fmt: skip
 
 
+@pytest.mark.long
 def test_slopes_pass_a_kink_however_tight_the_tolerance() -> None:
     """A motor reverses on its bristles: |speed| has a kink, slopes by a gain have a jump."""
     machine, motion, _, initial = sliding_bristles()

@@ -213,6 +213,7 @@ def heard() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("heard")
 def test_ctrl_c_loses_no_run_and_the_next_call_goes_on(machine: Machine) -> None:
     runs = begin(machine, 300, jobs=2)

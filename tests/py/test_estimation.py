@@ -57,6 +57,7 @@ def time(f: Fitted) -> float:
     return float(f.variant.extra[-1].value(float(f.point.theta[-1])))
 
 
+@pytest.mark.long
 def test_a_law_arrives_from_the_noise_of_a_machine_without_it() -> None:
     """Though a torque of unknown course had borne there what the delay does."""
     estimator, grey, base = fitted(LATER)
@@ -71,6 +72,7 @@ def test_a_law_arrives_from_the_noise_of_a_machine_without_it() -> None:
         assert time(found) == pytest.approx(LATER, rel=0.01)
 
 
+@pytest.mark.long
 def test_what_leaves_noise_leads() -> None:
     best = compared()[0]
     assert best.variant.label == "sensor_delay@theta_1"
@@ -85,6 +87,7 @@ def test_what_is_far_from_a_law_that_leaves_noise_is_no_rival() -> None:
     assert [f.variant.label for f in compared()] == ["sensor_delay@theta_1"]
 
 
+@pytest.mark.long
 def test_a_search_that_would_not_come_up_to_a_rival_is_left() -> None:
     estimator, grey, base = fitted()
     nothing, start = base.variant, grey.start(base.variant)

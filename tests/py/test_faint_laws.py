@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from bench_record import grey_box
 from dualdrive import Machine
 from dualdrive.diagnose.selection.fitted import EFFORTS, Selection
@@ -17,6 +19,7 @@ def found(**saturation: float) -> Selection:
     return select(own.core, own, EFFORTS["quick"])
 
 
+@pytest.mark.long
 def test_a_law_is_found_where_numbers_alone_leave_noise() -> None:
     selection = found(loss=0.2)
     assert selection.quiet
@@ -24,6 +27,7 @@ def test_a_law_is_found_where_numbers_alone_leave_noise() -> None:
     assert selection.base.criterion - selection.best.criterion > 25.0
 
 
+@pytest.mark.long
 def test_none_is_found_where_none_is() -> None:
     selection = found()
     assert selection.quiet

@@ -101,6 +101,7 @@ def missing(own: GreyBox, point: Point, gains: list[Any]) -> float:
     return max(float(np.sqrt(np.mean(x**2))) / scale[body] for body, x in torques.items())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("loop", "lead", "noise"),
     [

@@ -149,6 +149,7 @@ def force_error(found: Fit, trace: Trace) -> float:
     return float(np.sqrt(np.mean(left**2) / np.mean(trace["T_1"] ** 2)))
 
 
+@pytest.mark.long
 def test_dry_friction_accounts_for_it(rig: Trace) -> None:
     """Published: M 95.109, Fv 203.50, Fc 20.39, offset -3.165, found from force alone."""
     paths = ["table.J", "table.b", "coulomb@table.torque"]
@@ -303,6 +304,7 @@ def test_failed_trials_are_stepped_round_and_listed(monkeypatch: pytest.MonkeyPa
     assert np.isfinite([p.high for p in found.parameters.values()]).all()
 
 
+@pytest.mark.long
 def test_a_machine_that_never_simulates_is_an_error_with_its_status() -> None:
     machine = sheet(torque=12000.0)
     machine.set("controller.k_p", 1e12)
@@ -311,6 +313,7 @@ def test_a_machine_that_never_simulates_is_an_error_with_its_status() -> None:
     assert "\n" not in str(failure.value)
 
 
+@pytest.mark.long
 def test_several_starts_keep_the_best() -> None:
     machine = sheet()
     machine.add("coulomb", "table")

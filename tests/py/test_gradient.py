@@ -107,6 +107,7 @@ def check_against_differences(case: Case, run: _core.Trajectory, **options: obje
         assert error < 1e-6 * max(abs(gradient[k] * size), 1e-3 * total), path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("case", [forward.plain, forward.mesh_damping, forward.bench_default])
 def test_a_cost_against_differences_in_long_double(case: Callable[[], Case]) -> None:
     this = case()
@@ -207,6 +208,7 @@ MIXED |= {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [*LAWS, *MIXED])
 def test_back_through_laws_is_forward_summed(name: str) -> None:
     """Back by collocation; forward by the explicit engine, which shares no step with it."""
@@ -219,14 +221,8 @@ def test_back_through_laws_is_forward_summed(name: str) -> None:
     check_back(back, ahead, 1e-7)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param("ripple and Stribeck", marks=pytest.mark.long),
-        "with impacts",
-        "with sampled loops",
-    ],
-)
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["ripple and Stribeck", "with impacts", "with sampled loops"])
 def test_a_cost_of_laws_against_differences(name: str) -> None:
     this = MIXED[name]()
     this.parameters = this.parameters[:12]

@@ -144,6 +144,7 @@ def test_a_packed_matlab_variable_states_its_size(tmp_path: Path) -> None:
         read(path)
 
 
+@pytest.mark.long
 def test_damage_is_told_with_the_name_of_the_file(tmp_path: Path) -> None:
     good = recording(tmp_path / "good.h5", lambda file: None)
     own = tmp_path / "own.h5"

@@ -11,6 +11,7 @@ from howto import Page
 PAGE = Page("indexing.md")
 
 
+@pytest.mark.long
 def test_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for name, text in zip(("wide.csv", "long.csv"), PAGE.blocks("csv"), strict=True):

@@ -11,6 +11,7 @@ from howto import Page
 PAGE = Page("limit-cycles-and-bode.md")
 
 
+@pytest.mark.long
 def test_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     printed = PAGE.run_commands()

@@ -33,6 +33,7 @@ def test_the_code_runs(capsys: pytest.CaptureFixture[str]) -> None:
     assert "dualdrive diagnose" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_the_commands_are_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What they find is tested elsewhere and takes minutes."""
     monkeypatch.chdir(tmp_path)

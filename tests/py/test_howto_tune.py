@@ -33,6 +33,7 @@ def measured(name: str, drive: int, stiffness: float) -> None:
     Path(name).write_text("\n".join(lines) + "\n")
 
 
+@pytest.mark.long
 def test_tune_page(tmp_path: Path) -> None:
     for name, drive in (("master.csv", 1), ("slave.csv", 2)):
         measured(name, drive, 2e7)
@@ -51,6 +52,7 @@ def test_tune_page(tmp_path: Path) -> None:
     TUNE.run_python()
 
 
+@pytest.mark.long
 def test_optimise_page() -> None:
     for line in OPTIMISE.lines():
         quick = "" if "--corner" in line else " --no-corners"

@@ -85,6 +85,7 @@ def test_sensors_and_numbers_are_recovered_together() -> None:
     assert error < 0.005, "the record tells inertia to half a per cent"
 
 
+@pytest.mark.long
 def test_a_missing_law_is_borne_by_the_unknown_torque_and_not_by_the_sensors() -> None:
     _, without, _ = likeliest(FRICTION)
     _, with_it, _ = likeliest(FRICTION, "coulomb@table")

@@ -29,6 +29,7 @@ def test_a_broken_relation_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not dict(metamorphic.checked(1))["four times as heavy"]
 
 
+@pytest.mark.long
 def test_the_same_work_again_and_again_takes_no_more_memory() -> None:
     command = [sys.executable, "-m", "tests.adversary.leak", "--runs", "1000"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE)

@@ -74,6 +74,7 @@ def test_eleven_tells_two_apart_in_95_per_cent() -> None:
     assert right == pytest.approx(0.95, abs=0.002)
 
 
+@pytest.mark.long
 def test_a_suggestion_is_words_settings_and_commands() -> None:
     a, b = friction()
     told: list[str] = []
@@ -126,6 +127,7 @@ def test_a_sensors_constant_is_no_distance() -> None:
     assert misfit(a.core, shifted, motion, NOISE)[0] < 1e-3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("preset", "share"), [("heavy-table-550t", 0.22), ("bench", 0.5), ("linear-axis", 0.15)]
 )
@@ -156,6 +158,7 @@ def test_every_motion_of_the_menu_keeps_the_limits(preset: str, share: float) ->
             assert np.abs(run[f"T_{n}"]).max() <= 1.04 * share * own.get(f"{motor}.T_max")
 
 
+@pytest.mark.long
 def test_a_law_that_holds_the_other_is_told_by_what_only_it_can_do() -> None:
     """Stribeck friction with a ratio of one is Coulomb's: only that way round counts."""
     richer = table_with(
@@ -170,6 +173,7 @@ def test_a_law_that_holds_the_other_is_told_by_what_only_it_can_do() -> None:
     assert best.expected_distance > TELLS_APART
 
 
+@pytest.mark.long
 def test_twins_are_never_separated_and_the_next_pair_is_tried() -> None:
     """Rigidly joined, 1 N·m at the motor is 150 N·m at its pinion, whatever the motion."""
     motors = table_with(("coulomb@motors", {"torque": 1.0}))

@@ -55,7 +55,8 @@ def found(which: str) -> Diagnosis:
     return diagnose(*lorenz(), mode="balance", experiment=False)
 
 
-@pytest.mark.parametrize("which", ["lorenz", pytest.param("pulses", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("which", ["lorenz", "pulses"])
 def test_diagnose_prints_the_errors_and_the_floor_of_compare(which: str) -> None:
     machine, trace = {"lorenz": lorenz, "pulses": first_pulses}[which]()
     d = found(which)
@@ -69,6 +70,7 @@ def test_diagnose_prints_the_errors_and_the_floor_of_compare(which: str) -> None
     assert refit.error == pytest.approx(d.error["best"], rel=0.02)
 
 
+@pytest.mark.long
 def test_a_coarse_encoder_neither_takes_inertia_away_nor_makes_a_delay() -> None:
     """J is 1.7e-4 kg m^2 by the authors' own steps, dry friction some 15 mN m."""
     d = found("lorenz")
@@ -83,6 +85,7 @@ def test_a_coarse_encoder_neither_takes_inertia_away_nor_makes_a_delay() -> None
     assert not any("sensor_delay" in c.label for c in d.candidates)
 
 
+@pytest.mark.long
 def test_fit_prints_the_floor_of_compare_and_diagnose(tmp_path: Path) -> None:
     machine, _ = lorenz()
     machine.add("coulomb", "table")
@@ -169,6 +172,7 @@ def test_dry_friction_of_a_robot_axis_has_its_name() -> None:
     assert not wrong_guesses(machine.core, d, d), "nothing is gained, so nothing is contradicted"
 
 
+@pytest.mark.long
 def test_records_are_checked_whole_and_not_by_their_halves(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -202,6 +206,7 @@ def test_every_verb_that_reads_traces_takes_the_filters(verb: str) -> None:
     assert set(FILTERS) <= options
 
 
+@pytest.mark.long
 def test_settings_of_a_trace_hold_in_a_balance(tmp_path: Path) -> None:
     machine = nominal()
     trace = with_torques(machine.core, record(machine))

@@ -108,6 +108,7 @@ def test_least_tension_is_the_static_law_of_a_gentle_move(way: int) -> None:
     assert not any(d.apart for d in below)
 
 
+@pytest.mark.long
 def test_a_heavier_corner_needs_more() -> None:
     machine = heavy("empty")
     alone = least_tension(machine, cases=corners(machine, {}))

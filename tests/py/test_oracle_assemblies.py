@@ -36,6 +36,7 @@ def two_body_drive(kind: str) -> _core.Machine:
     return machine
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["compliant", "gap"])
 def test_two_bodies_per_drive(kind: str) -> None:
     """Shaft compliance, or play ahead in the chain, against the equations in a plain solver."""

@@ -97,6 +97,7 @@ def random_case(seed: int) -> tuple[Machine, Motion]:
     return machine, motions[draw.random.integers(4)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("first", range(0, MACHINES, BLOCK))
 def test_random_machines_follow_the_exact_solution(first: int) -> None:
     contacts = 0

@@ -136,6 +136,7 @@ def heavy_default() -> Case:
     return Case(machine, move(0.02, 0.03, 0.05, 0.3, start=1.0), 3.0, names)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "case",
     [plain, mesh_damping, dry_friction, sampled_loops, differenced_encoder, slave_lag, saturations,

@@ -85,6 +85,7 @@ def test_error_falls_with_the_tolerance(method: str) -> None:
     assert errors[2] < 1e-7
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("case", "argument"), [(impacts, "X"), (hunting, 550)])
 def test_chaos_of_impacts_is_followed_as_far_as_numbers_go(
     case: Callable[[str | int], Case], argument: str | int
@@ -96,6 +97,7 @@ def test_chaos_of_impacts_is_followed_as_far_as_numbers_go(
     assert apart(run, exact) < 10 * spread(case, argument)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("load", [250, 550])
 def test_hunting_with_dry_friction_and_damping(load: int) -> None:
     exact = truth(hunting, load)
@@ -146,6 +148,7 @@ def unequal() -> Case:
     return machine, sine(0.1, 1.0), 4.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "case", [saturated, torque_limited, slave_alone, master_alone, asymmetric, unequal]
 )

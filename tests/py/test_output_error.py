@@ -49,6 +49,7 @@ def begun(own: GreyBox, gap: float) -> tuple[Estimator, Fitted]:
     return estimator, Fitted(point, estimator.wide, 1.0, 0.0, [])
 
 
+@pytest.mark.long
 def test_its_play_is_found_and_nothing_unknown_is_asked_for() -> None:
     own = recorded()
     estimator, first = begun(own, 0.85 * GAP)

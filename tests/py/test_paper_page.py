@@ -30,6 +30,7 @@ def written(title: str) -> str:
     return re.sub(r"!\[.*\]\(.*\)\n\n", "", text).strip()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", FIGURES)
 def test_the_page_is_what_the_command_writes(name: str) -> None:
     """Word for word, and number for number as far as processors round alike.

@@ -137,6 +137,7 @@ def test_a_robot_axis(run: str) -> None:
     assert [d.code for d in torque_doubts(machine.core, flipped(trace, "T_1"))] == ["sign"]
 
 
+@pytest.mark.long
 def test_records_in_order_of_another_program_raise_no_doubt() -> None:
     folder = measured_file("independent_bench")
     machine = Machine.load(folder / "nominal.toml")

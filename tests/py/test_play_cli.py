@@ -156,6 +156,7 @@ def bare_axis() -> None:
     machine.save("bare.toml")
 
 
+@pytest.mark.long
 def test_a_split_record_is_fitted_without_naming_what(dualdrive: Callable[[str], Result]) -> None:
     axis_record()
     bare_axis()

@@ -102,6 +102,7 @@ def test_which_sensor_stands_at_a_body() -> None:
     assert channel_of("theta_1") == "theta_1"
 
 
+@pytest.mark.long
 def test_a_balance_closes_once_a_late_encoder_is_counted() -> None:
     """The other program reads one motor's encoder late, on a machine whose sheet is exact."""
     order = ordered.hiding("viscous", "bench", 0, 1.0, count=1)

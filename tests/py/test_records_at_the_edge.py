@@ -27,6 +27,7 @@ def test_a_table_that_is_held_has_no_speed_to_creep_by() -> None:
     assert np.isfinite(found[0].minus_two_log)
 
 
+@pytest.mark.long
 def test_a_record_that_no_error_is_told_of_names_nothing() -> None:
     """Of the table's speed alone a wrong law had been named with probability 1."""
     t = STEP * np.arange(2000, dtype=np.float64)

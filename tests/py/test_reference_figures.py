@@ -34,6 +34,7 @@ def studied(variant: str) -> Trajectory:
     return simulate(speed_study(variant), sine(0.02, 0.5), 10.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("variant", "events"), [("S", 44), ("M", 85), ("H", 543), ("X", 1113)])
 def test_contacts_of_the_speed_study(variant: str, events: int) -> None:
     """Every contact of ten seconds is found, and a finer grid moves none of them."""
@@ -52,6 +53,7 @@ def test_chaos_of_impacts_amplifies_a_perturbation() -> None:
     assert 1e-12 < spread < 1e-9
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("load", "tension", "arcsec"),
     [(100, 0, 0.0), (250, 0, 35.0), (550, 0, 51.7), (250, 60, 0.0), (550, 60, 0.0)],
@@ -90,6 +92,7 @@ def test_limit_cycles_of_figure_4(K: float, hertz: float, arcsec: float) -> None
     assert amplitude == pytest.approx(arcsec, abs=0.05)
 
 
+@pytest.mark.long
 def test_no_limit_cycle_without_backlash_or_under_enough_tension() -> None:
     assert limit_cycle(figure_4(6).both(gap=0.0))[1] < 1e-6
     assert limit_cycle(figure_4(6).control(T_ten=5.0))[1] < 1e-6

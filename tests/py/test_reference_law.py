@@ -117,6 +117,7 @@ def test_adaptive_solver_agrees_on_the_speed_study() -> None:
     assert apart(run, solution.y[:8].T) < 1e-6
 
 
+@pytest.mark.long
 def test_fixed_steps_agree_on_every_limit_and_damping() -> None:
     """All limits are met: Ω, equaliser, torque and voltage, with anti-windup that slides."""
     machine = bench().both(T_max=0.25, U_max=14.0).control(Omega_max=6.0, Omega_E=0.05, K_i=20.0)
@@ -145,6 +146,7 @@ def test_fixed_steps_agree_on_every_limit_and_damping() -> None:
     assert np.abs(run["U_1"]).max() <= 14.0 * (1 + 1e-12)
 
 
+@pytest.mark.long
 def test_smoothed_friction_hunts_as_the_study_found() -> None:
     """True sticking, the limit of a narrow tanh, moves the study's 51.7 arcsec by 0.2 %."""
     machine = heavy_table(550).control(T_ten=0.0)

@@ -141,6 +141,7 @@ def test_figures_are_those_of_the_diagnosis() -> None:
     assert "nothing is left that these records could show" in words
 
 
+@pytest.mark.long
 def test_the_title_is_one_line_whatever_the_records_are_called() -> None:
     many = tuple(f"log8, a long name of test {k}, tension {k % 2}, part {k}" for k in range(23))
     for some in (many[:1], many[:2], many):
@@ -212,6 +213,7 @@ def test_explanations_of_a_search_that_was_stopped_are_not_judged() -> None:
     assert "with the best explanation" not in words
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("measure", "sums", "told"),
     [

@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -96,6 +96,7 @@ while True:
 """
 
 
+@pytest.mark.long
 def test_ctrl_c_in_the_midst_of_writing(tmp_path: Path) -> None:
     """A temporary file that was there before anybody owned it stayed in 9 of 120 runs."""
     choice = random.Random(0)
@@ -137,6 +138,15 @@ def test_ctrl_c_in_a_simulation_of_a_search(
     assert (folder / "found.json").exists() == (verb == "fit" and moment > 1)
 
 
+@pytest.fixture
+def heard() -> Iterator[None]:
+    """A Ctrl-C is heard as in a terminal; what a shell starts behind itself does not hear any."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("heard")
 def test_what_begins_after_a_ctrl_c_is_stopped_from_the_first() -> None:
     """Pressed while records were checked, it was forgotten by the search: 30 s instead of 2."""
     with interrupt() as outer:

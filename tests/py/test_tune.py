@@ -250,6 +250,7 @@ def test_poles_are_taken_where_the_table_turns_not_at_zero_current() -> None:
     assert edge == pytest.approx(find_edge(machine, GAIN, 0.5, 200.0).value, rel=1e-6)
 
 
+@pytest.mark.long
 def test_a_speed_gain_found_without_sampling_is_said_to_be() -> None:
     """What limits the gain of a real drive is lateness, which a continuous loop has none of."""
     step = tune(heavy("100t"), until=2).steps[1]

@@ -128,6 +128,7 @@ def resonant() -> Machine:
     return machine
 
 
+@pytest.mark.long
 def test_a_notch_is_proposed_where_a_resonance_stops_the_gain() -> None:
     done = tune(resonant(), until=2)
     (said,) = [line for line in done.steps[1].done if line.startswith("set-point filter")]
@@ -139,6 +140,7 @@ def test_a_notch_is_proposed_where_a_resonance_stops_the_gain() -> None:
     assert plain.startswith("set-point filter: none")
 
 
+@pytest.mark.long
 def test_drive_parameters_carry_the_filter_there_and_back() -> None:
     machine = tune(resonant(), until=2).machine
     table = drive_parameters(machine)
