@@ -87,8 +87,8 @@ class GreyBox:
         self.pool = ThreadPoolExecutor(self.threads)
         self.counter = counter or Counter()
         self.steps: dict[str, float] = {}  # unknown -> last difference
-        self.first_torque = {
-            filtered: first_noise(core, self.records, share).torques()
+        self.first_noise = {
+            filtered: first_noise(core, self.records, share)
             for filtered, share in ((False, _FIRST), (True, _FILTERED))
         }
         self.speed = max(
@@ -273,10 +273,10 @@ class GreyBox:
                 there = with_settings(core, r.record.settings)
                 try:
                     steady[key] = _core.kalman_gains(
-                        there, r.sampled, noise.sensors(r), noise.torques(), self.speed,
+                        there, r.sampled, noise.sensors(r), noise.torques(r), self.speed,
                         drifts=noise.drifts(r), second=noise.seconds(r),
-                        creep=noise.creeps(),
-                        first_torque=self.first_torque[r.filtered],
+                        creep=noise.creeps(r),
+                        first_torque=self.first_noise[r.filtered].torques(r),
                         first_deviation=r.unsure,
                     )  # fmt: skip
                 except ValueError:

@@ -24,6 +24,7 @@ CREEP, LEAST_CREEP = 1e-3, 1e-6
 _WANDER = 0.2  # s: over which a sensor's zero drifts
 _DRIFT = 0.3  # of what drives a sensor's noise: its zero's drift at first
 _SHORTEST, _LONGEST = 10.0, 1e6  # samples: over which a zero may drift, where that is sought
+_ALIKE = 1e-6  # of a sample: records' clocks that differ by rounding
 _FARTHEST = 14.0  # of a logarithm, from where the search began
 #: of what drives a sensor's noise at first: less is none, and the less the fainter the slope that
 #: leads back, since a likelihood knows a deviation by its square
@@ -32,7 +33,9 @@ _FAINT = 1.0 / 30.0
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations per sample.
+    """Standard deviations and poles per sample of `step` s.
+
+    Over samples of another length what forgets over a time is as large and forgets over the same.
 
     drive:  kind of channel -> what drives its autoregression, SI of the channel
     memory: kind of channel -> its pole over a sample, 0 white .. 1 a random walk; of an
@@ -46,6 +49,7 @@ class Noise:
     drift:  kind of channel -> what drives its zero, another one, SI of the channel; empty: none
     wander: kind of channel -> pole over a sample of that zero
     seeks: whether a search of the noise seeks these poles, too
+    step: s; 0: a sample of any record
     """
 
     drive: Mapping[str, float]
@@ -57,19 +61,34 @@ class Noise:
     second: Mapping[str, float] = field(default_factory=dict)
     seeks: bool = False
     creep: Mapping[str, float] = field(default_factory=dict)
+    step: float = 0.0
 
-    def torques(self) -> dict[str, tuple[float, float]]:
+    def _over(self, record: Predictable, drive: float, memory: float) -> tuple[float, float]:
+        """An autoregression of order one over the samples of a record, its variance the same."""
+        samples = record.sampled.step / self.step if self.step > 0.0 else 1.0
+        if abs(samples - 1.0) < _ALIKE or not 0.0 < memory < 1.0:
+            return drive, memory
+        own = memory**samples
+        return drive * float(np.sqrt(_unforgotten(own, memory))), own
+
+    def torques(self, record: Predictable) -> dict[str, tuple[float, float]]:
         """Body -> (drive, memory)."""
-        return {body: (s, self.course) for body, s in self.torque.items()}
+        return {body: self._over(record, s, self.course) for body, s in self.torque.items()}
 
-    def creeps(self) -> dict[str, tuple[float, float]]:
+    def creeps(self, record: Predictable) -> dict[str, tuple[float, float]]:
         """Body -> (drive, memory) of its speed while dry friction holds it."""
-        return {body: (s, self.course) for body, s in self.creep.items()}
+        return {body: self._over(record, s, self.course) for body, s in self.creep.items()}
 
     def sensors(self, record: Predictable) -> list[tuple[float, float, float]]:
         """(drive, memory, white part of the rounding) per channel of a record."""
+
+        def own(kind: str) -> tuple[float, float]:
+            drive, memory = self.drive[kind], self.memory[kind]
+            # a memory of two samples is none of a time
+            return (drive, memory) if self.second else self._over(record, drive, memory)
+
         return [
-            (self.drive[kind], self.memory[kind], step / np.sqrt(12.0))
+            (*own(kind), step / np.sqrt(12.0))
             for kind, step in zip(record.kinds, record.steps, strict=True)
         ]
 
@@ -87,7 +106,7 @@ class Noise:
         """(drive, memory) per channel of a record; empty where no zero drifts."""
         if not self.drift:
             return []
-        return [(self.drift[kind], self.wander[kind]) for kind in record.kinds]
+        return [self._over(record, self.drift[kind], self.wander[kind]) for kind in record.kinds]
 
     def seconds(self, record: Predictable) -> list[float]:
         """Second partial autocorrelation per channel of a record; empty where of order one."""
@@ -125,7 +144,9 @@ class Noise:
             for kind, (variance, (_, _, rounding)) in zip(r.kinds, sensors, strict=True):
                 own = max(0.0, variance - rounding**2)  # rounding comes to each record by itself
                 most[kind] = max(most.get(kind, 0.0), float(np.sqrt(own)))
-        return Noise(most, dict.fromkeys(most, 0.0), {}, self.course, creep=self.creep)
+        return Noise(
+            most, dict.fromkeys(most, 0.0), {}, self.course, creep=self.creep, step=self.step
+        )
 
     def with_torque(self, factor: float) -> Noise:
         """The same with torques of unknown course `factor` times as large."""
@@ -149,13 +170,16 @@ def first_noise(core: Any, records: Sequence[Predictable], share: float) -> Nois
             # third differences of white noise are sqrt(20) times as large; motion hardly has any
             rough.setdefault(kind, []).append(float(np.std(np.diff(y, 3))) / np.sqrt(20.0))
     drive = {kind: max(float(np.median(s)), 1e-300) for kind, s in rough.items()}
-    course = float(np.exp(-np.median([r.sampled.step for r in records]) / _COURSE))
+    # of the shortest: what forgets over several of them has forgotten over a longer one
+    step = float(min(r.sampled.step for r in records))
+    course = float(np.exp(-step / _COURSE))
     scale = share * float(np.sqrt(1.0 - course**2))
     torque = {body: scale * s for body, s in drive_torque(core, records).items()}
-    wander = float(np.exp(-np.median([r.sampled.step for r in records]) / _WANDER))
+    wander = float(np.exp(-step / _WANDER))
     drift = {kind: _DRIFT * s * float(np.sqrt(1.0 - wander**2)) for kind, s in drive.items()}
     wanders = dict.fromkeys(drive, wander)
-    return Noise(drive, dict.fromkeys(drive, 0.5), torque, course, drift, wanders)
+    memory = dict.fromkeys(drive, 0.5)
+    return Noise(drive, memory, torque, course, drift, wanders, step=step)
 
 
 def least_noise(core: Any, records: Sequence[Predictable], share: float) -> Noise:

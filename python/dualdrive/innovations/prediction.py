@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -130,12 +131,11 @@ class Replayed(NamedTuple):
 def replayed(job: tuple[Any, Mapping[str, float], Predictable, Any, bool]) -> Replayed:
     """Replay (machine, offsets, record, gains, whether to learn them); a failure is `lost`."""
     core, offsets, record, gains, learn = job
-    nothing = Replayed(np.full(record.measured.shape, LOST), 0.0, True)
-    if core is None:
-        return nothing
-    try:
-        found = predicted(core, offsets, record, gains, given=GIVEN, learn=learn)
-    except (ValueError, RuntimeError):
-        return nothing
+    found = None
+    if core is not None:
+        with suppress(ValueError, RuntimeError):
+            found = predicted(core, offsets, record, gains, given=GIVEN, learn=learn)
+    if found is None:
+        return Replayed(np.full(record.measured.shape, LOST), 0.0, True)
     residuals = np.clip(found["residuals"], -LOST, LOST)
     return Replayed(residuals, float(found["log_det"]), not found["finite"])

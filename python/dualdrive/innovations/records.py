@@ -68,7 +68,9 @@ class Predictable:
         As a filter had it before, else as a settled loop has it, else as the encoders have it, less
         what they and the laws at them add.
         """
-        known = {state for state, _ in core.states()}
+        known = frozenset(state for state, _ in core.states())
+        if followed := self._followed(known):
+            return [dict(own) for own in followed]
         joints = _joints(core, known)
         told = {s: x for s, x in self.record.initial.items() if s in known}
         settled = {s: x for s, x in self.settled.items() if s in known}
@@ -79,13 +81,27 @@ class Predictable:
             found.append(_joined(own, joints))
         return found
 
+    def _followed(self, known: frozenset[str]) -> list[dict[str, float]]:
+        """What a filter had of these states at every stretch; empty: not all of them."""
+        if known not in self._covered:
+            every = all(known <= before.keys() for before in self.begins)
+            own = [{s: before[s] for s in known} for before in self.begins] if every else []
+            self._covered[known] = own
+        return self._covered[known]
+
+    @functools.cached_property
+    def _covered(self) -> dict[frozenset[str], list[dict[str, float]]]:
+        """States of machines that were replayed -> `_followed`: searches ask for the same."""
+        return {}
+
     def _first(self, core: Any, offsets: Mapping[str, float]) -> list[dict[str, float]]:
         """Channel -> its reading at the first sample of every stretch, sensors' laws taken back."""
         readings = self.measured[self.sampled.starts]
         first = {c: y - offsets.get(c, 0.0) for c, y in zip(self.channels, readings.T, strict=True)}
         for c in self.channels:
-            places = [p for p in _places(core, c) if reads(core, p)]
-            if places and c.startswith("theta_"):
+            if not c.startswith("theta_"):
+                continue
+            if places := [p for p in _places(core, c) if reads(core, p)]:
                 first[c] = read_at(core, places, first[c])
         rows = zip(*(y.tolist() for y in first.values()), strict=True)
         return [dict(zip(first, row, strict=True)) for row in rows]
@@ -117,7 +133,7 @@ class _Joint(NamedTuple):
     gearbox: tuple[str, float, float, float, float] | None
 
 
-def _joints(core: Any, known: set[str]) -> list[_Joint]:
+def _joints(core: Any, known: frozenset[str]) -> list[_Joint]:
     found = []
     for motor in core.motors:
         n = motor.rpartition("_")[2]
@@ -138,7 +154,7 @@ def _seen(
     first: Mapping[str, float],
     told: Mapping[str, float],
     joints: Sequence[_Joint],
-    known: set[str],
+    known: frozenset[str],
 ) -> dict[str, float]:
     """The angles as the encoders have them."""
     table = first.get("theta_m", told.get("theta_m", 0.0))

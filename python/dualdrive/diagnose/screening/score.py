@@ -123,7 +123,8 @@ def scores(
             held = {
                 p: min(x, within) if p.endswith(".time") else x for p, x in probe.setting.items()
             }
-            jobs.append((k, v, np.r_[base.theta, coordinates(own, held)], probe))
+            there = np.r_[base.theta, coordinates(own, held)]
+            jobs.append((k, v, there, replace(probe, setting=held)))
 
     found: dict[int, list[tuple[_Probe, Array]]] = {}
     begin = 0
