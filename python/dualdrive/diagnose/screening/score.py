@@ -283,7 +283,9 @@ def _start(found: Sequence[tuple[_Probe, Array]], sizes: Array) -> dict[str, flo
             quarter = float(sizes[k + 1]) if k + 1 < len(found) and found[k + 1][0].turned else 0.0
             wave = complex(size, quarter)
             if probe.opposite:  # what all pinions meet alike, and what they meet in turn
-                alike, half = waves[probe.phase], probe.setting[probe.opposite]
+                # nothing alike is told where those probes lost the record
+                alike = waves.get(probe.phase, 0j)
+                half = probe.setting[probe.opposite]
                 wave, other = alike + wave, alike - wave
                 start[probe.opposite] = cmath.phase(other * wave.conjugate()) * half / math.pi
                 wave = cmath.rect(math.hypot(abs(wave), abs(other)) / _ROOT, cmath.phase(wave))
