@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -55,6 +56,7 @@ def check_records(
     machine: Any,
     traces: Trace | Sequence[Trace] | Mapping[str, Trace],
     mode: str = "auto",
+    threads: int | None = None,
 ) -> list[RecordWarning]:
     """Look for what would mislead a comparison: foreign, swapped, flipped, clipped, late channels.
 
@@ -62,6 +64,7 @@ def check_records(
         machine: a machine, or the core's.
         traces: one trace, several, or name -> trace.
         mode: ``closed_loop`` looks at the command, too.
+        threads: records side by side; as many as there are cores unless given.
 
     Returns:
         Warnings whose message names the trace, the channel, what was seen and what to do; none for
@@ -75,7 +78,8 @@ def check_records(
         own = _all(core, name, trace, mode)
         return [RecordWarning(code, name, f"{name}: {said}", fatal) for code, said, fatal in own]
 
-    with ThreadPoolExecutor() as pool:  # in the order of the traces, errors as well
+    # in the order of the traces, errors as well
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         return list(chain(*pool.map(check, named(traces).items())))
 
 
@@ -158,6 +162,11 @@ def _short(trace: Trace) -> Iterator[Finding]:
             "record a way back",
             False,
         )
+
+
+def both_ways(trace: Trace) -> bool:
+    """Whether a trace is long enough, and moves one way and back."""
+    return len(trace) >= _FEWEST and not any(True for _ in _short(trace))
 
 
 def speed_of(trace: Trace) -> Array | None:

@@ -80,7 +80,8 @@ def diagnose(
             balance, which replays nothing, ignores it.
         budget: seconds after which the search is stopped; the answer is then `unfinished`. No
             search reads a clock unless it is given.
-        threads: simulations side by side; as many as there are cores unless given.
+        threads: records checked and simulations run side by side; as many as there are cores
+            unless given.
         experiment: whether to plan the next experiment where names are left.
         checks: whether to look for swapped, flipped, clipped or foreign channels first; or what
             :func:`dualdrive.compare.check_records` found in the records that these are parts of.
@@ -117,7 +118,9 @@ def diagnose(
         warnings, late, clipped = list[str](), False, False
         if checks is not False:
             tell("checking the records")
-            found = check_records(machine, recorded, mode) if checks is True else list(checks)
+            found = (
+                check_records(machine, recorded, mode, threads) if checks is True else list(checks)
+            )
             warnings = [f"{w.trace}: {w.message.removeprefix(f'{w.trace}: ')}" for w in found]
             bad = unfit(found) - set(trust)
             recorded = {name: trace for name, trace in recorded.items() if name not in bad}

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from dualdrive.compare import RecordWarning, check_records, evened
+from dualdrive.compare.checks import both_ways
 from dualdrive.diagnose.decision import objection, takes_too_little
 from dualdrive.diagnose.diagnosis import diagnose, unfit
 from dualdrive.diagnose.ladder import Ladder, Step
@@ -78,10 +79,10 @@ def improve(
     if checked is True:
         # of whole records: a half shows neither how late a channel is nor a motion that comes back
         (progress or (lambda _: None))("checking the records")
-        checked = check_records(machine, whole, likely)
+        checked = check_records(machine, whole, likely, options.get("threads"))
     fitting = {n: evened(t)[0] for n, t in given.items()}
     other: dict[str, Trace] = {}
-    if held_out is None and not _both_ways(machine, fitting, likely):
+    if held_out is None and not _halves_serve(fitting):
         held = "cross-validated over stretches of time (no half holds both directions)"
     elif held_out is None:
         halves = {name: _halved(trace) for name, trace in fitting.items()}
@@ -233,16 +234,9 @@ class _Climb:
         return Printed(self.other, mine, **filters).error(machine)
 
 
-def _both_ways(machine: Any, traces: Mapping[str, Trace], mode: str) -> bool:
+def _halves_serve(traces: Mapping[str, Trace]) -> bool:
     """Whether the first half of every trace still moves both ways, if the whole does."""
-    for name, trace in traces.items():
-        codes = [
-            {w.code for w in check_records(machine, {name: part}, mode)}
-            for part in (trace, _halved(trace)[0])
-        ]
-        if "one_way" in codes[1] - codes[0] or "short" in codes[1] - codes[0]:
-            return False
-    return True
+    return not any(both_ways(t) and not both_ways(_halved(t)[0]) for t in traces.values())
 
 
 def _why(d: Diagnosis) -> str:
