@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,8 @@ from dualdrive.files import write_atomically
 from dualdrive.machine import Machine
 from dualdrive.readable import interval
 from dualdrive.report.remedies import EXPLAINS, in_order, sizes
-from dualdrive_cli._motion import motion_of
+from dualdrive.traces import Trace
+from dualdrive_cli._motion import motion_along
 from dualdrive_cli._numbers import Real
 from dualdrive_cli._shared import FAILED, STOPPED, command_line, console, give_up
 from dualdrive_cli._traces import (
@@ -81,6 +82,7 @@ def confronting(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def how(
     machine: Machine,
+    recorded: Mapping[str, Trace],
     *,
     mode: str,
     motion: str | None,
@@ -97,7 +99,7 @@ def how(
     """Keywords that diagnose and improve take alike."""
     return {
         "mode": mode,
-        "motion": motion_of(motion, machine),
+        "motion": motion_along(motion, machine, recorded),
         "start": start,
         "interpolation": interpolation,
         "tolerance": tolerance_of(tolerances),

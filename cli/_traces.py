@@ -15,7 +15,7 @@ from dualdrive.traces import Trace, read_parts
 from dualdrive.traces.log import Issue
 from dualdrive_cli._files import TRACE, Reads
 from dualdrive_cli._keys import SETTING
-from dualdrive_cli._motion import MOTION, motion_of
+from dualdrive_cli._motion import MOTION, motion_along
 from dualdrive_cli._numbers import Real, Whole
 from dualdrive_cli._shared import pairs
 
@@ -51,7 +51,8 @@ mode_option = click.option(
 motion_option = click.option(
     "--motion",
     type=MOTION,
-    help="Commanded motion of traces that carry no theta_ref; see dualdrive simulate.",
+    help="Commanded motion of traces that carry no theta_ref, on their clock; see dualdrive "
+    "simulate.",
 )
 start_option = click.option(
     "--start",
@@ -213,6 +214,7 @@ def settings_for(
 
 def replay_options(
     machine: Machine,
+    recorded: Mapping[str, Trace],
     *,
     motion: str | None,
     start: str,
@@ -225,7 +227,7 @@ def replay_options(
 ) -> dict[str, Any]:
     """Keywords that compare and fit take alike."""
     return {
-        "motion": motion_of(motion, machine),
+        "motion": motion_along(motion, machine, recorded),
         "start": start,
         "offsets": offsets,
         "interpolation": interpolation,

@@ -75,9 +75,10 @@ def command(
     m = load(machine, settings)
     recorded = read_all(traces, mapping, wanted)
     own = settings_for(m, set_for, recorded)
+    options = replay_options(m, recorded, **replay)
     with console(err=True).status("comparing"):
         try:
-            found = compare(m, recorded, mode, settings=own, **replay_options(m, **replay))
+            found = compare(m, recorded, mode, settings=own, **options)
         except FitError as error:
             give_up(f"{m.name}: {error}", FAILED)
     if output:

@@ -85,6 +85,7 @@ def command(
     m = load(machine, settings)
     recorded = read_all(traces, mapping, wanted)
     own = settings_for(m, set_for, recorded)
+    options = how(m, recorded, **replay)
     with console(err=True).status("diagnosing") as status, interrupt() as stop:
         try:
             found = diagnose.diagnose(
@@ -93,7 +94,7 @@ def command(
                 settings=own,
                 budget=budget,
                 progress=told(status),
-                **how(m, **replay),
+                **options,
             )
         except FitError as error:
             give_up(f"{m.name}: {error}", STOPPED if stop.is_set() else FAILED)

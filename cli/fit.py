@@ -93,7 +93,7 @@ def command(
     """
     m = load(machine, settings)
     recorded, unseen = read_all(traces, mapping, wanted), read_all(held_out, mapping)
-    options = replay_options(m, **replay)
+    options = replay_options(m, {**recorded, **unseen}, **replay)
     own = settings_for(m, set_for, [*recorded, *unseen])
     with console(err=True).status("fitting") as status:
 

@@ -92,6 +92,7 @@ def command(
     m = load(machine, settings)
     recorded, unseen = read_all(traces, mapping, wanted), read_all(held_out, mapping)
     own = settings_for(m, set_for, [*recorded, *unseen])
+    options = how(m, {**recorded, **unseen}, **replay)
     with console(err=True).status("improving") as status, interrupt() as stop:
         try:
             found = diagnose.improve(
@@ -103,7 +104,7 @@ def command(
                 ambiguous=ambiguous,
                 most=most,
                 progress=told(status),
-                **how(m, **replay),
+                **options,
             )
         except FitError as error:
             give_up(f"{m.name}: {error}", STOPPED if stop.is_set() else FAILED)

@@ -85,7 +85,8 @@ def command(
     m = load(machine, settings)
     recorded, unseen = read_all(traces, mapping, wanted), read_all(held_out, mapping)
     own = settings_for(m, set_for, [*recorded, *unseen])
-    given: dict[str, Any] = {"settings": own, "budget": budget, **how(m, **replay)}
+    options = how(m, {**recorded, **unseen}, **replay)
+    given: dict[str, Any] = {"settings": own, "budget": budget, **options}
     steps = None
     with console(err=True).status("diagnosing") as status, interrupt() as stop:
         given["progress"] = told(status)

@@ -6,7 +6,7 @@ on a linear axis).
 """
 
 from .builders import Motion, MotionError, cycle, move, multisine, sampled, shuttle, sine, step
-from .recorded import motion_csv, read_motion
+from .recorded import motion_csv, read_command, read_motion
 from .suitable import default_motion
 from .words import parse_motion
 
@@ -19,6 +19,7 @@ __all__ = [
     "move",
     "multisine",
     "parse_motion",
+    "read_command",
     "read_motion",
     "sampled",
     "shuttle",

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .builders import Motion, MotionError, sampled
 
-__all__ = ["motion_csv", "read_motion"]
+if TYPE_CHECKING:
+    from dualdrive.traces import Trace
+
+__all__ = ["motion_csv", "read_command", "read_motion"]
 
 
 def read_motion(path: str | Path, *, axis: str = "rotary") -> Motion:
@@ -23,6 +27,15 @@ def read_motion(path: str | Path, *, axis: str = "rotary") -> Motion:
         TraceError: a file that can't be read.
 
     """
+    command = read_command(path, axis=axis).from_zero()
+    return sampled(command.t, command["theta_ref"])
+
+
+def read_command(path: str | Path, *, axis: str = "rotary") -> Trace:
+    """The recording that holds the column ``theta_ref``, on the file's own clock.
+
+    Arguments and errors as for :func:`read_motion`.
+    """
     from dualdrive.traces import ColumnRule, TraceMap, find_mapping, read
 
     mapping = None
@@ -33,7 +46,7 @@ def read_motion(path: str | Path, *, axis: str = "rotary") -> Motion:
     if "theta_ref" not in trace:
         known = ", ".join(trace) or "nothing"
         raise MotionError(f"{path}: no column theta_ref in it; it holds {known}")
-    return sampled(trace.t - trace.t[0], trace["theta_ref"])
+    return trace
 
 
 def motion_csv(motion: Motion, *, axis: str = "rotary", step: float = 1e-3) -> str:
