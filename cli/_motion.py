@@ -14,7 +14,7 @@ from dualdrive.motion import Motion, MotionError, parse_motion, read_command, sa
 from dualdrive.traces import Trace
 from dualdrive_cli._files import Reads
 
-__all__ = ["MOTION", "motion_along", "motion_of"]
+__all__ = ["MOTION", "is_file", "motion_along", "motion_of"]
 
 _ENDINGS: Final = (".csv", ".txt", ".h5", ".hdf5", ".mat")
 
@@ -32,7 +32,7 @@ class _ReadsMotion(Reads):
 
     def files(self, value: Path | str) -> Iterator[Path]:
         """The file, where it is one."""
-        if _is_file(str(value)):
+        if is_file(str(value)):
             yield Path(value)
 
 
@@ -46,7 +46,7 @@ def motion_of(text: str | None, machine: Machine) -> Motion | None:
     """
     if text is None:
         return None
-    if not _is_file(text):
+    if not is_file(text):
         return parse_motion(text, axis=machine.axis)
     return _sampled(_command(text, machine).from_zero())
 
@@ -62,7 +62,7 @@ def motion_along(
     """
     if text is None:
         return None
-    if _is_file(text):
+    if is_file(text):
         command = _command(text, machine)
         motion, begin, most = _sampled(command), float(command.t[0]), command.step
     else:  # words say what the command does beyond their end: it stands
@@ -95,7 +95,7 @@ def _sampled(command: Trace) -> Motion:
     return sampled(command.t, command["theta_ref"])
 
 
-def _is_file(text: str) -> bool:
-    """Words begin with a kind and a colon."""
+def is_file(text: str) -> bool:
+    """Whether a motion is given as a file; words begin with a kind and a colon."""
     path = Path(text)
     return path.suffix.lower() in _ENDINGS or (":" not in text and path.is_file())

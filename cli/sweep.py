@@ -20,6 +20,7 @@ from dualdrive.machine import Machine
 from dualdrive.units import human, parse
 from dualdrive_cli._files import PICTURE, Writes
 from dualdrive_cli._keys import keys
+from dualdrive_cli._motion import MOTION, is_file, motion_of
 from dualdrive_cli._numbers import Whole
 from dualdrive_cli._shared import (
     FAILED,
@@ -89,7 +90,11 @@ def _check_axis(name: str, options: set[str]) -> None:
     options_metavar="[OPTIONS] --PARAMETER VALUES...",
     epilog="Example: dualdrive sweep --delta 0:1e-3:20 --controller.T_ten 0:60%:13",
 )
-@click.option("--motion", help="As of dualdrive simulate; default: a move that suits the machine.")
+@click.option(
+    "--motion",
+    type=MOTION,
+    help="As of dualdrive simulate; default: a move that suits the machine.",
+)
 @click.option("--end", help="When a run stops, s; else the motion says.")
 @click.option("--load", "load_torque", help="Constant load on the table, against positive motion.")
 @click.option("--output-step", default="1ms", show_default=True, help="Time between samples.")
@@ -140,7 +145,10 @@ def command(
     other; exit code 1 only if none succeeded.
     """
     axes: dict[str, str] = ctx.obj
-    with _progress_bar() as progress, _resumable(output):
+    again = f"'dualdrive sweep --resume -o {output}'"
+    if motion is not None and is_file(motion):  # the swept file holds no samples of it
+        again = "the same command with --resume"
+    with _progress_bar() as progress, _resumable(output, again):
         if resume and not axes:
             _refuse_anything_else(ctx)
             result = sweeps.resume(output, jobs=jobs, scheduler=scheduler, progress=progress)
@@ -151,7 +159,7 @@ def command(
             result = sweeps.sweep(
                 m,
                 axes,
-                motion=motion,
+                motion=motion_of(motion, m),
                 load=parse(load_torque, unit, key="--load") if load_torque is not None else 0.0,
                 end=parse(end, "s", key="--end") if end is not None else None,
                 output_step=parse(output_step, "s", key="--output-step"),
@@ -199,17 +207,16 @@ def _refuse_double(m: Machine, settings: tuple[str, ...], axes: dict[str, str]) 
 
 
 @contextmanager
-def _resumable(output: Path) -> Iterator[None]:
-    """Say, where Ctrl-C has left runs to be done, how they are done later."""
+def _resumable(output: Path, again: str) -> Iterator[None]:
+    """Say, where Ctrl-C has left runs to be done, that the command `again` does them later."""
     try:
         yield
     except KeyboardInterrupt:
         with suppress(FileError), sweeps.load_sweep(output) as partial:
             total, left = math.prod(partial.shape), partial.pending
             if left:
-                again = f"'dualdrive sweep --resume -o {output}' completes it"
                 done = f"{total - left} of {total} runs done"
-                give_up(f"{output}: stopped with {done}; {again}", STOPPED)
+                give_up(f"{output}: stopped with {done}; {again} completes it", STOPPED)
         raise
 
 

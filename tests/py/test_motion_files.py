@@ -72,6 +72,23 @@ def test_simulate_takes_spokenand_file_alike(
     assert "plan.csv, which is read (--motion)" in done.output
 
 
+def test_sweep_takes_a_file_and_completes_with_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    kept("move:0.1,v=1,a=20,j=1000,end=0.4", tmp_path)
+    again = ["sweep", "-o", "swept.h5", "--resume"]
+    line = [*again, "bench", "--motors.J", "0.01,0.02", "--motion", "plan.csv"]
+    for _ in range(2):
+        done = CliRunner().invoke(main, line)
+        assert done.exit_code == 0, done.output
+        assert "sampled: 401 points" in done.stdout
+    alone = CliRunner().invoke(main, again)
+    assert alone.exit_code == 2
+    assert "swept.h5: its motion was sampled" in alone.stderr
+    assert "give the whole command again with --resume" in alone.stderr
+
+
 def compared(record: str, motion: str) -> Result:
     """The demo's machine beside a record of this folder, the loop driven by this motion."""
     line = ["compare", str(DEMO / "machine.toml"), record, "--motion", motion, "--json", "-"]

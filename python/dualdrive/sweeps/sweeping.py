@@ -124,7 +124,8 @@ def resume(
     path = Path(path)
     found = attributes_of(path)
     if str(found["motion"]).startswith("sampled"):
-        raise GridError(f"{path}: its motion was sampled; call sweep() with it and resume=True")
+        way_out = "give the whole command again with --resume, in Python sweep(..., resume=True)"
+        raise GridError(f"{path}: its motion was sampled, and is not in it; {way_out}")
     return sweep(
         Machine.from_toml(found["machine"], str(path)),
         axes_of(path),
