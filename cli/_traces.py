@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from dualdrive.files import same_file
 from dualdrive.identify import Processing, Standstill
 from dualdrive.machine import Machine
 from dualdrive.traces import Trace, read_parts
@@ -139,13 +140,48 @@ def read_all(
 
     Raises TraceError naming file, rows, rule and way out.
     """
+    return _read(_names(paths), mapping, wanted)
+
+
+def read_apart(
+    paths: Sequence[Path], held_out: Sequence[Path], mapping: Path | None, wanted: Sequence[str]
+) -> tuple[dict[str, Trace], dict[str, Trace]]:
+    """What is fitted, as `read_all` has it, and what is held out, no name of one in the other.
+
+    Raises click.BadParameter where a record, or a copy of it, is on both sides; else as there.
+    """
+    for path in held_out:
+        if any(same_file(path, other) for other in paths):
+            raise click.BadParameter(f"--held-out {path}: is fitted too; {_APART}")
+    names = _names([*paths, *held_out])
+    recorded = _read({name: path for name, path in names.items() if path in paths}, mapping, wanted)
+    unseen = _read({name: path for name, path in names.items() if path in held_out}, mapping)
+    for name, trace in unseen.items():
+        for other, fitted in recorded.items():
+            if trace.same_samples(fitted):
+                copied = f"holds the samples of {other}, which is fitted"
+                raise click.BadParameter(f"--held-out {name}: {copied}; {_APART}")
+    return recorded, unseen
+
+
+_APART = "a test needs a record of its own"
+
+
+def _names(paths: Sequence[Path]) -> dict[str, Path]:
+    """The shortest names that tell files from each other. Raises click.BadParameter."""
     stems = [path.stem for path in paths]
     names = stems if len(set(stems)) == len(stems) else [str(path) for path in paths]
     if len(set(names)) < len(names):
         raise click.BadParameter("the same trace is named twice")
+    return dict(zip(names, paths, strict=True))
+
+
+def _read(
+    files: Mapping[str, Path], mapping: Path | None, wanted: Sequence[str] = ()
+) -> dict[str, Trace]:
     found = {
         name + part.name.removeprefix(path.stem): part
-        for name, path in zip(names, paths, strict=True)
+        for name, path in files.items()
         for part in read_parts(path, mapping)
     }
     for setting, value in pairs(tuple(wanted)):

@@ -33,7 +33,7 @@ from dualdrive_cli._shared import (
 from dualdrive_cli._traces import (
     map_option,
     part_option,
-    read_all,
+    read_apart,
     replay_options,
     replaying,
     settings_for,
@@ -92,7 +92,7 @@ def command(
     Ctrl-C keeps the best point once there is one. Ends with 1 if the fit did not converge.
     """
     m = load(machine, settings)
-    recorded, unseen = read_all(traces, mapping, wanted), read_all(held_out, mapping)
+    recorded, unseen = read_apart(traces, held_out, mapping, wanted)
     options = replay_options(m, {**recorded, **unseen}, **replay)
     own = settings_for(m, set_for, [*recorded, *unseen])
     with console(err=True).status("fitting") as status:

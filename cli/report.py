@@ -35,7 +35,7 @@ from dualdrive_cli._shared import (
 from dualdrive_cli._traces import (
     map_option,
     part_option,
-    read_all,
+    read_apart,
     settings_for,
     traces_argument,
 )
@@ -83,7 +83,7 @@ def command(
     130.
     """
     m = load(machine, settings)
-    recorded, unseen = read_all(traces, mapping, wanted), read_all(held_out, mapping)
+    recorded, unseen = read_apart(traces, held_out, mapping, wanted)
     own = settings_for(m, set_for, [*recorded, *unseen])
     options = how(m, {**recorded, **unseen}, **replay)
     given: dict[str, Any] = {"settings": own, "budget": budget, **options}

@@ -129,6 +129,28 @@ def test_nonsense_is_refused_before_anything_is_computed(
     refused(dualdrive(line), 2, words)
 
 
+@pytest.mark.parametrize("verb", ["fit", "improve", "report"])
+def test_a_record_is_no_test_of_what_was_fitted_to_it(
+    verb: str, dualdrive: Callable[[str], Result]
+) -> None:
+    here = f"{verb} machine.toml fit.csv"
+    refused(dualdrive(f"{here} --held-out ./fit.csv"), 2, "--held-out fit.csv: is fitted too")
+    demo("fit").to_csv("copy.csv")
+    copied = "--held-out copy: holds the samples of fit, which is fitted; a test needs a record of"
+    refused(dualdrive(f"{here} --held-out copy.csv"), 2, copied)
+
+
+def test_records_of_one_name_are_told_apart_on_both_sides(
+    dualdrive: Callable[[str], Result],
+) -> None:
+    Path("other").mkdir()
+    Path("held_out.csv").rename("other/fit.csv")
+    line = "fit machine.toml fit.csv --held-out other/fit.csv --free table.J --json -"
+    assert "held_out" in json.loads(dualdrive(line).stdout)["error"]
+    stray = dualdrive(f"{line} --set-for third.csv:table.J=5e6")
+    refused(stray, 2, "there are fit.csv, other/fit.csv")
+
+
 def test_a_machine_that_does_not_simulate_fails_with_one_line(
     dualdrive: Callable[[str], Result],
 ) -> None:

@@ -151,6 +151,12 @@ class Trace:
         """Median time step in s; zero for a single sample."""
         return float(np.median(np.diff(self.t))) if len(self) > 1 else 0.0
 
+    def same_samples(self, other: Trace) -> bool:
+        """Whether both have the same known channels with the same values, whatever their clocks."""
+        names = set(self.canonical)
+        alike = names == set(other.canonical)
+        return alike and all(np.array_equal(self[name], other[name]) for name in names)
+
     def __repr__(self) -> str:
         from .show import as_text
 
