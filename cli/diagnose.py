@@ -112,12 +112,11 @@ def command(
 
 def _save(found: Diagnosis, path: Path, known: Machine, *, overwrite: bool) -> str:
     """Write the improved machine, or the refitted one where nothing is named; says which."""
-    records = ", ".join(found.records)
     if found.improved is not None and found.best is not None:
-        change = f"added {found.best.label}, fitted to {records}"
+        change = f"added {found.best.label}, {found.fitted_to}"
         save(found.improved, path, change, known=known, overwrite=overwrite)
     else:
-        change = f"fitted to {records}"
+        change = found.fitted_to
         save(found.refitted, path, change, known=known, overwrite=overwrite)
     return change
 

@@ -112,7 +112,7 @@ def command(
     if plot:
         _draw(found, plot)
     if output:
-        change = f"fitted to {', '.join(recorded)}"
+        change = found.diagnoses[-1].fitted_to
         save(found.machine, output, change, known=m, overwrite=overwrite)
     write_json(json_to, found.figures())
     if json_to != "-":

@@ -24,7 +24,7 @@ from dualdrive import Machine
 from dualdrive.identify import FitError
 from dualdrive.traces import read
 from dualdrive_cli.main import main
-from recorded import DEMO
+from recorded import DEMO, sheet
 
 Asked = dict[str, Any]
 SUFFIX = {"report": "html"}
@@ -160,6 +160,19 @@ def test_where_nothing_is_named_the_refitted_machine_is_written(
     assert done.exit_code == 0, done.output
     assert "coulomb@table" not in Machine.load("refitted.toml").effects
     assert "refitted.toml: fitted to fit" in done.stdout
+
+
+@pytest.mark.parametrize("verb", ["diagnose", "improve"])
+def test_a_machine_of_a_cut_search_says_that_it_is_unfinished(
+    verb: str, asked: Asked, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cut = replace(diagnosis(), verdict="unfinished", improved=None, refitted=sheet())
+    monkeypatch.setattr(dualdrive.diagnose, "diagnose", lambda *_, **__: cut)
+    climbed = replace(ladder(), diagnoses=[cut])
+    monkeypatch.setattr(dualdrive.diagnose, "improve", lambda *_, **__: climbed)
+    assert run(f"{verb} machine.toml fit.csv -o cut.toml").exit_code == 1
+    change = "fitted to fit; unfinished: the search was stopped before every law had its turn"
+    assert Machine.load("cut.toml").history[-1]["change"] == change
 
 
 def test_every_effect_that_was_added_is_a_step_that_can_be_taken_back(

@@ -265,6 +265,7 @@ def test_ctrl_c_keeps_the_best_point() -> None:
     found = fit(machine, demo("fit"), progress=stop)
     assert found.status == "interrupted"
     assert "best point so far" in found.message
+    assert found.machine.history[-1]["change"].startswith("fitted to fit (interrupted): ")
     assert found.error["refitted"] < found.error["nominal"]
     assert seen[-1].best <= seen[0].cost
 

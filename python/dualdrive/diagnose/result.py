@@ -165,6 +165,12 @@ class Diagnosis:
         named = self.verdict in ("effect", "ambiguous") and self.candidates
         return self.candidates[0] if named else None
 
+    @property
+    def fitted_to(self) -> str:
+        """What a machine's history says of the fit: to which records, and that it was cut."""
+        ended = f"; {self.verdict}: {VERDICTS[self.verdict]}" * (self.verdict == "unfinished")
+        return f"fitted to {', '.join(self.records)}{ended}"
+
     def _repr_html_(self) -> str:
         import dualdrive  # its lazy name: how a notebook shows things knows of results
 

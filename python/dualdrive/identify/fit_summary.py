@@ -32,7 +32,7 @@ def summary(machine: Any, problem: Problem, search: Search, confidence: float) -
     reach = float(student.ppf(0.5 + confidence / 2, freedom)) * solution.width
     names = _names(problem)
     return Fit(
-        _with_values(machine, problem, problem.values(u)),
+        _with_values(machine, problem, problem.values(u), search.status),
         {
             p.path: _fitted(p, _unit(machine, p), float(u[k]), float(reach[k]), solution, k)
             for k, p in enumerate(problem.parameters)
@@ -117,12 +117,16 @@ def _weak(solution: Solution, names: Sequence[str]) -> list[Direction]:
     return found
 
 
-def _with_values(machine: Any, problem: Problem, values: Mapping[str, float]) -> Any:
-    """A copy of the machine with these values; its history says so where it keeps one."""
+def _with_values(machine: Any, problem: Problem, values: Mapping[str, float], status: str) -> Any:
+    """A copy of the machine with these values; its history says so where it keeps one.
+
+    status: of the search; one that is no success is told, too
+    """
     copy = machine.copy()
     for path, value in values.items():
         copy.set(path, value)
     if hasattr(copy, "note"):
         names = ", ".join(record.name for record in problem.records)
-        copy.note(f"fitted to {names}: {', '.join(values)}")
+        ended = "" if status == "success" else f" ({status})"
+        copy.note(f"fitted to {names}{ended}: {', '.join(values)}")
     return copy

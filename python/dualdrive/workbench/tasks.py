@@ -239,7 +239,7 @@ def _warnings(path: str | None, parts: Mapping[str, Trace]) -> list[str]:
 
 def _noted(m: Machine, change: str, d: Any) -> Machine:
     """The machine with a line in its history."""
-    m.note(f"{change}, fitted to {', '.join(d.records)}", "dualdrive workbench")
+    m.note(f"{change}, {d.fitted_to}", "dualdrive workbench")
     return m
 
 
