@@ -10,6 +10,7 @@ from dualdrive.files import write_atomically
 from dualdrive.identify import PlayEstimate, estimate_play, with_torques
 from dualdrive.machine import Machine
 from dualdrive.traces import Trace
+from dualdrive.traces.names import DRIVES
 from dualdrive_cli._files import MACHINE, PICTURE
 from dualdrive_cli._numbers import Real, Whole
 from dualdrive_cli._shared import (
@@ -28,7 +29,7 @@ from dualdrive_cli._traces import map_option, part_option, read_all, traces_argu
 @traces_argument
 @map_option
 @part_option
-@click.option("--drive", type=Whole(1, 2), help="Mesh of this drive; of each unless told.")
+@click.option("--drive", type=Whole(1, DRIVES[-1]), help="Mesh of this drive; of each unless told.")
 @click.option(
     "--machine",
     type=MACHINE,
@@ -128,7 +129,7 @@ def _ratio(machine: Machine | None, connection: str, given: float | None) -> flo
 
 def _drives(recorded: dict[str, Trace]) -> list[int]:
     """Drives whose torque is in every trace; the first, which says what is missing, if none is."""
-    return [n for n in (1, 2) if all(f"T_{n}" in t for t in recorded.values())] or [1]
+    return [n for n in DRIVES if all(f"T_{n}" in t for t in recorded.values())] or [1]
 
 
 def _draw(found: list[PlayEstimate], path: Path) -> None:

@@ -74,6 +74,34 @@ def test_the_angle_that_is_late_is_named() -> None:
     assert "time skew       2 [1 .. 3] ms, the ring's angle is late" in early.table()
 
 
+def test_a_skew_that_nothing_tells_has_no_interval() -> None:
+    """One contact, and contacts of a ring at rest: the interval had had no width."""
+    pushed = driven(flanks=(1,))
+    resting = driven(runout=0.0)
+    torque = resting.channels["T_1"]
+    drive = PLAY / 2 * np.clip(torque / 0.5, -1, 1) + COMPLIANCE * torque
+    still = {"theta_m": np.zeros(len(torque)), "theta_c1": drive, "T_1": torque}
+    for trace, flanks in ((pushed, 1), (Recorded(resting.t, still), 2)):
+        found = estimate_play(trace, 1)
+        assert len({episode.flank for episode in found.episodes}) == flanks
+        assert "time skew       can't be told: it takes several contacts" in found.table()
+        assert found.figures()["skew"] == {"value": None, "low": None, "high": None}
+    assert found.full.value == pytest.approx(PLAY, abs=1e-6)
+
+
+def test_one_contact_bounds_the_play_that_a_ring_at_rest_has_shown() -> None:
+    """The drive crosses its play while the ring rests, then pushes it one way."""
+    t = np.arange(0, 20, 0.01)
+    torque = np.interp(t, [5, 6, 8, 9], [-0.2, 0.2, 0.2, 4.0])
+    drive = 0.5 * PLAY * np.clip(torque / 0.2, -1, 1) + 0.002 * np.round(np.sin(9 * t))
+    turned = np.interp(t, [10, 20], [0.0, 5.0])
+    found = estimate_play(
+        Recorded(t, {"theta_m": turned, "theta_c1": turned + drive, "T_1": torque}), 1
+    )
+    assert len(found.episodes) == 1
+    assert found.full.low == pytest.approx(PLAY, abs=0.03)
+
+
 def test_a_late_sensor_left_out_would_pose_as_another_play() -> None:
     """The mean of drive minus ring on either flank, skew ignored, misses by more than 0.1 rad."""
     trace = driven()

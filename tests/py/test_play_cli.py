@@ -120,6 +120,20 @@ def test_ratios_are_given_or_taken_from_the_machine(dualdrive: Callable[[str], R
         assert mesh["full"]["value"] == pytest.approx(PLAY, abs=0.02)
 
 
+def test_every_drive_whose_torque_is_recorded_is_read(dualdrive: Callable[[str], Result]) -> None:
+    first = driven()
+    more = {
+        name.replace("1", str(n)): values
+        for n in (1, 3, 8)
+        for name, values in first.channels.items()
+    }
+    written(Recorded(first.t, more), "many.csv")
+    meshes = json.loads(dualdrive("play many.csv --json -").stdout)["meshes"]
+    assert [mesh["drive"] for mesh in meshes] == [1, 3, 8]
+    assert "mesh 8: 8 contacts" in dualdrive("play many.csv --drive 8").stdout
+    assert "1<=x<=8" in refused(dualdrive("play many.csv --drive 9"))
+
+
 def test_what_play_cannot_use_is_refused_in_one_line(dualdrive: Callable[[str], Result]) -> None:
     written(driven(), "known.csv")
     for line, words in (

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.identify.filtering import Processing, pieces
+from dualdrive.traces.names import DRIVES
 
 Array = NDArray[np.float64]
 
@@ -161,8 +162,8 @@ def _drive_angle(
     channels: Mapping[str, Any], drive: int, gear_ratio: float, record: str
 ) -> tuple[str, float]:
     """The channel of the drive's angle, and what divides it down to the pinion."""
-    if drive not in (1, 2):
-        raise ValueError(f"play: drive {drive} is not 1 or 2")
+    if drive not in DRIVES:
+        raise ValueError(f"play: there is no drive {drive}; choose one of 1 to {DRIVES[-1]}")
     if f"theta_c{drive}" in channels:
         return f"theta_c{drive}", 1.0
     if f"theta_{drive}" in channels:

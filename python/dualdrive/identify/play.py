@@ -23,6 +23,7 @@ from dualdrive.identify.contact import Reading, contacts, readings
 from dualdrive.identify.play_fit import PlayFit
 from dualdrive.identify.play_result import Cloud, Interval, PlayEstimate
 
+_MOST = 20.0  # samples by which an angle may be late: more is another motion, not a delay
 #: fewer contact episodes than this on a flank leave no interval worth the name
 FEWEST = 2
 
@@ -45,7 +46,7 @@ def estimate_play(
         traces: one trace, several, or name -> trace, with ``t`` and ``channels`` in SI units: the
             ring's ``theta_m``, the drive's ``theta_c<n>`` (or motor ``theta_<n>``, divided by
             ``gear_ratio``) and its torque ``T_<n>``, positive where it drives forwards.
-        drive: 1 or 2.
+        drive: 1 to 8.
         mesh_ratio: i_m, turns of the pinion per turn of the ring.
         gear_ratio: i, turns of the motor per turn of the pinion.
         load: torque from which a flank counts as closed, N*m; 0.3 of the 95th percentile unless
@@ -77,14 +78,15 @@ def estimate_play(
     def interval(name: str) -> Interval:
         return fit.interval(name, confidence, fit.draws(name, draws, seed))
 
-    skew, zero = interval("skew"), fit.zero()
+    untold = Interval(np.nan, -np.inf, np.inf)
+    skew, zero = interval("skew") if fit.told("skew") else untold, fit.zero()
     shared: dict[str, Any] = {
         "drive": drive,
         "skew": skew,
         "zero": zero,
         "torque": fit.torque,
         "episodes": episodes,
-        "cloud": _cloud(read, skew.value, zero),
+        "cloud": _cloud(read, _late(skew), zero),
         "scatter": fit.scatter,
         "samples": (sum(len(e.deflection) for e in episodes), sum(len(r.t) for r in read)),
     }
@@ -112,6 +114,11 @@ def estimate_play(
     )
 
 
+def _late(skew: Interval) -> float:
+    """The skew in s, none where the trace does not tell it."""
+    return skew.value if np.isfinite(skew.value) else 0.0
+
+
 def _cloud(read: Sequence[Reading], skew: float, zero: Mapping[str, float]) -> Cloud:
     """Every sample, free of skew and of its record's zero."""
     return Cloud(
@@ -129,10 +136,11 @@ def _travel(reading: Reading, skew: Interval, limit: float, spread: float) -> fl
     """
     from scipy.ndimage import median_filter
 
-    slow = np.abs(reading.speed) * (skew.high - skew.low) / 2 <= reading.quantum
+    unsure = (skew.high - skew.low) / 2 if np.isfinite(skew.value) else _MOST * reading.step
+    slow = np.abs(reading.speed) * unsure <= reading.quantum
     free = (np.abs(reading.torque) < limit) & slow
     if free.sum() < 2:
         return 0.0
     window = 2 * max(1, round(0.05 / reading.step)) + 1
-    smooth = median_filter(reading.deflection + skew.value * reading.speed, window)[free]
+    smooth = median_filter(reading.deflection + _late(skew) * reading.speed, window)[free]
     return max(0.0, float(np.ptp(smooth)) - reading.quantum - spread)

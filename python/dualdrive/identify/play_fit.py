@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 
 #: Huber's constant: 95 % efficiency on Gaussian noise
 HUBER = 1.345
+_TOLD = 1e-3  # of a figure that rounding may take in a projection
 
 
 class PlayFit:
@@ -49,6 +50,14 @@ class PlayFit:
         reach = widen * float(np.quantile(np.abs(draws - value), confidence))
         return Interval(value, value - reach, value + reach)
 
+    def told(self, name: str) -> bool:
+        """Whether a figure hangs on no single episode, nor on what was not in any of them.
+
+        The skew does where there is one episode, and where the ring rests in all.
+        """
+        row = self._reads(name)
+        return bool(np.allclose(self._left @ row, row, atol=_TOLD))
+
     def draws(self, name: str, count: int, seed: int) -> Array:
         """Bootstrap draws of ``skew``, ``play``, ``compliance`` or ``loaded``, shape (count,)."""
         row = self._reads(name)
@@ -81,7 +90,9 @@ class PlayFit:
         pulls = np.add.reduceat(design * (weight * left)[:, None], starts)
         outer = design[:, :, None] * (design * weight[:, None])[:, None, :]
         shares = np.add.reduceat(outer, starts)
-        without = np.linalg.pinv(shares.sum(axis=0) - shares, hermitian=True)
+        others = shares.sum(axis=0) - shares
+        without = np.linalg.pinv(others, hermitian=True)
+        self._left = without @ others  # projects a figure on what is known without each episode
         self.influence = np.einsum("eij,ej->ei", without, pulls)
         self.freedom = max(len(self.episodes) - design.shape[1], 1)
 

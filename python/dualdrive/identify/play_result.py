@@ -38,13 +38,14 @@ class PlayEstimate(Displayed, picture="play"):
     """The play of one mesh, in rad of its drive's pinion; ``full`` is twice the half gap Δ.
 
     Attributes:
-        drive: 1 or 2.
+        drive: 1 to 8.
         status: ``estimated``, or ``bounded`` where one flank was never loaded: then ``full.low`` is
             how far the drive was seen to move against the ring and ``full.high`` is infinite.
         full: play at zero torque.
         loaded: distance between the flanks at the working torque ``torque``, as one would measure
             with a dial gauge; more than ``full`` by what bends. None when bounded.
-        skew: the drive's angle is recorded this much later than the ring's, s.
+        skew: the drive's angle is recorded this much later than the ring's, s; not a number, and
+            without limits, where a single contact or a ring at rest does not tell.
         compliance: rad per N*m, flank closed; None when bounded.
         zero: deflection at mid-play, by record; empty when bounded.
         episodes: stretches of settled contact the estimate rests on.
@@ -90,16 +91,21 @@ class PlayEstimate(Displayed, picture="play"):
                 f"between flanks  {_degrees(self.loaded)} deg, at ±{self.torque:.3g} N*m",
                 f"compliance      {_degrees(self.compliance)} deg per N*m",
             ]
-        late, ends = "the drive's", (self.skew.value, self.skew.low, self.skew.high)
-        if self.skew.value < 0.0:
-            late, ends = "the ring's", (-self.skew.value, -self.skew.high, -self.skew.low)
-        skew = Interval(*(1e3 * x for x in ends))
         lines += [
-            f"time skew       {_plain(skew)} ms, {late} angle is late",
+            f"time skew       {self._late()}",
             f"{len(self.episodes)} episodes of contact, {settled} of {total} samples, scatter "
             f"{np.degrees(self.scatter):.3g} deg",
         ]
         return "\n".join(lines)
+
+    def _late(self) -> str:
+        """Which angle is late, and by how much."""
+        late, ends = "the drive's", (self.skew.value, self.skew.low, self.skew.high)
+        if not np.isfinite(ends).all():
+            return "can't be told: it takes several contacts while the ring turns"
+        if self.skew.value < 0.0:
+            late, ends = "the ring's", (-self.skew.value, -self.skew.high, -self.skew.low)
+        return f"{_plain(Interval(*(1e3 * x for x in ends)))} ms, {late} angle is late"
 
     def figures(self) -> dict[str, Any]:
         """Plain JSON values, rad and s; ``None`` for no upper limit."""
