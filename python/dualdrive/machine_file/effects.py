@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dualdrive import _core
+from dualdrive.traces.names import CHANNELS
 
 from .layers import Layer, MachineError, expect
 from .numbers import set_value
@@ -58,7 +59,7 @@ def add_effect(core: _core.Machine, s: Structure, entry: Mapping[str, Any], wher
         raise MachineError(f"{where}: {error}") from None
     try:
         _set_values(core, s, label, entry, where)
-        core.signals()  # compiles the machine, formulas included
+        _refuse_no_channel(core, entry["place"])
     except ValueError as error:
         core.remove_effect(label)
         _restore(core, before)
@@ -66,6 +67,14 @@ def add_effect(core: _core.Machine, s: Structure, entry: Mapping[str, Any], wher
             error if isinstance(error, MachineError) else MachineError(f"{where}: {error}")
         ) from None
     return label
+
+
+def _refuse_no_channel(core: _core.Machine, place: str) -> None:
+    """What a recorder's effect sits at is written down of this machine. Compiles it, too."""
+    signals = {name for name, _, _ in core.signals()}
+    if place in set(_core.recorded_channels(core)) - signals:
+        there = ", ".join(name for name in CHANNELS if name in signals)
+        raise ValueError(f"place = {place!r}: no channel of this machine; there are {there}")
 
 
 def _restore(core: _core.Machine, before: Mapping[str, float]) -> None:
