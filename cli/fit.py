@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -95,6 +96,7 @@ def command(
     recorded, unseen = read_apart(traces, held_out, mapping, wanted)
     options = replay_options(m, {**recorded, **unseen}, **replay)
     own = settings_for(m, set_for, [*recorded, *unseen])
+    paths = _paths(free, machine)
     with console(err=True).status("fitting") as status:
 
         def show(now: Progress) -> None:
@@ -104,7 +106,7 @@ def command(
             found = fit(
                 m,
                 recorded,
-                [path for text in free for path in text.split(",") if path] or None,
+                paths,
                 mode,
                 tolerance=tolerance_of(tolerances),
                 channels=channels or None,
@@ -141,6 +143,18 @@ def command(
         give_up(
             f"{found.status}: {found.message}", STOPPED if found.status == "interrupted" else FAILED
         )
+
+
+def _paths(free: tuple[str, ...], machine: str) -> list[str] | None:
+    """What --free names; None where it was not given. Raises click.BadParameter where it is empty.
+
+    machine: as it was typed
+    """
+    paths = [path for text in free for path in map(str.strip, text.split(",")) if path]
+    if free and not paths:
+        listed = f"'dualdrive machine show {shlex.quote(machine)}' lists what there is"
+        raise click.BadParameter(f"--free names nothing; {listed}, and without it fit chooses")
+    return paths or None
 
 
 def _floor(

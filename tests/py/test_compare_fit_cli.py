@@ -119,6 +119,8 @@ def test_fit_writes_machine_figures_and_held_out_error(
         ("compare machine.toml fit.csv --mode open", "closed_loop"),
         ("fit machine.toml fit.csv --free table.mass", "table.mass"),
         ("fit machine.toml fit.csv --free meshes.ratio", "counted or set"),
+        ("fit machine.toml fit.csv --free ''", "'dualdrive machine show machine.toml' lists"),
+        ("fit machine.toml fit.csv --free ' ,'", "--free names nothing"),
         ("fit machine.toml fit.csv --tolerance 0.1 --tolerance table.J=0.1", "not both"),
         ("fit machine.toml fit.csv --free table.J --tolerance table.J=x", "table.J"),
     ],
