@@ -23,7 +23,7 @@ from dualdrive.report.remedies import EXPLAINS, in_order, sizes
 from dualdrive.traces import Trace
 from dualdrive_cli._motion import motion_along
 from dualdrive_cli._numbers import Real
-from dualdrive_cli._shared import FAILED, STOPPED, command_line, console, give_up
+from dualdrive_cli._shared import FAILED, STOPPED, USAGE, command_line, console, give_up
 from dualdrive_cli._traces import (
     balancing,
     filters,
@@ -125,16 +125,24 @@ def end(stop: threading.Event, *found: Diagnosis) -> None:
     sys.stdout.flush()
     if stop.is_set():
         give_up("stopped: this is what was known until then", STOPPED)
+    refuse_unjudged(*found)
     if any(d.verdict == "unfinished" for d in found):
         give_up("unfinished: --budget cut the search; a longer one, or none, ends it", FAILED)
+
+
+def refuse_unjudged(*found: Diagnosis) -> None:
+    """Fail where no record could be judged, as with any other input that makes no sense."""
+    for d in found:
+        if not d.judged:
+            give_up(f"{d.machine}: the records can't be judged: {' '.join(d.warnings)}", USAGE)
 
 
 def refuse_no_step(ladder: Ladder, machine: Machine, stop: threading.Event) -> None:
     """Fail where an improvement has no step: its records can't be judged, or it was stopped."""
     if not ladder.steps:
-        why = " ".join(w for one in ladder.diagnoses[:1] for w in one.warnings)
-        said = ": ".join(filter(None, (machine.name, ladder.stopped, why)))
-        give_up(said, STOPPED if stop.is_set() else FAILED)
+        if not stop.is_set():
+            refuse_unjudged(*ladder.diagnoses)
+        give_up(f"{machine.name}: {ladder.stopped}", STOPPED if stop.is_set() else FAILED)
 
 
 # --- tables ---------------------------------------------------------------------------------------

@@ -209,11 +209,16 @@ def test_a_ladder_tells_every_step_and_why_it_stopped(asked: Asked) -> None:
 def test_records_that_can_not_be_judged_end_in_one_line(
     asked: Asked, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    none = replace(ladder(), steps=[], stopped="the records can not be judged")
+    blank = replace(diagnosis(), verdict="unknown", error={}, refitted=None)
+    none = replace(ladder(), steps=[], diagnoses=[blank], stopped="the records can not be judged")
     monkeypatch.setattr(dualdrive.diagnose, "improve", lambda *_, **__: none)
-    refused(run("improve machine.toml fit.csv"), 1, "the records can not be judged: the clock")
+    monkeypatch.setattr(dualdrive.diagnose, "diagnose", lambda *_, **__: blank)
+    why = "demo-table: the records can't be judged: the clock"
+    refused(run("diagnose machine.toml fit.csv"), 2, why)
+    refused(run("improve machine.toml fit.csv"), 2, why)
+    refused(run("report machine.toml fit.csv --no-ladder -o bare.html"), 2, why)
     done = run("report machine.toml fit.csv -o page.html --json page.json")
-    refused(done, 1, "the records can not be judged: the clock")
+    refused(done, 2, why)
     assert "written: page.html" in done.stdout
     assert "The clock" in Path("page.html").read_text()
     assert json.loads(Path("page.json").read_text())["warnings"]
@@ -237,7 +242,7 @@ def test_an_answer_with_nothing_to_draw_is_told_all_the_same(folder: Path) -> No
     lines = Path("fit.csv").read_text().splitlines(keepends=True)[:3]
     Path("few.csv").write_text("".join(lines))
     done = run("diagnose machine.toml few.csv --json few.json --plot few.png")
-    assert done.exit_code == 0
+    refused(done, 2, "demo-table: the records can't be judged: few: 2 samples are too few")
     assert "The records can't be judged" in done.stdout
     assert "few.png was not drawn: " in done.stderr
     assert json.loads(Path("few.json").read_text())["verdict"] == "unknown"

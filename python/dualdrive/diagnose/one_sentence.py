@@ -32,7 +32,7 @@ def headline(d: Diagnosis) -> str:
     Effects are called as engineers call them, not by their labels in machine files.
     """
     e = d.error
-    if not e:
+    if not d.judged:
         why = f": {d.warnings[0].rstrip('.')}" if d.warnings else ""
         return f"The records can't be judged{why}."
     if d.verdict == "adequate":

@@ -31,7 +31,7 @@ def paragraph(d: Diagnosis, why: Reason = "") -> str:
 
     d: all of it but the paragraph; why: of a balance, why the best candidate gets no name
     """
-    if not d.error:
+    if not d.judged:
         return f"The records can't be judged. {' '.join(d.warnings)}"
     if d.verdict == "unknown" and _loop(d) and math.isnan(d.error["noise_floor"]):
         return " ".join(["Whether anything is missing these records can't show.", *_closing(d)])

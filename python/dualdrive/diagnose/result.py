@@ -166,6 +166,11 @@ class Diagnosis:
         return self.candidates[0] if named else None
 
     @property
+    def judged(self) -> bool:
+        """Whether the records could be judged; where none could, `warnings` say why."""
+        return bool(self.error)
+
+    @property
     def fitted_to(self) -> str:
         """What a machine's history says of the fit: to which records, and that it was cut."""
         ended = f"; {self.verdict}: {VERDICTS[self.verdict]}" * (self.verdict == "unfinished")
