@@ -152,16 +152,16 @@ def show(d: Diagnosis) -> None:
     """A diagnosis as a person reads it."""
     screen = console()
     for line in d.warnings:
-        screen.print(f"warning: {line}", style="yellow", markup=False)
+        screen.print(f"warning: {line}", style="yellow")
     best = f": {d.best.label}" if d.best else ""
-    screen.print(f"{d.verdict}{best}", style="bold", markup=False)
-    screen.print(f"{d.paragraph or VERDICTS[d.verdict]}\n", markup=False)
+    screen.print(f"{d.verdict}{best}", style="bold")
+    screen.print(f"{d.paragraph or VERDICTS[d.verdict]}\n")
     if d.error:
         screen.print(_errors(d))
     if d.candidates:
         screen.print(_candidates(d))
     for line in _remarks(d):
-        screen.print(line, markup=False)
+        screen.print(line)
 
 
 def _errors(d: Diagnosis) -> Table:
@@ -175,15 +175,15 @@ def _errors(d: Diagnosis) -> Table:
     for label, fitted, held_out in rows:
         if fitted in d.error:
             numbers = _share(d.error[fitted]), _share(d.error.get(held_out, math.nan))
-            table.add_row(escape(label), *numbers)
+            table.add_row(label, *numbers)
     if d.best is None and d.candidates and math.isfinite(d.candidates[0].fitted):
         first = d.candidates[0]  # what the table below lists first, and has no name
         label = f"with {first.label}, not named"
-        table.add_row(escape(label), _share(first.fitted), _share(first.held_out))
+        table.add_row(label, _share(first.fitted), _share(first.held_out))
     if "noise_floor" in d.error:
         # noise of an angle counts as often as the machine's inertia multiplies it
         whose = f"with {d.best.label}" if d.best is not None else "refitted"
-        table.add_row(escape(f"noise floor, {whose}"), _share(d.error["noise_floor"]), "")
+        table.add_row(f"noise floor, {whose}", _share(d.error["noise_floor"]), "")
     return table
 
 
@@ -204,8 +204,8 @@ def _candidates(d: Diagnosis) -> Table:
     for c in in_order(d)[:_MOST]:
         chance = f"{c.probability:.2f}" if c.resolved and not stopped else "–"
         shares = (chance, _share(c.held_out), _share(c.explained), f"{c.gain:.0f}")
-        size = escape("; ".join(filter(None, (*sizes(c)[:1], c.note))))
-        table.add_row(escape(c.label), *shares, size)
+        size = "; ".join(filter(None, (*sizes(c)[:1], c.note)))
+        table.add_row(c.label, *shares, size)
     return table
 
 
@@ -249,13 +249,13 @@ def show_ladder(found: Ladder) -> None:
         table.add_column(head, justify="right")
     for step in found.steps:
         shares = (step.fitted, step.held_out, step.noise_floor)
-        table.add_row(escape(step.label), *map(_share, shares))
+        table.add_row(step.label, *map(_share, shares))
     screen = console()
     for line in found.diagnoses[0].warnings:
-        screen.print(f"warning: {line}", style="yellow", markup=False)
+        screen.print(f"warning: {line}", style="yellow")
     screen.print(table)
-    screen.print(f"held out: {found.held}", markup=False)
-    screen.print(f"stopped: {found.stopped}", markup=False)
+    screen.print(f"held out: {found.held}")
+    screen.print(f"stopped: {found.stopped}")
 
 
 def _share(value: float) -> str:

@@ -72,9 +72,14 @@ def _kept(files: Files | None) -> str:
 
 
 def console(*, err: bool = False) -> Console:
-    """A console; wide where no terminal cuts the lines."""
-    screen = Console(stderr=err, highlight=False)
-    return screen if screen.is_terminal else Console(stderr=err, highlight=False, width=160)
+    """A console; wide where no terminal cuts the lines.
+
+    What is printed is what it says: names of records and machines may hold brackets and colons.
+    """
+    screen = Console(stderr=err, highlight=False, markup=False, emoji=False)
+    if not screen.is_terminal:
+        screen.width = 160
+    return screen
 
 
 def command_line() -> str:

@@ -35,7 +35,7 @@ def _all(effects: list[dict[str, Any]]) -> Table:
     for effect in effects:
         names = ", ".join(f"{p['name']} [{p['unit'] or '1'}]" for p in effect["parameters"])
         places = ", ".join(effect["places"])
-        table.add_row(effect["name"], effect["acts_on"], places, effect["equation"], _plain(names))
+        table.add_row(effect["name"], effect["acts_on"], places, effect["equation"], names)
     return table
 
 
@@ -44,24 +44,19 @@ def _one(effect: dict[str, Any]) -> Table:
     for key in ("name", "equation", "acts_on", "places"):
         value = effect[key]
         text = ", ".join(value) if isinstance(value, list) else value
-        table.add_row(key.replace("_", " "), _plain(text))
+        table.add_row(key.replace("_", " "), text)
     for p in effect["parameters"]:
-        table.add_row("parameter", _plain(f"{p['name']} [{p['unit'] or '1'}]: {p['doc']}"))
+        table.add_row("parameter", f"{p['name']} [{p['unit'] or '1'}]: {p['doc']}")
         default = "no limit" if p["default"] is None else f"{p['default']:g}"
         table.add_row("", f"{_bounds(p)}, default {default}, usual size {p['typical']:g}")
     for key, meaning in effect["keys"].items():
-        table.add_row("key", _plain(f"{key}: {meaning}"))
-    table.add_row("valid", _plain(effect["validity"]))
+        table.add_row("key", f"{key}: {meaning}")
+    table.add_row("valid", effect["validity"])
     table.add_row("confused with", ", ".join(effect["confused_with"]) or "-")
-    table.add_row("source", _plain(effect["source"]))
+    table.add_row("source", effect["source"])
     return table
 
 
 def _bounds(p: dict[str, Any]) -> str:
     low = "any" if p["low"] is None else f"{'>' if p['low_excluded'] else '>='} {p['low']:g}"
     return low if p["high"] is None else f"{low}, <= {p['high']:g}"
-
-
-def _plain(text: str) -> str:
-    """Brackets mean units here, not styles."""
-    return text.replace("[", "\\[")

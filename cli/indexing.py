@@ -198,8 +198,8 @@ def _report(result: Iso230, said: list[str], written: Path | None) -> None:
 
 
 def _headed(title: str, unit: str) -> str:
-    """A column's title with its unit, whose brackets are no markup."""
-    return f"{title} \\[{unit.replace('um', 'µm')}]" if unit else title
+    """A column's title with its unit."""
+    return f"{title} [{unit.replace('um', 'µm')}]" if unit else title
 
 
 def _shown(value: float | None, unit: str) -> str:

@@ -79,7 +79,7 @@ def _page(m: Machine) -> Group:
     head.add_row("effects", ", ".join(m.effects) or "none")
     for entry in m.history:
         told = (value for key, value in entry.items() if key != "undo")
-        head.add_row("history", "  ".join(told).replace("[", "\\["))
+        head.add_row("history", "  ".join(told))
     numbers = Table("parameter", "value", "SI", "bounds", "meaning", box=None)
     for p in describe.tied(m):
         si = f"{p.value:.10g} {p.unit}".rstrip()
@@ -141,7 +141,7 @@ def history(machine: str, json_to: str | None, overwrite: bool) -> None:
     for number, entry in enumerate(m.history, 1):
         way_back = "" if "undo" in entry else "can't be undone"
         cells = (entry.get(key, "") for key in ("date", "change", "command"))
-        table.add_row(str(number), *(cell.replace("[", "\\[") for cell in cells), way_back)
+        table.add_row(str(number), *cells, way_back)
     console().print(table)
 
 

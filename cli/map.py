@@ -84,11 +84,11 @@ def _show(proposal: Proposal) -> None:
     for guess in ordered:
         cells = (guess.column, guess.channel or "-", guess.unit or "-", _number(guess.low),
                  _number(guess.high), guess.reason)  # fmt: skip
-        table.add_row(*(cell.replace("[", "\\[") for cell in cells))
+        table.add_row(*cells)
     screen = console()
     screen.print(table)
     for note in proposal.notes:
-        screen.print(f"note: {note}".replace("[", "\\["))
+        screen.print(f"note: {note}")
     mapped = len(ordered) - len(proposal.unmapped)
     click.echo(f"{mapped} of {len(ordered)} columns mapped; check units, and signs above all")
 

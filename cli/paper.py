@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.markup import escape
 from rich.table import Table as Grid
+from rich.text import Text
 
 from dualdrive.files import write_atomically
 from dualdrive.paper import EXHIBITS, Exhibit, Table, page, reproduce, shown
@@ -101,24 +101,23 @@ def _one(name: str, picture: Path | None, jobs: int) -> Exhibit:
 
 def _show(exhibit: Exhibit) -> None:
     screen = console()
-    screen.print(f"[bold]{exhibit.title}[/bold]  {exhibit.seconds:.1f} s")
-    screen.print(exhibit.about, markup=False)
+    screen.print(Text.assemble((exhibit.title, "bold"), f"  {exhibit.seconds:.1f} s"))
+    screen.print(exhibit.about)
     for line in exhibit.chosen:
-        screen.print(f"  chosen: {line}", markup=False)
+        screen.print(f"  chosen: {line}")
     for sheet in exhibit.sheets():
         if sheet.title:
-            screen.print(f"\n{sheet.title}", markup=False)
+            screen.print(f"\n{sheet.title}")
         screen.print(_grid(sheet))
     for line in exhibit.notes:
-        screen.print(f"  {line}", markup=False)
+        screen.print(f"  {line}")
     screen.print()
 
 
 def _grid(sheet: Table) -> Grid:
-    """Escaped throughout: rich would take the unit [s] for a style."""
-    grid = Grid(*map(escape, sheet.columns), box=None)
+    grid = Grid(*sheet.columns, box=None)
     for row in sheet.rows:
-        grid.add_row(*(escape(shown(cell)) for cell in row))
+        grid.add_row(*map(shown, row))
     return grid
 
 

@@ -264,7 +264,7 @@ def _report(result: sweeps.Sweep, json_to: str | None, plot: Path | None) -> Non
     console().print(about, *([ranges] if ranges.row_count else []))
     if steady:
         named = ", ".join(f"{name} {value}" for name, value in steady.items())
-        console().print(f"do not change over the grid: {named}", markup=False)
+        console().print(f"do not change over the grid: {named}")
 
 
 def _extreme(result: sweeps.Sweep, figure: str, run: int) -> tuple[str, str]:

@@ -131,6 +131,17 @@ def test_nonsense_is_refused_before_anything_is_computed(
     refused(dualdrive(line), 2, words)
 
 
+def test_names_are_printed_as_they_are(dualdrive: Callable[[str], Result]) -> None:
+    """No brackets of a record's or a machine's name are a style, no colons a picture."""
+    Path("fit.csv").rename("[red]x:car:[bold].csv")
+    done = dualdrive("compare machine.toml '[red]x:car:[bold].csv'")
+    assert done.exit_code == 0, done.output
+    assert "[red]x:car:[bold]: constants granted" in done.stdout
+    named = Path("machine.toml").read_text().replace('title = "', 'title = "[/] [red]:car: ')
+    Path("machine.toml").write_text(named)
+    assert "demo-table: [/] [red]:car: Heavy" in dualdrive("machine show machine.toml").stdout
+
+
 @pytest.mark.parametrize("verb", ["fit", "improve", "report"])
 def test_a_record_is_no_test_of_what_was_fitted_to_it(
     verb: str, dualdrive: Callable[[str], Result]
