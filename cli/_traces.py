@@ -171,8 +171,8 @@ def _names(paths: Sequence[Path]) -> dict[str, Path]:
     """The shortest names that tell files from each other. Raises click.BadParameter."""
     stems = [path.stem for path in paths]
     names = stems if len(set(stems)) == len(stems) else [str(path) for path in paths]
-    if len(set(names)) < len(names):
-        raise click.BadParameter("the same trace is named twice")
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise click.BadParameter(f"{twice} is named twice; name every trace once")
     return dict(zip(names, paths, strict=True))
 
 

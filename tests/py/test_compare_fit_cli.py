@@ -115,7 +115,7 @@ def test_fit_writes_machine_figures_and_held_out_error(
         ("compare machine.toml", "TRACE"),
         ("compare machine.toml absent.csv", "absent.csv"),
         ("compare absent.toml fit.csv", "absent.toml"),
-        ("compare machine.toml fit.csv fit.csv", "named twice"),
+        ("compare machine.toml fit.csv fit.csv", "fit.csv is named twice; name"),
         ("compare machine.toml fit.csv --mode open", "closed_loop"),
         ("fit machine.toml fit.csv --free table.mass", "table.mass"),
         ("fit machine.toml fit.csv --free meshes.ratio", "counted or set"),

@@ -141,6 +141,11 @@ def test_options_reach_the_library(asked: Asked) -> None:
     refused(run("diagnose machine.toml fit.csv --budget 0"), 2, "--budget")
 
 
+def test_a_tolerance_of_no_number_says_so(folder: Path) -> None:
+    done = run("diagnose machine.toml fit.csv --tolerance table.mass=0.1 --mode closed_loop")
+    refused(done, 2, "tolerance: parameter table.mass: unknown, did you mean table.J")
+
+
 def test_the_machine_file_has_what_was_found_and_says_how(asked: Asked) -> None:
     done = run("diagnose machine.toml fit.csv -o better.toml --plot found.svg")
     assert done.exit_code == 0, done.output

@@ -153,5 +153,6 @@ def test_a_recorded_motion_travels_with_its_points() -> None:
 def test_words_that_make_no_motion(text: str, told: str) -> None:
     with pytest.raises(MotionError) as refused:
         parse_motion(text)
+    assert str(refused.value).startswith(f"motion {text!r}: ")
     assert told in str(refused.value)
     assert "\n" not in str(refused.value)

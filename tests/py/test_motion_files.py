@@ -48,7 +48,8 @@ def test_a_recording_moves_the_model_from_its_first_time_on(tmp_path: Path) -> N
 
 def test_a_file_without_a_command_is_refused(tmp_path: Path) -> None:
     (tmp_path / "other.csv").write_text("t [s],I_1 [A]\n0,1\n0.1,2\n0.2,3\n", "utf-8")
-    with pytest.raises(MotionError, match=r"other.csv: no column theta_ref in it; it holds I_1"):
+    told = r"other.csv: no column theta_ref in it; it holds I_1; call the commanded angle theta_ref"
+    with pytest.raises(MotionError, match=told):
         read_motion(tmp_path / "other.csv")
 
 

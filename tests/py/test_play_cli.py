@@ -137,7 +137,7 @@ def test_every_drive_whose_torque_is_recorded_is_read(dualdrive: Callable[[str],
 def test_what_play_cannot_use_is_refused_in_one_line(dualdrive: Callable[[str], Result]) -> None:
     written(driven(), "known.csv")
     for line, words in (
-        ("play known.csv --drive 2", "neither theta_c2 nor theta_2"),
+        ("play known.csv --drive 2", "nor theta_2 to read the play from; map one"),
         ("play known.csv --load 100", "no 0.3 s of torque beyond 100"),
         ("play known.csv --part Test=1", "the mapping splits nothing"),
         ("play missing.csv", "missing.csv: there is no such file; check its name"),

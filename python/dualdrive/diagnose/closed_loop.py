@@ -118,7 +118,11 @@ def nominal_unknowns(core: Any, tolerance: float | Mapping[str, float] | None) -
     usual.update({p: _ELECTRIC[p.rpartition(".")[2]] for p in electric if p in paths})
     if isinstance(tolerance, Mapping):
         for path, width in tolerance.items():
-            members = [p for p in paths if p == path or p in core.members(path)]
+            try:
+                moved = core.members(path)
+            except ValueError as error:
+                raise ValueError(f"tolerance: {error}") from None
+            members = [p for p in paths if p == path or p in moved]
             if not members:
                 raise ValueError(
                     f"tolerance: {path} is not refitted here; there are {', '.join(paths)}"

@@ -168,4 +168,6 @@ def _drive_angle(
         return f"theta_c{drive}", 1.0
     if f"theta_{drive}" in channels:
         return f"theta_{drive}", gear_ratio
-    raise ValueError(f"{record}: neither theta_c{drive} nor theta_{drive} to read the play from")
+    raise ValueError(
+        f"{record}: neither theta_c{drive} nor theta_{drive} to read the play from; map one"
+    )

@@ -109,7 +109,7 @@ def undone(state: State, entry: Mapping[str, str]) -> State:
     if made != fingerprint(state):
         raise MachineError(
             f"{name}: the machine was changed after {change!r} without a line in its history; "
-            "undoing that step alone would not give what stood before it"
+            "undoing that step alone would not give what stood before it; take both back by hand"
         )
     title = str(told.get("title", state.title))
     if "text" in told:

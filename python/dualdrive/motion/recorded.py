@@ -45,7 +45,8 @@ def read_command(path: str | Path, *, axis: str = "rotary") -> Trace:
     trace = read(path, mapping)
     if "theta_ref" not in trace:
         known = ", ".join(trace) or "nothing"
-        raise MotionError(f"{path}: no column theta_ref in it; it holds {known}")
+        way_out = "call the commanded angle theta_ref in its header, or in a mapping beside it"
+        raise MotionError(f"{path}: no column theta_ref in it; it holds {known}; {way_out}")
     return trace
 
 

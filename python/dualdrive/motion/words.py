@@ -76,8 +76,6 @@ def parse_motion(text: str, *, axis: str = "rotary") -> Motion:
         raise MotionError(f"motion {text!r}: {', '.join(missing)} missing; a {kind} needs {them}")
     try:
         return BUILDERS[kind](**arguments)
-    except MotionError:
-        raise
     except ValueError as error:
         raise MotionError(f"motion {text!r}: {error}") from None
 
@@ -95,5 +93,5 @@ def _spoken(name: str, value: str, axis: str, text: str) -> Any:
     except UnitError as error:
         raise MotionError(f"motion {text!r}: {error}") from None
     if name in _WHOLE and number != int(number):
-        raise MotionError(f"motion {text!r}: {name} = {value}: must be a whole number")
+        raise MotionError(f"motion {text!r}: {name} = {value}: must be a whole number, such as 2")
     return int(number) if name in _WHOLE else number
