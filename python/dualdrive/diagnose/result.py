@@ -173,8 +173,9 @@ class Diagnosis:
     @property
     def fitted_to(self) -> str:
         """What a machine's history says of the fit: to which records, and that it was cut."""
-        ended = f"; {self.verdict}: {VERDICTS[self.verdict]}" * (self.verdict == "unfinished")
-        return f"fitted to {', '.join(self.records)}{ended}"
+        fitted = f"fitted to {', '.join(self.records)}"
+        cut = self.verdict == "unfinished"
+        return f"{fitted}; unfinished: {VERDICTS[self.verdict]}" if cut else fitted
 
     def _repr_html_(self) -> str:
         import dualdrive  # its lazy name: how a notebook shows things knows of results

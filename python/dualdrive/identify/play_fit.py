@@ -51,9 +51,9 @@ class PlayFit:
         return Interval(value, value - reach, value + reach)
 
     def told(self, name: str) -> bool:
-        """Whether a figure hangs on no single episode, nor on what was not in any of them.
+        """Whether a figure is still known where any one episode is left out.
 
-        The skew does where there is one episode, and where the ring rests in all.
+        The skew is not where there is one alone, nor where the ring rests in all of them.
         """
         row = self._reads(name)
         return bool(np.allclose(self._left @ row, row, atol=_TOLD))
@@ -92,7 +92,7 @@ class PlayFit:
         shares = np.add.reduceat(outer, starts)
         others = shares.sum(axis=0) - shares
         without = np.linalg.pinv(others, hermitian=True)
-        self._left = without @ others  # projects a figure on what is known without each episode
+        self._left = without @ others  # projects on what is known without each episode
         self.influence = np.einsum("eij,ej->ei", without, pulls)
         self.freedom = max(len(self.episodes) - design.shape[1], 1)
 
