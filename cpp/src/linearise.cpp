@@ -8,6 +8,7 @@
 #include "dualdrive/switching.hpp"
 #include "simulation/affine.hpp"
 #include "simulation/affine_field.hpp"
+#include "simulation/mode_rules.hpp"
 
 namespace dualdrive {
 
@@ -48,20 +49,6 @@ std::vector<double> state_of(const Layout& layout, const std::map<std::string, d
         z[static_cast<std::size_t>(k)] = value;
     }
     return z;
-}
-
-// d(raw)/dt of the blocks along the flow.
-std::vector<double> rates_of_blocks(const Machine& machine, const Inputs& inputs, const Layout& layout,
-                                    const Modes& modes, const Cell& cell, double t, const std::vector<double>& z,
-                                    const std::vector<double>& rate) {
-    std::vector<Gradient> along(z.begin(), z.end());
-    for (std::size_t k = 0; k < along.size(); ++k) along[k].slope[0] = rate[k];
-    Model<Gradient> model(machine, inputs, layout);
-    model.evaluate(Gradient::variable(t, 0), along.data(), {modes.data(), cell, nullptr, nullptr});
-    std::vector<double> rates;
-    for (std::size_t b = 0; b < layout.blocks.size(); ++b)
-        rates.push_back(model.block(static_cast<int>(b)).raw.slope[0]);
-    return rates;
 }
 
 }  // namespace
@@ -122,7 +109,11 @@ FrozenLaws frozen_laws(const Machine& machine, const Inputs& inputs, const std::
     Model<double> model(machine, inputs, layout);
     model.evaluate(t, z.data(), {frozen.data(), cell, nullptr, nullptr});
     laws.rates = model.rate();
-    const std::vector<double> block_rates = rates_of_blocks(machine, inputs, layout, frozen, cell, t, z, laws.rates);
+    Model<Gradient> along(machine, inputs, layout);
+    std::vector<Gradient> z_along;
+    std::vector<double> block_rates;
+    rates_of_blocks(along, t, z.data(), laws.rates.data(), {frozen.data(), cell, nullptr, nullptr}, z_along,
+                    block_rates);
     model.guards(laws.guards.data(), block_rates.data());
     return laws;
 }

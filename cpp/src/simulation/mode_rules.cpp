@@ -5,6 +5,12 @@
 
 namespace dualdrive {
 
+namespace {
+
+constexpr double at_limit = 1e-6;  // of a limit: nearer than this a limited quantity stands on it
+
+}  // namespace
+
 Mode standing_mode(const Layout& layout, const Model<double>& model, const double* z, int element, Mode m) {
     const Switch& s = layout.switches[static_cast<std::size_t>(element)];
     const auto k = static_cast<std::size_t>(s.index);
@@ -59,6 +65,37 @@ Mode mode_after(const Layout& layout, const Model<double>& model, int element, i
             break;
     }
     return m;
+}
+
+// With the integrator held, and with it running: conditional integration slides along its limit where the first points inward
+// and the second outward.
+Mode limiter_mode_after(const Block<double>& block, bool integrates, Mode m, int which, double held) {
+    // A jump of the command carries raw away from the limit: nothing to slide along there.
+    const auto rides = [&](int side, bool inward) {
+        return integrates && std::abs(side * block.raw - block.limit) < at_limit * block.limit && inward &&
+               side * (held + block.gain * block.integrand) > 0;
+    };
+    const auto saturated = [&](int side) { return integrates ? saturated_mode(block, side) : static_cast<Mode>(side); };
+    const int side = m == limiter::linear ? (which == 0 ? 1 : -1) : limiter::side(m);
+    if (m == limiter::linear) return rides(side, side * held < 0) ? static_cast<Mode>(3 * side) : saturated(side);
+    if (limiter::riding(m)) return which == 0 ? static_cast<Mode>(side) : limiter::linear;
+    if (which == 1) return static_cast<Mode>(limiter::integrates(m) ? side : 2 * side);
+    // It falls away from its limit with the integrator held, even where that begins with no rate at all.
+    const bool inward = !limiter::integrates(m) || side * held < 0;
+    return rides(side, inward) ? static_cast<Mode>(3 * side) : limiter::linear;
+}
+
+void rates_of_blocks(Model<Gradient>& along, double t, const double* z, const double* rate,
+                     const Model<Gradient>::Now& now, std::vector<Gradient>& z_along, std::vector<double>& found) {
+    const Layout& layout = along.layout();
+    z_along.resize(static_cast<std::size_t>(layout.size()));
+    for (std::size_t k = 0; k < z_along.size(); ++k) {
+        z_along[k] = Gradient(z[k]);
+        z_along[k].slope[0] = rate[k];
+    }
+    along.evaluate(Gradient::variable(t, 0), z_along.data(), now);
+    found.resize(layout.blocks.size());
+    for (std::size_t b = 0; b < found.size(); ++b) found[b] = along.block(static_cast<int>(b)).raw.slope[0];
 }
 
 }  // namespace dualdrive

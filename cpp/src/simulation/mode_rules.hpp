@@ -19,4 +19,12 @@ Mode standing_mode(const Layout& layout, const Model<double>& model, const doubl
 // from the guard, not from the state alone: a solver may stand on the far side of its bracket.
 Mode mode_after(const Layout& layout, const Model<double>& model, int element, int which, Mode m);
 
+// The same of a limiter. held: d(raw)/dt with its own integrator held.
+Mode limiter_mode_after(const Block<double>& block, bool integrates, Mode m, int which, double held);
+
+// d(raw)/dt of every block where ż = rate, at (t, z): what riding guards ask for, and the rule above. `along` is evaluated there;
+// z_along: room for the states.
+void rates_of_blocks(Model<Gradient>& along, double t, const double* z, const double* rate,
+                     const Model<Gradient>::Now& now, std::vector<Gradient>& z_along, std::vector<double>& found);
+
 }  // namespace dualdrive

@@ -7,12 +7,6 @@
 
 namespace dualdrive {
 
-namespace {
-
-constexpr double at_limit = 1e-6;  // of a limit: nearer than this a limited quantity stands on it
-
-}  // namespace
-
 // The size of a guard where it matters, so that rounding can be told from a violated mode.
 double Simulation::guard_scale(int element, int which) const {
     const Switch& s = layout_.switches[static_cast<std::size_t>(element)];
@@ -58,25 +52,9 @@ void Simulation::classify() {
 }
 
 Mode Simulation::next_limiter_mode(std::size_t b, Mode from, int which) {
-    // d(raw)/dt with the integrator held, and with it running: conditional integration slides along its limit where the
-    // first points inward and the second outward.
     const double held = block_rates(solver_->time(), solver_->state().data(), static_cast<int>(b))[b];
     evaluate(solver_->time(), solver_->state().data());
-    const Block<double>& block = model_.block(static_cast<int>(b));
-    const bool integrates = layout_.blocks[b].integrator >= 0;
-    // A jump of the command carries raw away from the limit: nothing to slide along there.
-    const auto rides = [&](int side, bool inward) {
-        return integrates && std::abs(side * block.raw - block.limit) < at_limit * block.limit && inward &&
-               side * (held + block.gain * block.integrand) > 0;
-    };
-    const auto saturated = [&](int side) { return integrates ? saturated_mode(block, side) : static_cast<Mode>(side); };
-    const int side = from == limiter::linear ? (which == 0 ? 1 : -1) : limiter::side(from);
-    if (from == limiter::linear) return rides(side, side * held < 0) ? static_cast<Mode>(3 * side) : saturated(side);
-    if (limiter::riding(from)) return which == 0 ? static_cast<Mode>(side) : limiter::linear;
-    if (which == 1) return static_cast<Mode>(limiter::integrates(from) ? side : 2 * side);
-    // It falls away from its limit with the integrator held, even where that begins with no rate at all.
-    const bool inward = !limiter::integrates(from) || side * held < 0;
-    return rides(side, inward) ? static_cast<Mode>(3 * side) : limiter::linear;
+    return limiter_mode_after(model_.block(static_cast<int>(b)), layout_.blocks[b].integrator >= 0, from, which, held);
 }
 
 Mode Simulation::next_mode(int element, int which) {

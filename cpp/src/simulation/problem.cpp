@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "mode_rules.hpp"
 #include "simulation.hpp"
 
 namespace dualdrive {
@@ -73,9 +74,8 @@ const double* Simulation::block_rates(double t, const double* z, int frozen_bloc
     if (frozen_block >= 0)
         if (const int s = layout_.blocks[static_cast<std::size_t>(frozen_block)].integrator; s >= 0)
             rate[static_cast<std::size_t>(s)] = 0.0;
-    evaluate_along(t, z, 1.0, rate.data());
-    for (std::size_t b = 0; b < block_rate_.size(); ++b)
-        block_rate_[b] = along_.block(static_cast<int>(b)).raw.slope[0];
+    const Model<Gradient>::Now now{modes_.data(), cell_, past_along_.get(), nullptr};
+    rates_of_blocks(along_, t, z, rate.data(), now, z_along_, block_rate_);
     return block_rate_.data();
 }
 
