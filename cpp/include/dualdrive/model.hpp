@@ -96,6 +96,9 @@ class Model {
     // limits a tick is affine in z.
     void tick(const Clock& clock, S* next, bool limited = true) const;
     void put_out(const Clock& clock, const S* z, S* next) const;
+    // What a riding limiter holds at zero, the surface that it slides on: the block's unlimited value less the limit. In other
+    // modes, and where there is no limit, that value.
+    S beyond(int block) const;
     // A riding limiter's integrator follows from its output: write it into the state.
     void slave_integrators(S* z) const;
 

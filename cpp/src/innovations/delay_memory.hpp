@@ -12,7 +12,7 @@ namespace dualdrive::innovations {
 
 // Past values of the delayed signals, one a substep, with straight lines between them. At a sample they jump, where the state
 // is corrected: a signal came to one value and went on from another.
-class DelayMemory final : public Past<double> {
+class DelayMemory final : public Past<double>, public Past<Gradient> {
   public:
     DelayMemory(const Layout& layout, const Machine& machine, double step) : layout_(layout), step_(step) {
         for (const auto& d : layout.delays) longest_ = std::max(longest_, machine.values()[d.slot]);
@@ -29,23 +29,28 @@ class DelayMemory final : public Past<double> {
         if (times_.empty() || t > times_.back() + alike * step_) return arrive(t, model);
         for (std::size_t d = 0; d < lines_.size(); ++d) lines_[d].back().left = signal(d, model);
     }
+    double at(int line, const double& t, const Cell& cell) const override { return read(line, t, cell); }
+    Gradient at(int line, const Gradient& t, const Cell& cell) const override { return read(line, t, cell); }
+
+  private:
     // At the end of the cell what it came to, at its beginning from what it went on.
-    double at(int line, const double& t, const Cell& cell) const override {
+    template <class S>
+    S read(int line, const S& t, const Cell& cell) const {
         const auto& values = lines_[static_cast<std::size_t>(line)];
-        if (times_.empty()) return 0.0;
-        if (t <= times_.front() || times_.size() == 1)
-            return t <= times_.front() ? values.front().left : values.back().left;
-        auto after = t > 0.5 * (cell.low + cell.high)
-                         ? std::lower_bound(times_.begin(), times_.end(), t - alike * step_)
-                         : std::upper_bound(times_.begin(), times_.end(), t + alike * step_);
+        const double now = value_of(t);
+        if (times_.empty()) return S(0.0);
+        if (now <= times_.front() || times_.size() == 1)
+            return S(now <= times_.front() ? values.front().left : values.back().left);
+        auto after = now > 0.5 * (cell.low + cell.high)
+                         ? std::lower_bound(times_.begin(), times_.end(), now - alike * step_)
+                         : std::upper_bound(times_.begin(), times_.end(), now + alike * step_);
         if (after == times_.end()) --after;  // less than a step late: on along the last line
         if (after == times_.begin()) ++after;
         const auto k = static_cast<std::size_t>(after - times_.begin());
-        const double x = (t - times_[k - 1]) / (times_[k] - times_[k - 1]);
+        const S x = (t - times_[k - 1]) / (times_[k] - times_[k - 1]);
         return values[k - 1].left + x * (values[k].come - values[k - 1].left);
     }
 
-  private:
     static constexpr double alike = 1e-6;  // of a step: the same time
     struct Value {
         double come, left;

@@ -174,7 +174,7 @@ double Flow::guard(std::size_t sample, const Modes& modes, const double* y, int 
     modes_ = modes;
     cell_ = {record_.times()[sample], record_.times()[sample + 1]};
     evaluate(record_.times()[sample], y);
-    return model_.guard(guard / guards_per_switch, guard % guards_per_switch, nullptr);
+    return model_guard(record_.times()[sample], y, guard);
 }
 
 std::vector<std::size_t> Flow::held(const Modes& modes) const {
@@ -237,7 +237,7 @@ bool Flow::nearly(double t, double length, const Step& step) {
     if (step.length > 0.0) {
         flown = fly(t + left, step, {});
     } else {
-        guards_near(y_.data(), g1_.data());
+        guards_near(t + left, y_.data(), g1_.data());
         if (any_negative(g1_.data(), guard_count())) flown = Flown::fallen;
     }
     if (flown == Flown::done) return std::isfinite(y_[0]);
@@ -329,10 +329,11 @@ void Flow::correct(std::size_t sample, const KalmanGains::Set& gain, const doubl
     if (!affine_ && sample + 1 < record_.times().size()) enter(sample);
     if (holds && !affine_ && !memory_ && rest_of_ == now_) feel_correction(record_.times()[sample], earlier_.data());
     if (affine_ || rest_of_ == now_)
-        guards_near(y_.data(), g0_.data());
+        guards_near(record_.times()[sample], y_.data(), g0_.data());
     else
         all_guards(record_.times()[sample], y_.data(), g0_.data());
     if (!holds || any_negative(g0_.data(), guard_count())) settle(sample);
+    if (!now_->slaved.empty()) slave(record_.times()[sample]);
 }
 
 }  // namespace dualdrive::innovations

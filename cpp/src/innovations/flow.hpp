@@ -50,6 +50,12 @@ struct Lifted {
     std::vector<Due> due;  // per clock
 };
 
+// The integrator of a limiter that rides, as a row of y: what keeps the block's unlimited value on the limit.
+struct Slaved {
+    Eigen::Index state;
+    Eigen::RowVectorXd row;
+};
+
 // One set of modes, prepared. y = (states, generator of the inputs, 1, disturbances).
 struct Frozen {
     Eigen::MatrixXd A, outputs, guards;
@@ -59,6 +65,7 @@ struct Frozen {
     std::vector<std::vector<double>> onward;  // e^{A δ} − 1 of every delay δ, likewise
     std::vector<double> felt;                 // rates and guards that laws act on: of the tangent; likewise
     double bound = 0.0;                       // on the spectral radius of A, 1/s
+    std::vector<Slaved> slaved;               // of limiters that ride
     std::vector<Ring> rings;                  // of its contacts
     Step whole;                               // a substep
     std::vector<Step> parts;                  // most_lengths at most
@@ -134,7 +141,8 @@ class Flow final {
     struct Waiting {
         bool before = false, after = false;
     };
-    // e^{A h} from one sample to the next, the ticks of sampled loops in it, those at its end among them unless they wait.
+    // e^{A h} from one sample to the next, the ticks of sampled loops in it, those at its end among them unless they wait, and
+    // what integrators of riding limiters are then.
     Eigen::MatrixXd over_a_sample(Frozen& frozen, std::size_t phase, Waiting waiting);
     Eigen::MatrixXd over_a_sample(Frozen& frozen, std::size_t phase) { return over_a_sample(frozen, phase, Waiting{}); }
     // What constant rates of the states become of it.
@@ -212,7 +220,7 @@ class Flow final {
     std::vector<int> felt_states() const;
     void feel(double t, const double* y);
     void feel_correction(double t, const double* before);
-    void guards_near(const double* y, double* g) const;
+    void guards_near(double t, const double* y, double* g);
     enum class Flown { done, bent, fallen };
     Flown fly(double t, const Step& step, const std::vector<Lifted::Check>& checks);
     bool integrate(double t, const Step& step);
@@ -235,6 +243,15 @@ class Flow final {
     const double* arriving(std::size_t sample) const;
     void carry_on(const KalmanGains::Set& gain, const double* e, double* moved);
     void switch_element(double t, int element, int which);
+    bool rides(int element) const;
+    void find_slaved(Frozen& frozen, const exact::Laws<double>& laws) const;
+    const double* block_rates(double t, const double* y, int held = -1);
+    double model_guard(double t, const double* y, int guard);
+    Eigen::Vector2d riding_guards(int element, const double* rates) const;
+    void write_riding_guards(double t, const double* y, double* g);
+    void slave(double t);
+    static void slave(const Frozen& frozen, Eigen::MatrixXd& flow);
+    Mode limiter_mode_after(double t, int element, int which);
     void wind_clocks(double t);
     std::size_t common_period() const;
     std::vector<std::pair<double, std::size_t>> events(std::size_t phase) const;
@@ -292,8 +309,11 @@ class Flow final {
     double along_length_ = 0.0;
     double before_ = 0.0;         // ρ, the step before over the present one
     std::vector<double> slopes_;  // by how much the laws' own slopes along these states differ from the tangent's
-    const Frozen* slopes_of_ = nullptr;  // likewise
-    int slopes_serve_ = 0;               // corrections for which they serve
+    const Frozen* slopes_of_ = nullptr;               // likewise
+    int slopes_serve_ = 0;                            // corrections for which they serve
+    std::unique_ptr<Model<Gradient>> along_the_way_;  // of rates of blocks; null until asked for
+    std::vector<Gradient> z_along_;
+    std::vector<double> block_rates_, rates_;
     std::vector<Output> shows_;
     std::vector<double> falling_;  // a guard's share in each term of a series
     std::vector<double> out_, terms_, trial_, n0_, n1_, slope_, bend_, shift_, g0_, g1_, shown_, earlier_;

@@ -66,6 +66,7 @@ Frozen Flow::prepare(const exact::Laws<double>& laws, const Modes& modes) const 
     f.creep = creep(f.A, modes);
     f.A.middleCols(first_disturbance(), disturbance_count()) += f.creep;
     f.modes = modes;
+    find_slaved(f, laws);
     f.bound = spectral_bound(f.A);
     f.packed = packed_rows(f.A);
     f.watched = packed_rows(f.guards);

@@ -141,7 +141,7 @@ bool Flow::leap(std::size_t sample) {
     const double begin = record_.times()[sample], end = record_.times()[sample + 1];
     if (std::abs(end - begin - h_) > same * h_) return false;
     if (!relaxing_.empty() && octaves() != octaves_) now_ = &frozen();
-    if (!now_->rings.empty()) return false;
+    if (!now_->rings.empty() || !now_->slaved.empty()) return false;
     const Lifted* const own = lifted(*now_, phase(sample));
     if (!own || !comes_as(*own, begin, end)) return false;
     if (affine_) {

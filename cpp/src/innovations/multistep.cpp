@@ -134,11 +134,12 @@ void Flow::feel_correction(double t, const double* before) {
 }
 
 // Guards at a state near the one where laws were felt last, if there are any.
-void Flow::guards_near(const double* y, double* g) const {
+void Flow::guards_near(double t, const double* y, double* g) {
     const int rows = exact::padded(static_cast<int>(guard_count()));
     exact::kernels().multiply(rows, n_, now_->watched.data(), n_, y, 1, g);
     const double* rest = felt_.data() + driven_.size();
     for (const int k : watching_) g[k] += *rest++;
+    if (!affine_ && !now_->slaved.empty()) write_riding_guards(t, y, g);
 }
 
 // What a step leaves out is less than what its parabola adds to the straight line.
@@ -195,7 +196,7 @@ Flow::Flown Flow::fly(double t, const Step& step, const std::vector<Lifted::Chec
     bend(step);
     if (step.length > shortest * h_ && bends_too_much(step.bent)) return Flown::bent;
     for (std::size_t k = 0; k < static_cast<std::size_t>(rows); ++k) out_[k] += trial_[k];
-    guards_near(out_.data(), g1_.data());
+    guards_near(t + step.length, out_.data(), g1_.data());
     bool fallen = any_negative(g1_.data(), guard_count());
     const double* left = out_.data() + n_ + outputs_;
     for (const Lifted::Check& check : checks) {

@@ -93,6 +93,8 @@ void Sensitivities::through_changes(const Moment& now, std::size_t at) {
     double* const y = way_.data() + all * rows;
     std::copy_n(y_.data() + at * static_cast<std::size_t>(n_), n_, y);
     for (const Piece& piece : now.pieces) {
+        if (&piece != &now.pieces.front() && !(&piece - 1)->tangent->known.slaved.empty())
+            slave(*(&piece - 1)->tangent);
         if (piece.guard >= 0) change(*(&piece - 1)->tangent, piece, now.sample);
         if (piece.event >= 0) tick(*piece.tangent, piece);
         const double end =
@@ -124,6 +126,8 @@ void Sensitivities::change(const Tangent& before, const Piece& piece, std::size_
     };
     const VectorXd f = rate(before), jump = rate(*piece.tangent) - f;
     const Eigen::RowVectorXd g = before.guards.row(piece.guard);
+    // where a ride ends nothing jumps, the rate of its integrator neither
+    const bool ride = limiter::riding(before.modes[static_cast<std::size_t>(piece.guard / guards_per_switch)]);
     const double falls = g * f, own = laws_ ? flow_->guard(sample, before.modes, y.data(), piece.guard) : 0.0;
     ++changes_;
     for (std::size_t c = 0; c < all; ++c) {
@@ -132,11 +136,46 @@ void Sensitivities::change(const Tangent& before, const Piece& piece, std::size_
                                            : columns_[c].flow->guard(sample, before.modes, y.data(), piece.guard) - own;
         if (falls < 0.0) {
             const double later = -(g * x + otherwise) / falls;
-            x.head(states_) -= jump.head(states_) * later;
+            if (!ride) x.head(states_) -= jump.head(states_) * later;
             apart_[c] += std::abs(later) > record_.step();
         }
         for (const std::size_t k : piece.tangent->held) x[static_cast<Eigen::Index>(k)] = 0.0;
     }
+}
+
+// A riding limiter's integrator follows from the other states, in a neighbour as in the machine: at the end of a piece, of all
+// columns and of y behind them; and where a sample is corrected.
+void Sensitivities::slave(const Tangent& tangent) {
+    const std::size_t all = columns_.size();
+    Eigen::Map<MatrixXd> way(way_.data(), exact::padded(n_), static_cast<Eigen::Index>(all + 1));
+    auto y = way.col(static_cast<Eigen::Index>(all)).head(n_);
+    const auto& slaved = tangent.known.slaved;
+    for (std::size_t k = 0; k < slaved.size(); ++k) {
+        const auto& [state, row] = slaved[k];
+        for (std::size_t c = 0; c < all; ++c) {
+            auto x = way.col(static_cast<Eigen::Index>(c)).head(n_);
+            x(state) = row.dot(x) + tangent.slaving[c].row(static_cast<Eigen::Index>(k)).dot(y);
+        }
+        y(state) = row.dot(y);
+    }
+}
+
+void Sensitivities::slave(const Tangent& tangent, std::size_t at) {
+    const Eigen::Map<const VectorXd> y(y_.data() + at * static_cast<std::size_t>(n_), n_);
+    const auto& slaved = tangent.known.slaved;
+    for (std::size_t k = 0; k < slaved.size(); ++k)
+        for (std::size_t c = 0; c < columns_.size(); ++c) {
+            const auto& [state, row] = slaved[k];
+            double* const x = column(x_, c);
+            x[state] = row.head(states_).dot(Eigen::Map<const VectorXd>(x, states_)) +
+                       tangent.slaving[c].row(static_cast<Eigen::Index>(k)).dot(y);
+        }
+}
+
+// What laws do to the control of a neighbour while a limiter rides is none of their rates: its integrator follows from it.
+bool Sensitivities::rode() const {
+    return std::any_of(tangents_.begin(), tangents_.end(),
+                       [](const auto& known) { return !known.second.known.slaved.empty(); });
 }
 
 // All columns, and y behind them, on by a piece of a sample. end: −1 at the sample's beginning, 1 at its end, where laws are

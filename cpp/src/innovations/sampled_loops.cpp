@@ -73,6 +73,7 @@ bool Flow::tick_by_map(std::size_t clock) {
 void Flow::tick(double t) {
     const double begin = record_.begin(), now_or_past = t + instant(t);
     bool any = false;
+    if (now_ && !now_->slaved.empty()) slave(t);
     for (std::size_t c = 0; c < layout_.clocks.size(); ++c) {
         const Clock& k = layout_.clocks[c];
         if (k.latency > 0 && put_out_[c] < ticks_[c] &&
@@ -102,9 +103,11 @@ void Flow::tick(double t) {
         all_guards(t, y_.data(), g0_.data());
     for (const int element : limiters_) {
         const auto e = static_cast<std::size_t>(element);
-        if (!any_negative(g0_.data() + e * guards_per_switch, guards_per_switch)) continue;
+        const double* const g = g0_.data() + e * guards_per_switch;
+        if (!any_negative(g, guards_per_switch)) continue;
         evaluate(t, y_.data());
-        modes_[e] = standing_mode(layout_, model_, y_.data(), element, modes_[e]);
+        modes_[e] = rides(element) ? limiter_mode_after(t, element, g[0] < 0.0 ? 0 : 1)
+                                   : standing_mode(layout_, model_, y_.data(), element, modes_[e]);
         now_ = &frozen();
         if (heard_) changes_.push_back({t, -1, modes_});
     }
@@ -227,10 +230,15 @@ std::vector<Flow::Event> Flow::events_after(std::size_t sample) const {
 
 Eigen::MatrixXd Flow::over_a_sample(Frozen& frozen, std::size_t phase, Waiting waiting) {
     const double step = record_.step();
-    if (layout_.clocks.empty()) return exponential(frozen.A, step);
+    Eigen::MatrixXd flow, part;
+    if (layout_.clocks.empty()) {
+        flow = exponential(frozen.A, step);
+        slave(frozen, flow);
+        return flow;
+    }
     know_ticks(frozen);
     if (spread_) return spread_over_a_sample(frozen);
-    Eigen::MatrixXd flow = Eigen::MatrixXd::Identity(n_, n_), part;
+    flow = Eigen::MatrixXd::Identity(n_, n_);
     double at = 0.0, length = 0.0;
     const auto go_on = [&](double till) {
         if (!(till - at > alike)) return;
@@ -243,6 +251,7 @@ Eigen::MatrixXd Flow::over_a_sample(Frozen& frozen, std::size_t phase, Waiting w
         jump(frozen, event, flow);
     }
     go_on(1.0);
+    slave(frozen, flow);
     return flow;
 }
 
@@ -262,6 +271,7 @@ Eigen::MatrixXd Flow::pushed_over_a_sample(Frozen& frozen, std::size_t phase, Wa
         jump(frozen, event, pushed);
     }
     go_on(1.0);
+    slave(frozen, pushed);
     return pushed;
 }
 
@@ -283,6 +293,7 @@ Eigen::MatrixXd Flow::spread_over_a_sample(Frozen& frozen) {
     }
     Eigen::MatrixXd whole = part;
     for (int k = 1; k < parts; ++k) whole = product(part, whole);
+    slave(frozen, whole);
     return whole;
 }
 

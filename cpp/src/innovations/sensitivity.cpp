@@ -137,6 +137,10 @@ Sensitivities::Tangent& Sensitivities::tangent(const Modes& modes) {
     for (std::size_t c = 0; c < columns_.size(); ++c) {
         Frozen theirs = columns_[c].flow->tangent_in(modes);
         own.showing.emplace_back(theirs.outputs - frozen.outputs);
+        MatrixXd slaving(static_cast<Eigen::Index>(frozen.slaved.size()), n_);
+        for (std::size_t k = 0; k < frozen.slaved.size(); ++k)
+            slaving.row(static_cast<Eigen::Index>(k)) = theirs.slaved[k].row - frozen.slaved[k].row;
+        own.slaving.push_back(std::move(slaving));
         if (c >= columns_.size() - laws_) continue;
         own.differs.push_back(differing(frozen.A, theirs.A));
         own.guarding.emplace_back(theirs.guards - frozen.guards);
@@ -177,7 +181,7 @@ void Sensitivities::begin(std::size_t stretch, std::size_t sample, const Flow& f
                           const std::map<std::string, double>& initial) {
     static const std::map<std::string, double> at_zero;
     flush();
-    now_ = &present(flow);
+    arrived_ = now_ = &present(flow);
     const auto& names = flow.layout().state_names;
     for (std::size_t c = 0; c < columns_.size(); ++c) {
         const auto& theirs = neighbours_[columns_[c].neighbour].initial;
@@ -214,6 +218,7 @@ void Sensitivities::correct(std::size_t sample, const double* outputs, const Kal
     Moment& now = waiting_[count_++];
     now.sample = sample;
     now.counts = counts;
+    now.arrived = arrived_;
     now.leaving = nullptr;
     now.over = nullptr;
     now.pieces.clear();
@@ -235,6 +240,7 @@ void Sensitivities::arrive(std::size_t sample, const Flow& flow) {
         left.over = propagator(*now_, flow.phase(left.sample), {waiting_before_, flow.waits(sample)});
     left.changes = flow.changes();
     if (!left.over) divide(sample);
+    arrived_ = left.over ? now_ : left.pieces.back().tangent;
     if (!laws_) return;
     feel(sample, flow);
     const std::size_t first = columns_.size() - laws_, at = count_ - 1, states = static_cast<std::size_t>(states_);
@@ -319,6 +325,7 @@ void Sensitivities::flush() {
             for (int k = 0; k < size_; ++k) x[k] += moved[k];
         }
         if (!now.leaving) continue;
+        if (!now.arrived->known.slaved.empty()) slave(*now.arrived, i);
         for (std::size_t c = 0; c < columns_.size(); ++c)
             for (const std::size_t k : now.leaving->held) column(x_, c)[k] = 0.0;
         const bool whole = now.over;
@@ -345,8 +352,10 @@ void Sensitivities::flush() {
 
 std::vector<std::vector<double>> Sensitivities::found() {
     flush();
+    const bool rode = this->rode();
     for (std::size_t c = 0; c < columns_.size(); ++c)
-        if (static_cast<double>(apart_[c]) > how_.most_apart * static_cast<double>(changes_))
+        if (static_cast<double>(apart_[c]) > how_.most_apart * static_cast<double>(changes_) ||
+            (rode && c >= columns_.size() - laws_ && columns_[c].flow->scope() == Scope::whole))
             found_[columns_[c].neighbour].clear();
     return std::move(found_);
 }

@@ -68,6 +68,7 @@ class Sensitivities {
         std::vector<std::size_t> held;                         // speeds that friction holds at 0
         Eigen::MatrixXd outputs, guards;                       // of all that y has
         std::vector<Eigen::MatrixXd> guarding;                 // by how much
+        std::vector<Eigen::MatrixXd> slaving;                  // likewise of rows of riding limiters' integrators
         std::vector<double> rates;                             // A, padded rows
         double bound = 0.0;                                    // on its spectral radius, 1/s
         std::vector<std::vector<Entry>> differs;               // by how much
@@ -93,6 +94,7 @@ class Sensitivities {
     struct Moment {
         std::size_t sample;
         bool counts;
+        const Tangent* arrived;             // before the sample was corrected
         const Tangent* leaving;             // null: a stretch ends
         const Propagator* over;             // null: it goes in pieces
         std::vector<Flow::Change> changes;  // of modes, on the way to the next one
@@ -116,6 +118,9 @@ class Sensitivities {
     void innovate(const Moment& now);
     void through_changes(const Moment& now, std::size_t at);
     void change(const Tangent& before, const Piece& piece, std::size_t sample);
+    void slave(const Tangent& tangent);
+    void slave(const Tangent& tangent, std::size_t at);
+    bool rode() const;
     int expand(const Tangent& tangent, double length, std::size_t at, double end);
     void flush();
 
@@ -133,7 +138,8 @@ class Sensitivities {
     int shown_ = 0;                // rows of the machine's own: states and outputs, padded
     std::vector<Entry> memories_;  // what torques of unknown course and sensors keep of themselves
     std::map<Modes, Tangent> tangents_;
-    Tangent* now_ = nullptr;  // of these modes
+    Tangent* now_ = nullptr;            // of these modes
+    const Tangent* arrived_ = nullptr;  // at the present sample, before it is corrected
     Modes modes_;
     bool waiting_before_ = false;  // ticks that belong at the sample that is left
     std::array<Moment, many> waiting_;

@@ -73,26 +73,18 @@ void Flow::all_guards(double t, const double* y, double* g) {
     }
     evaluate(t, y);
     model_.guards(g, nullptr);
+    if (!now_->slaved.empty()) write_riding_guards(t, y, g);
 }
 
 void Flow::switch_element(double t, int element, int which) {
     const auto e = static_cast<std::size_t>(element);
     const Switch& s = layout_.switches[e];
     const Mode from = modes_[e];
-    evaluate(t, y_.data());
     if (s.kind == SwitchKind::limiter) {
-        const Block<double>& b = model_.block(s.index);
-        const bool integrates = layout_.blocks[static_cast<std::size_t>(s.index)].integrator >= 0;
-        if (from == limiter::linear) {
-            const int side = which == 0 ? 1 : -1;
-            modes_[e] = integrates ? saturated_mode(b, side) : static_cast<Mode>(side);
-        } else if (which == 1) {
-            const int side = limiter::side(from);
-            modes_[e] = static_cast<Mode>(limiter::integrates(from) ? side : 2 * side);
-        } else {
-            modes_[e] = limiter::linear;
-        }
+        if (rides(element)) slave(t);  // its integrator goes on from where the ride has led it
+        modes_[e] = limiter_mode_after(t, element, which);
     } else {
+        evaluate(t, y_.data());
         modes_[e] = mode_after(layout_, model_, element, which, from);
     }
     if (s.kind == SwitchKind::stick) y_[static_cast<std::size_t>(s.index)] = 0.0;
@@ -112,7 +104,7 @@ double Flow::guard_along(double t, double length, int guard, double fraction) {
     }
     at(fraction, trial_.data());
     evaluate(t + fraction * length, trial_.data());
-    return model_.guard(guard / guards_per_switch, guard % guards_per_switch, nullptr);
+    return model_guard(t + fraction * length, trial_.data(), guard);
 }
 
 // Where a guard falls through zero along the series, in fractions of its length, by the Illinois rule from a first guess on.
@@ -234,14 +226,14 @@ void Flow::settle(std::size_t sample) {
         if (!evaluated) evaluate(t, y_.data());
         evaluated = true;
     };
+    std::vector<std::size_t> ended;  // rides: they leave a block on its limit, whose side rounding would tell
     for (int pass = 0; pass < most_passes; ++pass) {
         const Modes before = modes_;
         for (std::size_t e = 0; e < modes_.size(); ++e) {
             const Switch& s = layout_.switches[e];
             const Mode from = modes_[e];
-            const auto content = [&] {
-                return model_.guard(static_cast<int>(e), 0, nullptr) >= 0 &&
-                       model_.guard(static_cast<int>(e), 1, nullptr) >= 0;
+            const auto holds = [&](int which) {
+                return model_guard(t, y_.data(), static_cast<int>(e) * guards_per_switch + which) >= 0;
             };
             if (s.kind == SwitchKind::stick) {
                 const double v = y_[static_cast<std::size_t>(s.index)];
@@ -253,11 +245,18 @@ void Flow::settle(std::size_t sample) {
                     stop_or_slide(t, static_cast<int>(e));
                     evaluated = false;
                 }
-            } else {
+            } else if (rides(static_cast<int>(e))) {
+                evaluate_once();
+                if (const int fallen = !holds(0) ? 0 : !holds(1) ? 1 : -1; fallen >= 0) {
+                    slave(t);
+                    modes_[e] = limiter_mode_after(t, static_cast<int>(e), fallen);
+                    ended.push_back(e);
+                }
+            } else if (std::find(ended.begin(), ended.end(), e) == ended.end()) {
                 evaluate_once();
                 const bool saturated = s.kind == SwitchKind::limiter && from != limiter::linear;
                 const bool parted = s.kind == SwitchKind::flank && !flank::carries(from) && from != flank::gap;
-                if (!(saturated || parted) || !content())
+                if (!(saturated || parted) || !holds(0) || !holds(1))
                     modes_[e] = standing_mode(layout_, model_, y_.data(), static_cast<int>(e), from);
             }
             evaluated = evaluated && modes_[e] == from;

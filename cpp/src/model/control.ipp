@@ -264,6 +264,15 @@ void Model<S>::put_out(const Clock& clock, const S* z, S* next) const {
 }
 
 template <class S>
+S Model<S>::beyond(int block) const {
+    const Block<S>& b = block_[static_cast<std::size_t>(block)];
+    const int element = layout_.blocks[static_cast<std::size_t>(block)].limiter;
+    const Mode m = element < 0 ? limiter::linear : mode(element);
+    if (!limiter::riding(m) || value_of(b.limit) == infinity) return b.raw;
+    return b.raw - double(limiter::side(m)) * b.limit;
+}
+
+template <class S>
 void Model<S>::slave_integrators(S* z) const {
     for (std::size_t b = 0; b < block_.size(); ++b) {
         const BlockPlace& place = layout_.blocks[b];

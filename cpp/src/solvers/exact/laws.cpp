@@ -66,7 +66,7 @@ void Reader<R>::evaluate(const Modes& modes, const D& t, const std::vector<D>& z
     model_.guards(&*to, block_rates_.data());
     to += static_cast<std::ptrdiff_t>(g);
     for (const int s : recorded_) *to++ = model_.signals()[static_cast<std::size_t>(s)];
-    for (std::size_t b = 0; b < layout_.blocks.size(); ++b) *to++ = model_.block(static_cast<int>(b)).raw;
+    for (std::size_t b = 0; b < layout_.blocks.size(); ++b) *to++ = model_.beyond(static_cast<int>(b));
 }
 
 template <class R>
@@ -186,7 +186,7 @@ Matrix<R> Reader<R>::tick(const Modes& modes, const Clock& clock, double t, cons
 template <class R>
 Laws<R> Reader<R>::unstack(const Stack& s) const {
     Laws<R> laws{Matrix<R>::Zero(size(), size()), s.rows.middleRows(s.rates, s.guards),
-                 s.rows.middleRows(s.rates + s.guards, s.outputs)};
+                 s.rows.middleRows(s.rates + s.guards, s.outputs), s.beyond()};
     laws.A.topRows(s.rates) = s.rows.topRows(s.rates);
     return laws;
 }
@@ -197,7 +197,7 @@ Laws<R> Reader<R>::read(const Modes& modes) {
     Laws<R> laws = unstack(s);
     generator_.write_equations(laws.A, states());
     for (const Weight& w : block_rate_weights(modes))
-        laws.guards.row(w.guard) += w.weight * s.raw().row(w.block) * laws.A;
+        laws.guards.row(w.guard) += w.weight * laws.beyond.row(w.block) * laws.A;
     return laws;
 }
 
@@ -284,7 +284,8 @@ std::vector<Laws<R>> Reader<R>::derivatives(const Modes& modes,
         for (Stack& d : s) {
             Laws<R> laws = unstack(d);
             for (const Weight& w : weights)
-                laws.guards.row(w.guard) += w.weight * (d.raw().row(w.block) * A + plain.raw().row(w.block) * laws.A);
+                laws.guards.row(w.guard) +=
+                    w.weight * (laws.beyond.row(w.block) * A + plain.beyond().row(w.block) * laws.A);
             result.push_back(std::move(laws));
         }
     }

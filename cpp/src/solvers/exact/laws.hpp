@@ -30,6 +30,7 @@ struct Laws {
     Matrix<R> A;        // rates
     Matrix<R> guards;   // guards_per_switch per element
     Matrix<R> outputs;  // the recorded signals
+    Matrix<R> beyond;   // of blocks, what Model::beyond says
 };
 
 // Powers by path, and last the stored energy, as symmetric forms y' Q y; empty where nothing flows.
@@ -67,12 +68,11 @@ class Reader {
     std::vector<Laws<R>> derivatives(const Modes& modes, const std::vector<std::vector<std::size_t>>& parameters);
 
   private:
-    // Everything that is affine in y, stacked: rates, guards, outputs, then the blocks' unlimited values.
+    // Everything that is affine in y, stacked: rates, guards, outputs, then `beyond`.
     struct Stack {
         Matrix<R> rows;
-        Eigen::Index rates, guards, outputs, raws;  // how many of each
-        auto A() { return rows.topRows(rates); }
-        auto raw() { return rows.bottomRows(raws); }
+        Eigen::Index rates, guards, outputs, blocks;  // how many of each
+        auto beyond() const { return rows.bottomRows(blocks); }
     };
     Stack empty() const;
     void evaluate(const Modes& modes, const D& t, const std::vector<D>& z, const Inputs& inputs);
