@@ -104,10 +104,16 @@ void Flow::tick(double t) {
     for (const int element : limiters_) {
         const auto e = static_cast<std::size_t>(element);
         const double* const g = g0_.data() + e * guards_per_switch;
-        if (!any_negative(g, guards_per_switch)) continue;
+        const bool fell = any_negative(g, guards_per_switch);
+        if (!fell && !rides(element)) continue;
         evaluate(t, y_.data());
-        modes_[e] = rides(element) ? limiter_mode_after(t, element, g[0] < 0.0 ? 0 : 1)
-                                   : standing_mode(layout_, model_, y_.data(), element, modes_[e]);
+        if (rides(element)) {
+            const int off = guard_off_limit(model_.block(layout_.switches[e].index), modes_[e]);
+            if (!fell && off < 0) continue;
+            modes_[e] = limiter_mode_after(t, element, off >= 0 ? off : g[0] < 0.0 ? 0 : 1);
+        } else {
+            modes_[e] = standing_mode(layout_, model_, y_.data(), element, modes_[e]);
+        }
         now_ = &frozen();
         if (heard_) changes_.push_back({t, -1, modes_});
     }

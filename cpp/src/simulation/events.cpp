@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "instant.hpp"
+#include "mode_rules.hpp"
 #include "simulation.hpp"
 
 namespace dualdrive {
@@ -247,7 +248,17 @@ void Simulation::pass_break() {
     if (returned) carry_derivatives(before, -1);
     for (const Clock* k : due_outputs) apply(JumpKind::output, k);
     for (const Clock* k : due_ticks) apply(JumpKind::tick, k);
-    if (settle(false)) restart();
+    if (end_rides() && settle(false)) restart();
+}
+
+bool Simulation::end_rides() {
+    for (std::size_t e = 0; e < modes_.size(); ++e) {
+        if (layout_.switches[e].kind != SwitchKind::limiter || !limiter::riding(modes_[e])) continue;
+        evaluate(solver_->time(), solver_->state().data());
+        const int fallen = guard_off_limit(model_.block(layout_.switches[e].index), modes_[e]);
+        if (fallen >= 0 && !transition(static_cast<int>(e), fallen, Cause::instant)) return false;
+    }
+    return true;
 }
 
 }  // namespace dualdrive

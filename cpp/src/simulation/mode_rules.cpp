@@ -85,6 +85,12 @@ Mode limiter_mode_after(const Block<double>& block, bool integrates, Mode m, int
     return rides(side, inward) ? static_cast<Mode>(3 * side) : limiter::linear;
 }
 
+int guard_off_limit(const Block<double>& block, Mode m) {
+    const double over = limiter::side(m) * block.raw - block.limit;
+    if (std::abs(over) < at_limit * block.limit) return -1;
+    return over > 0 ? 0 : 1;
+}
+
 void rates_of_blocks(Model<Gradient>& along, double t, const double* z, const double* rate,
                      const Model<Gradient>::Now& now, std::vector<Gradient>& z_along, std::vector<double>& found) {
     const Layout& layout = along.layout();

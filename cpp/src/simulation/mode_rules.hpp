@@ -22,6 +22,11 @@ Mode mode_after(const Layout& layout, const Model<double>& model, int element, i
 // The same of a limiter. held: d(raw)/dt with its own integrator held.
 Mode limiter_mode_after(const Block<double>& block, bool integrates, Mode m, int which, double held);
 
+// Where a break has carried the block of a riding limiter off its limit the ride is over: its integrator, which does not jump,
+// does not make up for that. The guard that this is as good as; −1 where it still stands there, since guards of a ride are
+// rates, and tell nothing of it.
+int guard_off_limit(const Block<double>& block, Mode m);
+
 // d(raw)/dt of every block where ż = rate, at (t, z): what riding guards ask for, and the rule above. `along` is evaluated there;
 // z_along: room for the states.
 void rates_of_blocks(Model<Gradient>& along, double t, const double* z, const double* rate,

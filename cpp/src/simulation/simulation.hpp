@@ -101,6 +101,7 @@ class Simulation final : public Problem {
     void carry_derivatives(const std::vector<double>& before, int zeroed);
     void find_instant_slope(int element, int which, const std::vector<double>& rate);
     void pass_break();
+    bool end_rides();
     void apply(JumpKind kind, const Clock* clock = nullptr);
     void slave_riding();
     void add_delayed_breaks(double t, const std::vector<double>& time_slope);
