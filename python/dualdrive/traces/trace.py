@@ -154,8 +154,8 @@ class Trace:
     def same_samples(self, other: Trace) -> bool:
         """Whether both have the same known channels with the same values, whatever their clocks."""
         names = set(self.canonical)
-        alike = names == set(other.canonical)
-        return alike and all(np.array_equal(self[name], other[name]) for name in names)
+        alike = names and names == set(other.canonical)
+        return bool(alike) and all(np.array_equal(self[name], other[name]) for name in names)
 
     def __repr__(self) -> str:
         from .show import as_text
