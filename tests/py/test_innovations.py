@@ -26,6 +26,10 @@ STEP, CHANNELS = 1e-3, ("theta_m", "theta_1", "theta_2", "I_1", "I_2")
 SENSORS = [(1e-6, 0.9, 0.0), (1e-5, 0.5, 0.0), (1e-5, 0.5, 0.0), (5e-3, 0.9, 0.0), (5e-3, 0.9, 0.0)]
 TORQUE = {"table": (2e-3, 0.99)}
 QUIET = dict.fromkeys(("motor_1", "motor_2", "table"), (0.0, 0.99))
+OVERDAMPED = {
+    "shaft_compliance@gearboxes": {"stiffness": 1.2e5},
+    "mesh_damping@gearboxes": {"coefficient": 50.0},
+}
 REVERSALS = _core.cycle_of_moves([0.0, 0.05, -0.05, 0.0], 0.1, 1.0, 20.0)
 
 
@@ -81,8 +85,10 @@ def predicted(
         ({"eccentricity@table": {"amplitude": 1e-4}}, 2e-5),
         # rings at 2.4 kHz where it carries: it opens and closes between two samples
         ({"gearbox_backlash@gearboxes": {"gap": 1e-3, "stiffness": 4e4}}, 5e-3),
+        # relaxes within a 300th of a sample: to its switches the way is gone by halves of one
+        (OVERDAMPED, 2e-5),
     ],
-    ids=["plain", "coulomb", "ripple", "stribeck", "eccentricity", "play"],
+    ids=["plain", "coulomb", "ripple", "stribeck", "eccentricity", "play", "overdamped"],
 )
 def test_without_unknown_torque_it_is_a_simulation(
     effects: dict[str, dict[str, float]], error: float

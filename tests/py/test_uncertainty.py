@@ -91,3 +91,17 @@ def test_phases_are_told_within_half_a_turn_of_zero() -> None:
     phase = told["unbalance@table.phase"]
     assert phase.value == pytest.approx(0.5)
     assert phase.low < phase.value < phase.high
+
+
+@pytest.mark.parametrize("off", [0.0, 100.0])
+def test_blocks_that_were_left_out_are_no_better_than_those_that_were_fitted(off: float) -> None:
+    """Nor where a fit does not end where the filter's would, as that of a simulation does not."""
+    _, grey, found = fitted(1.1)
+    sure = Uncertainty(grey)
+    deviation = np.sqrt(np.diag(sure.about(found).covariance))
+    k = [p.path for p in grey.nominal].index("table.J")
+    theta = found.point.theta.copy()
+    theta[k] += off * deviation[k]
+    [point] = grey.points([found.variant], [theta], found.gains)
+    worse = sure.cross_validated(replace(found, point=point))
+    assert 1.0 < worse < 1.02

@@ -123,17 +123,38 @@ double spectral_bound(const MatrixXd& A) {
     return bound;
 }
 
-MatrixXd exponential(const MatrixXd& A, double h) {
+namespace {
+
+// e^X − 1 for X = A h.
+MatrixXd exponential_less_one(const MatrixXd& A, double h) {
     const int halvings = halvings_to(spectral_bound(A) * std::abs(h));
     static const std::array<double, 17> coefficients = [] {
         auto c = reciprocal_factorials(0);
         c[0] = 0.0;
         return c;
     }();
-    MatrixXd F = polynomial(A * (h / std::exp2(halvings)), coefficients);  // e^X − 1
+    MatrixXd F = polynomial(A * (h / std::exp2(halvings)), coefficients);
     for (int k = 0; k < halvings; ++k) F = 2.0 * F + product(F, F);
+    return F;
+}
+
+}  // namespace
+
+MatrixXd exponential(const MatrixXd& A, double h) {
+    MatrixXd F = exponential_less_one(A, h);
     F.diagonal().array() += 1.0;
     return F;
+}
+
+std::vector<MatrixXd> exponentials_of_halves(const MatrixXd& A, double h, int times) {
+    std::vector<MatrixXd> found(static_cast<std::size_t>(times) + 1);
+    MatrixXd F = exponential_less_one(A, h / std::exp2(times));
+    for (int k = times; k >= 0; --k) {
+        MatrixXd& own = found[static_cast<std::size_t>(k)] = F;
+        own.diagonal().array() += 1.0;
+        if (k > 0) F = 2.0 * F + product(F, F);
+    }
+    return found;
 }
 
 Exponentials exponentials(const MatrixXd& A, double h) {

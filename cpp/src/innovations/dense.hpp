@@ -24,6 +24,9 @@ double spectral_bound(const Eigen::MatrixXd& A);
 // e^X for X = A h: the Taylor series of a halved X, e^2X − 1 = (e^X − 1)(e^X + 1).
 Eigen::MatrixXd exponential(const Eigen::MatrixXd& A, double h);
 
+// e^(A h / 2^k) for 0 ≤ k ≤ times: the squarings on its way, kept.
+std::vector<Eigen::MatrixXd> exponentials_of_halves(const Eigen::MatrixXd& A, double h, int times);
+
 // e^X and h φ₁(X), h φ₂(X), h φ₃(X): φ₁ = (e^X − 1)/X, φ₂ = (φ₁ − 1)/X, φ₃ = (φ₂ − ½)/X; φ₁(2X) = (e^X + 1) φ₁(X)/2, φ₂(2X)
 // = (φ₁(X)² + 2 φ₂(X))/4, φ₃(2X) = (φ₁(X) φ₂(X) + 2 φ₃(X) + φ₂(X))/8 (Hochbruck, Ostermann, Acta Numerica 19 (2010) 209–286,
 // §3).

@@ -56,6 +56,9 @@ struct Slaved {
     Eigen::RowVectorXd row;
 };
 
+// Times the spectral radius: the length that a Taylor series serves; beyond, its terms cancel.
+constexpr double longest_series = 16.0;
+
 // One set of modes, prepared. y = (states, generator of the inputs, 1, disturbances).
 struct Frozen {
     Eigen::MatrixXd A, outputs, guards;
@@ -70,6 +73,8 @@ struct Frozen {
     Step whole;                               // a substep
     std::vector<Step> parts;                  // most_lengths at most
     std::map<int, Step> grid;                 // by whole parts of a substep: see Flow::near_step
+    std::vector<Step> halves;                 // of a substep, each half as long as the one before: see Flow::halved
+    double pieces = 0.0;                      // of series that these would have spared
     unsigned contacts = 0;                    // bit c: connection c carries
     Modes modes;
     Modes pattern;  // what its tangent depends on: see Flow::pattern_of
@@ -197,6 +202,10 @@ class Flow final {
     const Step* step_of(Frozen& frozen, double length) const;
     const Step* near_step(Frozen& frozen, double length) const;
     void work_out(Step& step, const Frozen& frozen) const;
+    std::vector<double> seen(const Eigen::MatrixXd& flow, const Frozen& frozen) const;
+    // Propagators over a substep and its halves, down to what a series serves; empty while they are not worth their squarings, and
+    // where laws are not affine.
+    const std::vector<Step>& halved(Frozen& frozen, double length) const;
     Frozen& frozen();
     Frozen prepared();  // in the present modes, about the present state
     // Octaves of the speeds of bodies where a law's memory relaxes as fast as the body turns: LuGre's bristles by σ0 |ω|/g, far
@@ -234,6 +243,7 @@ class Flow final {
     std::size_t resting(int element) const;  // the speed that a friction holds
     void straight(double t, double piece, bool known);
     bool through_switches(double t, double length, bool felt = false);
+    double leap_to_switch(double most, bool watched);
     double guard_along(double t, double length, int guard, double fraction);
     double crossing(double t, double length, int guard, double guess);
     void expand(const double* y, const double* n0, const double* slope, double length);

@@ -12,6 +12,7 @@ namespace {
 constexpr std::size_t most_lengths = 8;  // of time with propagators of their own, per set of modes
 constexpr int parts_of_a_step = 256;     // lengths with propagators are apart by one, where times are off by a little
 constexpr std::size_t most_near = 64;    // of these
+constexpr double worth_squaring = 32.0;  // pieces of series: what the propagators of all halves take
 constexpr int worth = 12;                // times that a length is flown by a series before it gets one
 constexpr double at_rest = 1e-5;         // rad/s: slower, nothing relaxes with the speed
 constexpr int most_octaves = 40;
@@ -113,16 +114,29 @@ const Step* Flow::near_step(Frozen& frozen, double length) const {
     return &step;
 }
 
+// With the outputs, and the guards of affine laws, where it leads.
+std::vector<double> Flow::seen(const Eigen::MatrixXd& flow, const Frozen& frozen) const {
+    Eigen::MatrixXd all = Eigen::MatrixXd::Zero(step_rows_, flow.cols());
+    all.topRows(n_) = flow;
+    all.middleRows(n_, outputs_) = product(frozen.outputs, flow);
+    if (affine_) all.middleRows(n_ + outputs_, frozen.guards.rows()) = product(frozen.guards, flow);
+    return {all.data(), all.data() + all.size()};
+}
+
+const std::vector<Step>& Flow::halved(Frozen& frozen, double length) const {
+    if (!affine_ || !frozen.halves.empty()) return frozen.halves;
+    frozen.pieces += std::floor(frozen.bound * length / longest_series);
+    if (frozen.pieces < worth_squaring) return frozen.halves;
+    const int times = std::max(0, std::ilogb(frozen.bound * h_ / longest_series) + 1);
+    for (const Eigen::MatrixXd& flow : exponentials_of_halves(frozen.A, h_, times))
+        frozen.halves.push_back(
+            {.length = std::ldexp(h_, -static_cast<int>(frozen.halves.size())), .flow = seen(flow, frozen)});
+    return frozen.halves;
+}
+
 void Flow::work_out(Step& step, const Frozen& frozen) const {
-    const auto seen = [&](const Eigen::MatrixXd& flow) {
-        Eigen::MatrixXd all = Eigen::MatrixXd::Zero(step_rows_, flow.cols());
-        all.topRows(n_) = flow;
-        all.middleRows(n_, outputs_) = product(frozen.outputs, flow);
-        if (affine_) all.middleRows(n_ + outputs_, frozen.guards.rows()) = product(frozen.guards, flow);
-        return std::vector<double>(all.data(), all.data() + all.size());
-    };
     if (affine_) {
-        step.flow = seen(exponential(frozen.A, step.length));
+        step.flow = seen(exponential(frozen.A, step.length), frozen);
         return;
     }
     const Exponentials e = exponentials(frozen.A, step.length);
@@ -135,7 +149,7 @@ void Flow::work_out(Step& step, const Frozen& frozen) const {
         flow.col(n_ + d + k) = e.phi2.col(row);
         flow.col(n_ + 2 * d + k) = e.phi3.col(row);
     }
-    step.flow = seen(flow);
+    step.flow = seen(flow, frozen);
 }
 
 std::vector<int> Flow::octaves() const {

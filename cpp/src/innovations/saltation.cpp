@@ -14,10 +14,10 @@ using Eigen::VectorXd;
 
 namespace {
 
-constexpr int most_terms = 60;          // of a series
-constexpr double longest_series = 8.0;  // times the spectral radius
-constexpr double least_term = 1e-9;     // of a series, of what it begins with
-constexpr double alike = 1e-6;          // times, in samples
+constexpr int most_terms = 60;        // of a series
+constexpr double longest_part = 8.0;  // times the spectral radius
+constexpr double least_term = 1e-9;   // of a series, of what it begins with
+constexpr double alike = 1e-6;        // times, in samples
 
 }  // namespace
 
@@ -99,7 +99,7 @@ void Sensitivities::through_changes(const Moment& now, std::size_t at) {
         if (piece.event >= 0) tick(*piece.tangent, piece);
         const double end =
             static_cast<double>(&piece == &now.pieces.back()) - static_cast<double>(&piece == &now.pieces.front());
-        const int parts = 1 + static_cast<int>(piece.tangent->bound * piece.length / longest_series);
+        const int parts = 1 + static_cast<int>(piece.tangent->bound * piece.length / longest_part);
         for (int part = 0; part < parts; ++part) spent_ += expand(*piece.tangent, piece.length / parts, at, end);
     }
     const Tangent& last = *now.pieces.back().tangent;

@@ -16,11 +16,10 @@ namespace {
 constexpr int most_switches = 12;
 constexpr int most_passes = 8;  // over the modes, until they stand
 constexpr int most_secants = 8;
-constexpr int most_pieces = 1000;        // of a way, each as long as one series serves: beyond, the machine is none
-constexpr int most_parts = 500;          // of a step, for a contact that rings: an end of all rings
-constexpr double longest_series = 16.0;  // times the spectral radius: beyond, its terms cancel
-constexpr double found = 1e-9;           // of the step: a switch is located
-constexpr double most_turn = 0.5;        // rad, of a contact's ring over a step: between its ends hardly more opens
+constexpr int most_pieces = 1000;  // of a way, each as long as one series serves: beyond, the machine is none
+constexpr int most_parts = 500;    // of a step, for a contact that rings: an end of all rings
+constexpr double found = 1e-9;     // of the step: a switch is located
+constexpr double most_turn = 0.5;  // rad, of a contact's ring over a step: between its ends hardly more opens
 
 }  // namespace
 
@@ -151,13 +150,32 @@ void Flow::straight(double t, double piece, bool known) {
     for (std::size_t k = 0; k < n1_.size(); ++k) slope_[k] = n1_[k] - n0_[k];
 }
 
+// Of a stiff machine, by the longest half of a substep at whose end no guard has fallen; 0 where all hold a switch, or are
+// longer than the way. A joint that creeps back within a thousandth of a sample would ask for as many series.
+double Flow::leap_to_switch(double most, bool watched) {
+    for (const Step& step : halved(*now_, most)) {
+        if (step.length > most) continue;
+        exact::kernels().multiply(step_rows_, n_, step.flow.data(), n_, y_.data(), 1, out_.data());
+        if (watched && any_negative(out_.data() + n_ + outputs_, guard_count())) continue;
+        std::copy_n(out_.data(), n_, y_.data());
+        return step.length;
+    }
+    return 0.0;
+}
+
 // From t on: straight on if no guard falls, else to the first switch, and on from there.
 // felt: what laws add was felt at both ends of the length already.
 bool Flow::through_switches(double t, double length, bool felt) {
     double left = length;
     for (int count = 0, pieces = 0; left > found * length;) {
         if (++pieces > most_pieces + most_switches) return false;
-        const double piece = std::min(left / pieces_for(left), longest_series / now_->bound);
+        const double most = left / pieces_for(left), piece = std::min(most, longest_series / now_->bound);
+        if (const double leapt = piece < most ? leap_to_switch(most, count < most_switches) : 0.0; leapt > 0.0) {
+            if (!std::isfinite(y_[0])) return false;
+            t += leapt;
+            left -= leapt;
+            continue;
+        }
         if (!affine_) straight(t, piece, felt && piece == length);
         expand(y_.data(), affine_ ? nullptr : n0_.data(), slope_.data(), piece);
         at(1.0, trial_.data());

@@ -13,7 +13,17 @@ from dualdrive.diagnose.result import Interval
 from dualdrive.diagnose.screening.variants import periods
 from dualdrive.diagnose.selection import Fitted
 from dualdrive.estimation.unknowns import Unknown
-from dualdrive.innovations import GreyBox, Point, deviations, flat, inflation, slopes, values, waves
+from dualdrive.innovations import (
+    GreyBox,
+    Point,
+    deviations,
+    flat,
+    inflation,
+    slopes,
+    step_within,
+    values,
+    waves,
+)
 
 Array = NDArray[np.float64]
 Place = tuple[Point, Sequence[Any]]
@@ -97,16 +107,22 @@ class Uncertainty:
         """Error on blocks of time that a fit did not see, over that on those it saw.
 
         One Gauss-Newton step takes each block out of the fit, and a replay with the numbers found
-        so tells the block's error (Ljung, System Identification, 16.4).
+        so tells the block's error (Ljung, System Identification, 16.4). A fit by simulation is not
+        where the filter's own would end: how far that is, is no block's doing.
         """
         (point, gains), grey, normal = self._place(f), self.grey, self.about(f)
         deviation = np.sqrt(np.diag(normal.covariance).clip(0.0) + 1e-300)
         # a linear step says nothing far away, where only one block tells a number
         H = normal.information + np.diag(1.0 / (_FAR * deviation) ** 2)
         low, high = grey.bounds(f.variant)
+        pull = normal.weight[: grey.shared] * (point.theta[: grey.shared] - grey.centre)
+        gradient = normal.scale * normal.slopes.sum(axis=0)
+        gradient[: grey.shared] += pull
+        rest = step_within(H, gradient, low - point.theta, high - point.theta)
         places = []
         for product, slope in zip(normal.products, normal.slopes, strict=True):
-            step = np.linalg.solve(H - normal.scale * product, normal.scale * slope)
+            there = normal.scale * (slope + product @ rest)  # where that end is
+            step = np.linalg.solve(H - normal.scale * product, there)
             step = np.clip(step, -_FAR * deviation, _FAR * deviation)
             places.append(np.clip(point.theta + step, low, high))
         blocks, total = _blocks(point.residuals), 0.0

@@ -11,7 +11,7 @@ from dualdrive.innovations.derivatives import changes, has_sensitivities, slopes
 from dualdrive.innovations.greybox import Counter, Filtered, GreyBox
 from dualdrive.innovations.harmonics import coordinates, deviations, values, waves
 from dualdrive.innovations.homotopy import Place, followed, levels
-from dualdrive.innovations.levenberg_marquardt import fit, inflation
+from dualdrive.innovations.levenberg_marquardt import fit, inflation, step_within
 from dualdrive.innovations.likelihood import maximum_likelihood
 from dualdrive.innovations.noise import Noise, drive_torque, first_noise, least_noise
 from dualdrive.innovations.records import Predictable, predictable
@@ -47,6 +47,7 @@ __all__ = [
     "simulated",
     "slopes",
     "some",
+    "step_within",
     "values",
     "waves",
 ]
