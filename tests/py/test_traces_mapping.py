@@ -204,3 +204,19 @@ def test_guess_says_what_it_could_not_tell(tmp_path: Path) -> None:
     assert any("No channel" in note for note in mapping.notes)
     text = write_mapping(mapping, tmp_path / "guess.toml").read_text()
     assert text.startswith("# Proposal for log.csv")
+
+
+@pytest.mark.parametrize(
+    ("channel", "meant"), [("theta_mm", "theta_m"), ("omega_reff", "omega_ref"), ("bearing", "")]
+)
+def test_a_slip_in_the_name_of_a_channel_is_told(tmp_path: Path, channel: str, meant: str) -> None:
+    """A name of one's own is none; nothing is compared of it."""
+    csv = tmp_path / "run.csv"
+    csv.write_text("t,a\n" + "\n".join(f"{0.01 * k:.2f},{k}" for k in range(20)))
+    (tmp_path / "run.map.toml").write_text(
+        f'[time]\ncolumn = "t"\n[columns.a]\nchannel = "{channel}"\nunit = "rad"\n'
+    )
+    trace = read(csv)
+    assert channel in trace.extra
+    told = [str(issue) for issue in trace.log["unmapped"]]
+    assert [text.rpartition("did you mean ")[2] for text in told] == ([f"{meant}?"] if meant else [])

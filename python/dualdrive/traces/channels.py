@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -30,6 +31,7 @@ _SI: Final = (
 # Model current of a synchronous motor over its phase current: I = sqrt(3) I_rms, because the model
 # sets K_d = C_e = k_T / sqrt(3), which keeps torque and energy right (docs/theory).
 _CURRENT: Final = {"rms": math.sqrt(3.0), "peak": math.sqrt(1.5)}
+_LIKE: Final = 0.8  # of the letters that two names share: one is a slip of the other
 _LARGEST: Final = math.sqrt(np.finfo(np.float64).max)  # what can still be squared
 _SMALLEST: Final = float(np.finfo(np.float64).tiny)
 
@@ -62,6 +64,9 @@ def read_channel(
     """
     name = rule.channel or column
     needed = is_canonical(name) or bool(rule.channel)
+    if rule.channel and (near := _meant(name)):
+        message = f"column {column!r} -> {name}: a channel of your own, which no machine has"
+        recorder.add("unmapped", f"{message}; did you mean {near}?")
     raw, bad = numbers(table.columns[column])
     cells = np.count_nonzero(~np.isnan(raw)) + np.count_nonzero(bad)
     if cells == 0 or 2 * np.count_nonzero(bad) > cells:
@@ -98,6 +103,12 @@ def read_channel(
     if not isinstance(rule.wrap, bool):
         turn = abs(float(to_si(np.array([scale * rule.wrap]))[0] - to_si(np.zeros(1))[0]))
     return Channel(name, column, values, unit, long_name, rule, turn)
+
+
+def _meant(name: str) -> str:
+    """The canonical name that one of no channel is nearest to; empty where it is near to none."""
+    close = difflib.get_close_matches(name, CHANNELS, n=1, cutoff=_LIKE)
+    return "" if is_canonical(name) or not close else close[0]
 
 
 def _clean(
