@@ -248,7 +248,7 @@ def test_differences_only_of_the_record_that_no_first_order_tells_of() -> None:
     """Of two records, one of a sensor that was late by a part of a sample then."""
     machine = Machine.load("bench")
     machine.add("sensor_delay", "theta_m", time=0.0)
-    times = STEP * np.arange(1500)
+    times = STEP * np.arange(1500, dtype=np.float64)
     measured = run(bench(), {"theta_ref": REVERSALS}, len(times))
     measured += coloured(np.random.default_rng(2), len(times))
     columns = dict(zip(CHANNELS, measured.T, strict=True))

@@ -218,5 +218,5 @@ def test_a_slip_in_the_name_of_a_channel_is_told(tmp_path: Path, channel: str, m
     )
     trace = read(csv)
     assert channel in trace.extra
-    told = [str(issue) for issue in trace.log["unmapped"]]
-    assert [text.rpartition("did you mean ")[2] for text in told] == ([f"{meant}?"] if meant else [])
+    asked = [str(issue).rpartition("did you mean ")[2] for issue in trace.log["unmapped"]]
+    assert asked == ([f"{meant}?"] if meant else [])

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.diagnose.orders import CARRIERS, HIGHEST, angle_of
+from dualdrive.diagnose.orders import HIGHEST, angle_of
 from dualdrive.innovations import Point, Predictable
 
 Array = NDArray[np.float64]
@@ -26,27 +26,37 @@ def strongest_orders(
     records: Sequence[Predictable],
     point: Point,
     place: str,
-    effect: str,
+    carrier: str,
     count: int,
 ) -> list[int]:
-    """Orders of a place's angle that the innovations carry most, best first."""
+    """Orders of a place's angle that the innovations carry most, best first.
+
+    Args:
+        core: the machine.
+        records: what was measured.
+        point: what the machine leaves of them.
+        place: whose angle it is.
+        carrier: of the harmonics, as `CARRIERS` has it.
+        count: how many at most.
+
+    """
     power = np.zeros(HIGHEST + 1)
     for r, left in zip(records, point.residuals, strict=True):
         columns = {name: np.asarray(r.record.trace[name]) for name in r.record.trace}
         angle = angle_of(core, columns, place)
         if angle is None:
             continue
-        wave = _carrier(columns, place, CARRIERS.get(effect, ""), r.record.reference).astype(
-            complex
-        )
-        turn = np.exp(1j * angle)
+        cosine, sine = np.cos(angle), np.sin(angle)
+        real = _carrier(columns, place, carrier, r.record.reference)
+        imaginary = np.zeros(len(angle))
         travel = float(np.ptp(angle))
         fastest = float(np.median(np.abs(np.diff(angle))))
         for n in range(1, HIGHEST + 1):
-            wave = wave * turn
+            real, imaginary = real * cosine - imaginary * sine, imaginary * cosine + real * sine
             if n * travel < 2 * np.pi * _TURN or n * fastest > np.pi:
                 continue
-            power[n] += 2.0 * float(np.sum(np.abs(wave.conj() @ left) ** 2)) / len(angle)
+            along = np.sum((real @ left) ** 2 + (imaginary @ left) ** 2)
+            power[n] += 2.0 * float(along) / len(angle)
     return [int(n) for n in np.argsort(-power, kind="stable")[:count] if power[n] > 0.0]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from dualdrive import _core
 from dualdrive.diagnose.candidates import LOWEST, candidates, parts_of
 from dualdrive.diagnose.hypotheses import Hypothesis, is_strength
-from dualdrive.diagnose.orders import LOW
+from dualdrive.diagnose.orders import CARRIERS, LOW
 from dualdrive.diagnose.screening.orders import strongest_orders
 from dualdrive.estimation.unknowns import Unknown, unknowns
 from dualdrive.identify.parts import sizes_of_part
@@ -86,12 +86,13 @@ class Library:
         if not counted:
             return [None]
         part = (parts_of(self.core, place) or [place])[0]
-        if (effect, part) not in known:
-            own = strongest_orders(self.core, self.grey.records, point, part, effect, _ORDERS)
-            known[effect, part] = own
+        carrier = CARRIERS.get(effect, "")
+        if (carrier, part) not in known:
+            own = strongest_orders(self.core, self.grey.records, point, part, carrier, _ORDERS)
+            known[carrier, part] = own
         usual = int(_declared(effect, counted).standard)
         low = LOW if counted == "order" else ()
-        every = dict.fromkeys([*known[effect, part], usual, *low])
+        every = dict.fromkeys([*known[carrier, part], usual, *low])
         return [float(n) for n in every if n >= LOWEST.get(effect, 1.0)]
 
     def _beside(self, base: Variant, h: Hypothesis, order: float | None) -> Variant | None:
