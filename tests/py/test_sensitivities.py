@@ -272,3 +272,18 @@ def test_differences_only_of_the_record_that_no_first_order_tells_of() -> None:
         here = replace(point, residuals=(point.residuals[k],))
         alone = np.stack(slopes(grey.on([grey.records[k]]), here, every, [gains[k]]))
         np.testing.assert_allclose(part, alone, rtol=1e-3, atol=1e-3 * np.abs(alone).max())
+
+
+def test_a_joint_too_stiff_for_series_is_told_by_replays() -> None:
+    """At any cost: to a switch they would be ten thousand millions."""
+    joint = {
+        "shaft_compliance@gearboxes": {"stiffness": 1.2e5},
+        "mesh_damping@gearboxes": {"coefficient": 1e10},
+    }
+    core = bench(joint)
+    core.set("controller.T_ten", 0.0)
+    here = seen(core, 300)
+    held = _core.kalman_gains(core, here, SENSORS, TORQUE)
+    near: list[tuple[Any, list[Any], list[float]]] = [(core, [], [])]
+    assert _core.predict(core, here, held)["switches"] > 4
+    assert _core.sensitivities(core, here, held, near, at_any_cost=True) == [None]

@@ -49,8 +49,8 @@ bool Sensitivities::told(const Flow& flow, const std::vector<Reading>& readings)
 
 bool Sensitivities::dear() const {
     const auto samples = static_cast<double>(record_.times().size());
-    return !how_.at_any_cost && spent_ > few_terms + terms_a_replay * static_cast<double>(columns_.size()) *
-                                                         (static_cast<double>(seen_) + samples / 4);
+    return lost_ || (!how_.at_any_cost && spent_ > few_terms + terms_a_replay * static_cast<double>(columns_.size()) *
+                                                                   (static_cast<double>(seen_) + samples / 4));
 }
 
 Sensitivities::Sensitivities(const Machine& machine, const SampledRecord& record, const KalmanGains& gains,
@@ -352,6 +352,7 @@ void Sensitivities::flush() {
 
 std::vector<std::vector<double>> Sensitivities::found() {
     flush();
+    if (dear()) return std::vector<std::vector<double>>(found_.size());
     const bool rode = this->rode();
     for (std::size_t c = 0; c < columns_.size(); ++c)
         if (static_cast<double>(apart_[c]) > how_.most_apart * static_cast<double>(changes_) ||
