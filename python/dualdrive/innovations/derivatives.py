@@ -19,6 +19,7 @@ from dualdrive.innovations.records import Predictable
 from dualdrive.innovations.variant import Point, Variant, flat
 
 Array = NDArray[np.float64]
+_Parts = list[Array | None]  # of every record; None where the first order can't tell
 
 #: of a unit of an unknown: a difference at most, and at least; how far it moves all residuals
 #: together, and how often that before it is taken anew
@@ -68,11 +69,7 @@ def changes(
         filters that hardly correct, part from their neighbours as fast as they can.
 
     """
-    found = _by_record(grey, point, others, gains, most_apart, share)
-    return [_whole(parts) for parts in found]
-
-
-_Parts = list[Array | None]  # per record; None where the first order can't tell
+    return [_whole(x) for x in _by_record(grey, point, others, gains, most_apart, share)]
 
 
 def _whole(parts: _Parts) -> Array | None:
@@ -89,10 +86,10 @@ def _by_record(
     share: float = 1.0,
 ) -> list[_Parts]:
     """The changes of every record, as far as the first order tells of it."""
-    nothing: list[_Parts] = [[None] * len(grey.records) for _ in others]
+    found: list[_Parts] = [[None] * len(grey.records) for _ in others]
     core, offsets = grey.machine(point.variant, point.theta), grey.constants(point.theta)
     if not _told_at(core, grey.records):
-        return nothing
+        return found
     neighbours: list[tuple[int, tuple[Any, Mapping[str, float]]]] = []
     for k, (variant, theta) in enumerate(others):
         try:
@@ -109,7 +106,6 @@ def _by_record(
         )
 
     grey.counter.add(len(grey.records) * len(neighbours))
-    found = nothing
     for (part, r), told in zip(jobs, grey.pool.map(one, jobs), strict=True):
         for (k, _), own in zip(part, told, strict=True):
             if own is not None and share * np.max(np.abs(own)) <= LOST:
