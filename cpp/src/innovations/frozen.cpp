@@ -13,6 +13,7 @@ constexpr std::size_t most_lengths = 8;  // of time with propagators of their ow
 constexpr int parts_of_a_step = 256;     // lengths with propagators are apart by one, where times are off by a little
 constexpr std::size_t most_near = 64;    // of these
 constexpr double worth_squaring = 32.0;  // pieces of series: what the propagators of all halves take
+constexpr int most_halvings = 40;        // a machine that is stiffer still is none
 constexpr int worth = 12;                // times that a length is flown by a series before it gets one
 constexpr double at_rest = 1e-5;         // rad/s: slower, nothing relaxes with the speed
 constexpr int most_octaves = 40;
@@ -126,8 +127,8 @@ std::vector<double> Flow::seen(const Eigen::MatrixXd& flow, const Frozen& frozen
 const std::vector<Step>& Flow::halved(Frozen& frozen, double length) const {
     if (!affine_ || !frozen.halves.empty()) return frozen.halves;
     frozen.pieces += std::floor(frozen.bound * length / longest_series);
-    if (frozen.pieces < worth_squaring) return frozen.halves;
-    const int times = std::max(0, std::ilogb(frozen.bound * h_ / longest_series) + 1);
+    if (!(frozen.pieces >= worth_squaring)) return frozen.halves;
+    const int times = 1 + std::min(std::ilogb(frozen.bound * h_ / longest_series), most_halvings);
     for (const Eigen::MatrixXd& flow : exponentials_of_halves(frozen.A, h_, times))
         frozen.halves.push_back(
             {.length = std::ldexp(h_, -static_cast<int>(frozen.halves.size())), .flow = seen(flow, frozen)});
