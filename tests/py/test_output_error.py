@@ -27,6 +27,7 @@ JOINT = {
     "gearbox_backlash@gearboxes": {"gap": GAP, "stiffness": 4e3},
     "mesh_damping@gearboxes": {"coefficient": 0.05},
 }
+TRUE = {f"{label}.{name}": x for label, own in JOINT.items() for name, x in own.items()}
 
 
 @functools.cache
@@ -56,8 +57,14 @@ def test_its_play_is_found_and_nothing_unknown_is_asked_for() -> None:
     found = by_simulation(estimator, own, first)
     assert found is not None
     at = values(found.variant.extra, found.point.theta[own.shared :])
-    assert at["gearbox_backlash@gearboxes.gap"] == pytest.approx(GAP, rel=0.03)
+    assert at["gearbox_backlash@gearboxes.gap"] == pytest.approx(GAP, rel=0.1)
     assert found.noise.torque == {}
+    # valleys of a rough surface: as likely, within little, as the one that the truth lies in
+    truth = found.point.theta.copy()
+    truth[own.shared :] = coordinates(found.variant.extra, TRUE)
+    nearby = estimator.likeliest(own, found.variant, truth, found.noise)
+    assert nearby is not None
+    assert found.point.minus_two_log < nearby.point.minus_two_log + 50.0
     [start] = own.likelihoods(first.variant, [(first.point.theta, replace(found.noise, torque={}))])
     assert start is not None
     assert found.point.minus_two_log < start[0].minus_two_log - 1000.0
