@@ -16,7 +16,7 @@ namespace {
 
 constexpr int most_terms = 60;        // of a series
 constexpr double longest_part = 8.0;  // times the spectral radius
-constexpr double most_parts = 1e5;    // of the way to a switch: a joint that is stiffer still is told by replays
+constexpr double most_parts = 1e3;    // of the way to a switch: a joint that is stiffer still is told by replays
 constexpr double least_term = 1e-9;   // of a series, of what it begins with
 constexpr double alike = 1e-6;        // times, in samples
 
@@ -101,9 +101,8 @@ void Sensitivities::through_changes(const Moment& now, std::size_t at) {
         const double end =
             static_cast<double>(&piece == &now.pieces.back()) - static_cast<double>(&piece == &now.pieces.front());
         const double asked = 1.0 + std::floor(piece.tangent->bound * piece.length / longest_part);
-        spent_ += asked;
         lost_ = lost_ || asked > most_parts;
-        if (dear()) return;
+        if (lost_) return;
         const int parts = static_cast<int>(asked);
         for (int part = 0; part < parts; ++part) spent_ += expand(*piece.tangent, piece.length / parts, at, end);
     }

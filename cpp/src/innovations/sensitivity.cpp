@@ -352,7 +352,7 @@ void Sensitivities::flush() {
 
 std::vector<std::vector<double>> Sensitivities::found() {
     flush();
-    if (dear()) return std::vector<std::vector<double>>(found_.size());
+    if (lost_) return std::vector<std::vector<double>>(found_.size());
     const bool rode = this->rode();
     for (std::size_t c = 0; c < columns_.size(); ++c)
         if (static_cast<double>(apart_[c]) > how_.most_apart * static_cast<double>(changes_) ||
