@@ -57,7 +57,7 @@ def test_its_play_is_found_and_nothing_unknown_is_asked_for() -> None:
     found = by_simulation(estimator, own, first)
     assert found is not None
     at = values(found.variant.extra, found.point.theta[own.shared :])
-    assert at["gearbox_backlash@gearboxes.gap"] == pytest.approx(GAP, rel=0.1)
+    assert at["gearbox_backlash@gearboxes.gap"] == pytest.approx(GAP, rel=0.03)
     assert found.noise.torque == {}
     # valleys of a rough surface: as likely, within little, as the one that the truth lies in
     truth = found.point.theta.copy()

@@ -148,7 +148,7 @@ class Sensitivities {
     std::vector<long> apart_;  // per column, changes of modes of which its own comes more than a sample before or after
     long changes_ = 0;
     double spent_ = 0.0;             // terms of series
-    bool lost_ = false;              // in more of them than any number is worth
+    bool lost_ = false;              // a way to a switch would have asked for too many of them
     std::vector<double> y_;          // per moment, as the replay left it
     std::vector<double> differing_;  // per column and moment: w, and C w with what sensors say otherwise
     std::vector<double> brought_;    // per column: [F; C F] x
