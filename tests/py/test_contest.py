@@ -38,7 +38,9 @@ def test_numbers_that_a_stretch_does_not_tell_begin_again_where_they_fail() -> N
     assert there.inflation < threshold("white")
     assert on_all_samples(own, there).inflation > threshold("inflation")
     said: list[str] = []
-    contest = Contest(estimator, own, EFFORTS["normal"], Leader(), said.append, {})
+    contest = Contest(
+        estimator, Library(own.core, own), own, EFFORTS["normal"], Leader(), said.append, {}
+    )
     [found] = contest.on_these([there])
     assert f"stretches where {LAW} fails" in said
     torque = own.machine(law, found.point.theta).get(f"{LAW}.torque")

@@ -47,7 +47,9 @@ def law(label: str, late: float = LATE) -> Point:
 @functools.cache
 def compared() -> tuple[Fitted, ...]:
     estimator, grey, base = fitted()
-    contest = Contest(estimator, grey, EFFORTS["normal"], Leader(), lambda _: None, {})
+    contest = Contest(
+        estimator, Library(grey.core, grey), grey, EFFORTS["normal"], Leader(), lambda _: None, {}
+    )
     laws = [law("viscous@table"), law("sensor_delay@theta_1")]
     return tuple(contest.compared([(p, base.noise) for p in laws]))
 
@@ -78,7 +80,9 @@ def test_what_leaves_noise_leads() -> None:
     assert best.variant.label == "sensor_delay@theta_1"
     assert time(best) == pytest.approx(LATE, rel=0.02)
     estimator, grey, base = fitted()
-    contest = Contest(estimator, grey, EFFORTS["normal"], Leader(), lambda _: None, {})
+    contest = Contest(
+        estimator, Library(grey.core, grey), grey, EFFORTS["normal"], Leader(), lambda _: None, {}
+    )
     assert contest.leaves_noise(best)
     assert not contest.leaves_noise(base)
 

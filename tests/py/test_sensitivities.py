@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dualdrive import _core
-from dualdrive.innovations import GreyBox, Variant, changes, first_noise, predictable
+from dualdrive import Machine, _core
+from dualdrive.diagnose.closed_loop import nominal_unknowns
+from dualdrive.innovations import GreyBox, Variant, changes, first_noise, predictable, slopes
 from dualdrive.replay import core_of, records
+from dualdrive.traces import Trace
 from recorded import demo, sheet
 from test_innovations import (
     CHANNELS,
     REVERSALS,
     SENSORS,
+    STEP,
     bench,
     coloured,
     record,
@@ -238,6 +242,36 @@ def test_what_grows_without_bound_is_told_by_replays() -> None:
     [meant] = changes(grey, point, [(nothing, much)], gains, share=1e-9)
     assert meant is not None
     np.testing.assert_allclose(meant, 1e9 * told[0], rtol=1e-6, atol=1e-6 * np.max(np.abs(meant)))
+
+
+def test_differences_only_of_the_record_that_no_first_order_tells_of() -> None:
+    """Of two records, one of a sensor that was late by a part of a sample then."""
+    machine = Machine.load("bench")
+    machine.add("sensor_delay", "theta_m", time=0.0)
+    times = STEP * np.arange(1500, dtype=np.float64)
+    measured = run(bench(), {"theta_ref": REVERSALS}, len(times))
+    measured += coloured(np.random.default_rng(2), len(times))
+    columns = dict(zip(CHANNELS, measured.T, strict=True))
+    trace = Trace(times, {"theta_ref": REVERSALS.value(times), **columns})
+    settings = {"late": {"sensor_delay@theta_m.time": 0.3 * STEP}}
+    traces = {"prompt": trace, "late": replace(trace, name="late")}
+    core = core_of(machine)
+    played = predictable(core, records(machine, traces, settings=settings, start="rest"))
+    numbers = [p for p in nominal_unknowns(core, None) if "sensor_delay" not in p.path]
+    grey = GreyBox(core, played, numbers, threads=1)
+    nothing = Variant(core)
+    theta = grey.start(nothing)
+    gains = grey.gains(nothing, theta, first_noise(core, grey.records, 0.01))
+    [point] = grey.points([nothing], [theta], gains)
+    every, begun = range(len(theta)), grey.counter.replays
+    found = np.stack(slopes(grey, point, every, gains))
+    n = len(theta)
+    assert grey.counter.replays - begun < 4 * n, "asked of both, then differences of one"
+    parts = np.split(found, [point.residuals[0].size], axis=1)
+    for k, part in enumerate(parts):
+        here = replace(point, residuals=(point.residuals[k],))
+        alone = np.stack(slopes(grey.on([grey.records[k]]), here, every, [gains[k]]))
+        np.testing.assert_allclose(part, alone, rtol=1e-3, atol=1e-3 * np.abs(alone).max())
 
 
 def test_a_joint_too_stiff_for_series_is_told_by_replays() -> None:

@@ -19,6 +19,7 @@ from dualdrive.innovations.records import Predictable
 from dualdrive.innovations.variant import Point, Variant, flat
 
 Array = NDArray[np.float64]
+_Parts = list[Array | None]  # of every record; None where the first order can't tell
 
 #: of a unit of an unknown: a difference at most, and at least; how far it moves all residuals
 #: together, and how often that before it is taken anew
@@ -68,9 +69,27 @@ def changes(
         filters that hardly correct, part from their neighbours as fast as they can.
 
     """
+    return [_whole(x) for x in _by_record(grey, point, others, gains, most_apart, share)]
+
+
+def _whole(parts: _Parts) -> Array | None:
+    known = [x for x in parts if x is not None]
+    return flat(known) if len(known) == len(parts) else None
+
+
+def _by_record(
+    grey: GreyBox,
+    point: Point,
+    others: Sequence[tuple[Variant, Array]],
+    gains: Sequence[Any],
+    most_apart: float = 1.0,
+    share: float = 1.0,
+) -> list[_Parts]:
+    """The changes of every record, as far as the first order tells of it."""
+    found: list[_Parts] = [[None] * len(grey.records) for _ in others]
     core, offsets = grey.machine(point.variant, point.theta), grey.constants(point.theta)
     if not _told_at(core, grey.records):
-        return [None] * len(others)
+        return found
     neighbours: list[tuple[int, tuple[Any, Mapping[str, float]]]] = []
     for k, (variant, theta) in enumerate(others):
         try:
@@ -78,41 +97,31 @@ def changes(
         except ValueError:
             continue
     parts = [neighbours[k : k + _TOGETHER] for k in range(0, len(neighbours), _TOGETHER)]
-    jobs = [(part, r, g) for part in parts for r, g in zip(grey.records, gains, strict=True)]
+    jobs = [(part, r) for part in parts for r in range(len(grey.records))]
 
-    def one(job: tuple[Any, Predictable, Any]) -> list[Array | None]:
-        part, record, own = job
+    def one(job: tuple[Any, int]) -> _Parts:
+        part, r = job
         return sensitivities(
-            core, offsets, record, own, [x for _, x in part], most_apart=most_apart
+            core, offsets, grey.records[r], gains[r], [x for _, x in part], most_apart=most_apart
         )
 
     grey.counter.add(len(grey.records) * len(neighbours))
-    told: dict[int, list[Array | None]] = {}
-    for (part, _, _), found in zip(jobs, grey.pool.map(one, jobs), strict=True):
-        for (k, _), own in zip(part, found, strict=True):
-            told.setdefault(k, []).append(own)
-    result: list[Array | None] = [None] * len(others)
-    for k, parts_of_it in told.items():
-        known = [x for x in parts_of_it if x is not None]
-        if len(known) == len(grey.records) and all(
-            share * np.max(np.abs(x)) <= LOST for x in known
-        ):
-            result[k] = flat(known)
-    return result
+    for (part, r), told in zip(jobs, grey.pool.map(one, jobs), strict=True):
+        for (k, _), own in zip(part, told, strict=True):
+            if own is not None and share * np.max(np.abs(own)) <= LOST:
+                found[k][r] = own
+    return found
 
 
 def slopes(grey: GreyBox, point: Point, which: Sequence[int], gains: Sequence[Any]) -> list[Array]:
     """Derivatives of the residuals by some unknowns, flat per unknown.
 
-    By the recursion of the filter's own sensitivities where it tells, else by differences, and
-    so where only few are asked for.
+    Of each record by the recursion of the filter's own sensitivities where it tells, else by
+    differences, and so where only few are asked for.
     """
     steps = {k: _longest(grey, k) for k in which}
-    found = _told(grey, point, steps, gains) if len(which) > _FEW else {}
-    rest = [k for k in which if k not in found]
-    if rest:
-        found |= _by_differences(grey, point, rest, gains)
-    return [found[k] for k in which]
+    told = _told(grey, point, steps, gains) if len(which) > _FEW else {}
+    return _completed(grey, point, which, told, gains)
 
 
 def slopes_nearby(grey: GreyBox, point: Point, gains: Sequence[Any]) -> tuple[list[Array], bool]:
@@ -138,12 +147,15 @@ def slopes_nearby(grey: GreyBox, point: Point, gains: Sequence[Any]) -> tuple[li
         return slopes(grey, point, every, gains), True
     try:
         about = replace(point, variant=Variant(affine), theta=point.theta[:shared])
-        found = _told(grey, about, {k: _longest(grey, k) for k in range(shared)}, gains)
+        told = _told(grey, about, {k: _longest(grey, k) for k in range(shared)}, gains)
     except ValueError:  # a shared unknown of such a law, or gains of another state
-        found = {}
-    rest = [k for k in every if k not in found]
-    found |= dict(zip(rest, slopes(grey, point, rest, gains), strict=True))
-    return [found[k] for k in every], len(rest) == len(every)
+        told = {}
+    # Of an unknown all records are told nearby or none: a step by both kinds has no objective.
+    wholes = {k: _whole(parts) for k, parts in told.items()}
+    nearby = {k: whole for k, whole in wholes.items() if whole is not None}
+    rest = [k for k in every if k not in nearby]
+    exact = dict(zip(rest, slopes(grey, point, rest, gains), strict=True))
+    return [(exact | nearby)[k] for k in every], len(rest) == len(every)
 
 
 def affine_part(core: Any) -> Any:
@@ -157,14 +169,39 @@ def affine_part(core: Any) -> Any:
 
 def _told(
     grey: GreyBox, point: Point, steps: Mapping[int, float], gains: Sequence[Any]
-) -> dict[int, Array]:
+) -> dict[int, _Parts]:
+    """Unknown -> derivatives by it, as far as the first order tells of a record."""
     signed, moved = _moved(grey, point, steps)
-    found = changes(grey, point, [(point.variant, theta) for theta in moved], gains)
+    found = _by_record(grey, point, [(point.variant, theta) for theta in moved], gains)
     return {
-        k: change / h
-        for (k, h), change in zip(signed.items(), found, strict=True)
-        if change is not None
+        k: [None if own is None else own / h for own in parts]
+        for (k, h), parts in zip(signed.items(), found, strict=True)
     }
+
+
+def _completed(
+    grey: GreyBox,
+    point: Point,
+    which: Sequence[int],
+    told: Mapping[int, _Parts],
+    gains: Sequence[Any],
+) -> list[Array]:
+    """Derivatives by some unknowns, flat; by differences on those records where none are told."""
+    nothing: _Parts = [None] * len(grey.records)
+    found = {k: list(told.get(k, nothing)) for k in which}
+    alike: dict[tuple[int, ...], list[int]] = {}  # records where none are told -> unknowns
+    for k, parts in found.items():
+        if missing := tuple(r for r, own in enumerate(parts) if own is None):
+            alike.setdefault(missing, []).append(k)
+    for records, unknowns in alike.items():
+        there = replace(point, residuals=tuple(point.residuals[r] for r in records))
+        on = grey.on([grey.records[r] for r in records])
+        columns = _by_differences(on, there, unknowns, [gains[r] for r in records])
+        ends = np.cumsum([own.size for own in there.residuals])[:-1]
+        for k, column in columns.items():
+            for r, own in zip(records, np.split(column, ends), strict=True):
+                found[k][r] = own
+    return [flat([own for own in parts if own is not None]) for parts in found.values()]
 
 
 def _by_differences(

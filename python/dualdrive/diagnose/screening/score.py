@@ -96,7 +96,7 @@ def scores(
     Args:
         grey: records and shared unknowns.
         base: the point they are tried beside.
-        columns: derivatives of the base's innovations by all its unknowns.
+        columns: derivatives of the base's innovations by all its unknowns; none: these are held.
         variants: to be tried; their first numbers are the base's.
         gains: Kalman gains, the base's.
         inflation: of what the base leaves.
@@ -176,12 +176,14 @@ def residual_maker(
     Args:
         grey: records and shared unknowns.
         base: the point.
-        columns: derivatives of its innovations by all its unknowns.
+        columns: derivatives of its innovations by all its unknowns; none: these are held.
 
     Returns:
         Of one change, shape (rows,), or of several, (changes, rows).
 
     """
+    if not columns:
+        return lambda change: change
     J = np.stack(columns)
     prior = np.zeros(len(base.theta))
     prior[: grey.shared] = 1.0 / grey.sigma**2

@@ -8,16 +8,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.diagnose.screening import Scored
+from dualdrive.diagnose.screening import Library, Scored
+from dualdrive.diagnose.selection.begins import begins_beside, in_its_place
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import Effort, Fitted
-from dualdrive.diagnose.selection.other_wheel import begins_beside
 from dualdrive.diagnose.selection.parts import is_joint, is_part, part_score
 from dualdrive.diagnose.selection.refits import confused, refining, refitted, with_rivals
 from dualdrive.diagnose.selection.residual_analysis import suffices, white
 from dualdrive.diagnose.work import Leader
 from dualdrive.estimation.thresholds import threshold
-from dualdrive.innovations import GreyBox, Place, carried, fit, inflation, slopes, some
+from dualdrive.innovations import GreyBox, Place, Point, fit, inflation, slopes, some
 
 Array = NDArray[np.float64]
 
@@ -29,6 +29,7 @@ class Contest:
 
     Attributes:
         estimator: of the machine.
+        library: what variants are made of.
         grey: the records.
         effort: how much is tried.
         leader: who leads so far.
@@ -40,13 +41,15 @@ class Contest:
     def __init__(
         self,
         estimator: Estimator,
+        library: Library,
         grey: GreyBox,
         effort: Effort,
         leader: Leader,
         tell: Callable[[str], None],
         tried: dict[str, float],
     ) -> None:
-        self.estimator, self.grey, self.effort = estimator, grey, effort
+        self.estimator, self.library = estimator, library
+        self.grey, self.effort = grey, effort
         self.leader, self.tell, self.tried = leader, tell, tried
         self._suffices: dict[Fitted, bool] = {}
 
@@ -213,7 +216,7 @@ class Contest:
                 columns = columns or slopes(
                     self.grey, settled.point, range(self.grey.shared), settled.gains
                 )
-                begins = begins_beside(self.estimator.core, settled.point, point.variant, theta)
+                begins = self._begins(settled, point)
                 far = settled.point.minus_two_log + threshold("beyond") * settled.inflation
                 there = self.estimator.under(
                     self.grey, point.variant, begins, settled.noise, columns, rival=far
@@ -239,12 +242,22 @@ class Contest:
         best = min(enough, key=lambda f: f.point.minus_two_log, default=None)
         return [self._at_its_best(f, best) if best and f in behind else f for f in found]
 
+    def _begins(self, settled: Fitted, point: Point) -> list[Array]:
+        """Where a law may begin beside one that suffices, shape (unknowns,) each."""
+        begins = begins_beside(self.estimator.core, settled.point, point.variant, point.theta)
+        beside = in_its_place(self.library, self.grey, settled, point.variant)
+        return begins if beside is None else [*begins, beside]
+
     def _at_its_best(self, f: Fitted, best: Fitted) -> Fitted:
         """What a law that suffices is taken for, once more from its numbers if it stayed behind."""
         if f is best or _near(f, best) or not confused(best.variant, f.variant):
             return f
         self.tell(f"{f.variant.key} from the numbers of {best.variant.key}")
-        theta = carried(best.point, f.variant, f.point.theta)
+        places = [(theta, best.noise) for theta in self._begins(best, f.point)]
+        seen = [p for p in self.grey.likelihoods(f.variant, places) if p]
+        if not seen:
+            return f
+        theta = min(seen, key=lambda p: p[0].minus_two_log)[0].theta
         lead = best.point.minus_two_log
         own = self.estimator.likeliest(self.grey, f.variant, theta, best.noise, rival=lead)
         return own if own and own.point.minus_two_log < f.point.minus_two_log else f

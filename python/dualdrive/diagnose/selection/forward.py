@@ -86,7 +86,9 @@ class Forward:
         self.ranking = Ranking(grey.samples, found)
         self.few = few if few is not grey else None
         self.simulated: Fitted | None = None
-        self.contest = Contest(own.estimator, grey, own.effort, own.leader, own.tell, own.tried)
+        self.contest = Contest(
+            own.estimator, own.library, grey, own.effort, own.leader, own.tell, own.tried
+        )
         self.backward = Elimination(
             own.estimator, own.library, grey, self.ranking, own.tell, self.few
         )

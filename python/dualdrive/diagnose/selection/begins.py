@@ -1,4 +1,4 @@
-"""Where a law begins that may be one which is known already, on the wheel that meets its own."""
+"""Where a law begins beside one that is known already."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.candidates import parts_of
-from dualdrive.innovations import Point, Variant, carried, coordinates, values
+from dualdrive.diagnose.screening import Library, brings_states, scores
+from dualdrive.diagnose.selection.fitted import Fitted
+from dualdrive.diagnose.selection.refits import begin
+from dualdrive.innovations import GreyBox, Point, Variant, carried, coordinates, values
 from dualdrive.replay import ratio_to_table
 
 Array = NDArray[np.float64]
@@ -46,3 +49,35 @@ def begins_beside(core: Any, known: Point, variant: Variant, theta: Array) -> li
         turned = times if path.rpartition(".")[2] in _RANGE else 1.0
         asked[path] = min(max(turned * float(x or 0.0), own[path].low), own[path].high)
     return [theta, beside, np.r_[beside[:shared], coordinates(variant.extra, asked)]]
+
+
+def in_its_place(library: Library, grey: GreyBox, known: Fitted, variant: Variant) -> Array | None:
+    """Where a law does most of what the last law of a known machine does, shape (unknowns,).
+
+    That one taken out, all other numbers and the noise as they are, and the innovations regressed
+    on what this one would change. Under so little unknown torque a fit goes astray that begins far
+    from its valley; of two laws that do nearly the same this is in it.
+
+    Args:
+        library: what variants are made of.
+        grey: the records.
+        known: the machine.
+        variant: the law, beside all others of the machine.
+
+    Returns:
+        None where the regression says nothing: a law with states of its own, or one that does
+        nothing of the kind.
+
+    """
+    rest = library.without(known.variant, known.variant.effects[-1])
+    if rest is None or any(brings_states(v.effects[-1][0]) for v in (known.variant, variant)):
+        return None
+    paths = [p.path for p in rest.extra]
+    if paths != [p.path for p in variant.extra[: len(paths)]]:
+        return None
+    theta = carried(known.point, rest, grey.start(rest))
+    [without] = grey.points([rest], [theta], known.gains)
+    if without.lost:
+        return None
+    [told] = scores(grey, without, [], [variant], known.gains, known.inflation)
+    return begin(without, told) if told.start and told.gain > 0.0 else None

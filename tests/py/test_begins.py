@@ -1,16 +1,21 @@
-"""A local fault at two wheels, which laws are rivals there, and of which orders laws are sought."""
+"""Where a law begins beside one that is known, which laws are rivals, and of which orders."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from dualdrive.diagnose.screening import Library
-from dualdrive.diagnose.selection.other_wheel import begins_beside
+from dualdrive.diagnose.selection.begins import begins_beside, in_its_place
+from dualdrive.diagnose.selection.fitted import Fitted
 from dualdrive.diagnose.selection.refits import confused
-from dualdrive.innovations import Point, Variant, coordinates, values
+from dualdrive.innovations import Point, Variant, coordinates, first_noise, inflation, values
 from test_elimination import blank
 from test_likelihood import grey
+from test_slopes_nearby import variant_of
+
+Array = NDArray[np.float64]
 
 
 def variants() -> tuple[Library, dict[str, list[Variant]]]:
@@ -64,3 +69,26 @@ def test_orders_below_a_law_s_own_are_another_law_s() -> None:
         orders = [x for v in found[law] for path, x in v.fixed.items() if path.endswith(name)]
         assert orders
         assert min(orders) >= lowest
+
+
+@pytest.mark.parametrize("law", ["eccentricity@table", "encoder_eccentricity@table"])
+def test_what_a_law_is_taken_for_begins_where_it_does_the_same(law: str) -> None:
+    """From size nought it is as far away as no law, and a fit under that noise gets lost."""
+    own, variant, true = variant_of(law)
+    [other] = {"eccentricity@table", "encoder_eccentricity@table"} - {law}
+    library, nothing = Library(own.core, own), Variant(own.core)
+    blank = Point(nothing, true, tuple(np.zeros_like(r.measured) for r in own.records), 0.0, 0.0)
+    rival = next(v for v in library.variants(nothing, blank) if v.label == other)
+    noise = first_noise(own.core, own.records, 1e-3)
+
+    def at(variant: Variant, theta: Array) -> Fitted:
+        [found] = own.likelihoods(variant, [(theta, noise)])
+        assert found is not None
+        return Fitted(found[0], noise, inflation(found[0]), 0.0, found[1])
+
+    known, without = at(variant, true), at(nothing, true[: own.shared])
+    begun = in_its_place(library, own, known, rival)
+    assert begun is not None
+    np.testing.assert_array_equal(begun[: own.shared], true[: own.shared])
+    least, most = known.point.minus_two_log, without.point.minus_two_log
+    assert at(rival, begun).point.minus_two_log - least < 1e-3 * (most - least)
