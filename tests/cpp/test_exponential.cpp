@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "../../cpp/src/solvers/exponential/propagators.hpp"
+#include "../../cpp/src/solvers/exponential/slope_propagators.hpp"
 #include "../../cpp/src/solvers/exponential/watch.hpp"
 #include "exact_draws.hpp"
 
@@ -72,6 +73,61 @@ TEST_CASE("the last Gram polynomial is orthogonal to all of lower degree") {
         double sum = 0.0;
         for (std::size_t i = 0; i < nodes; ++i) sum += last_gram[i] * std::pow(static_cast<double>(i), p);
         CHECK(sum == 0.0);
+    }
+}
+
+TEST_CASE("propagators derived by a parameter are what differences of them tell") {
+    const exact::Matrix<double> A = lags({0.3, 40.0, 3000.0});
+    const std::vector<int> driven{0, 2};
+    // one that moves a pole and couples two lags, one that moves nothing
+    const std::vector<SlopePropagators::Slope> slopes{{{1, 1, -40.0}, {2, 1, 7.0}}, {}};
+    Propagators propagators(A, driven, 1e-3);
+    SlopePropagators derived(propagators, slopes);
+    const auto rows = static_cast<std::size_t>(propagators.rows()),
+               width = static_cast<std::size_t>(propagators.width());
+    std::vector<double> yc(width, 0.0);
+    for (std::size_t i = 0; i < 5; ++i) yc[i] = 1.0 + 0.3 * static_cast<double>(i);
+    for (std::size_t i = rows; i < width; ++i) yc[i] = std::cos(static_cast<double>(i));
+    const auto moved = [&](double h, const auto& advance) {
+        exact::Matrix<double> M = A;
+        for (const auto& e : slopes[0]) M(e.row, e.column) += h * e.value;
+        Propagators p(M, driven, 1e-3);
+        std::vector<double> y(yc);
+        advance(p, y);
+        return y;
+    };
+    constexpr double h = 1e-4;
+    const auto told_by_differences = [&](const auto& advance) {
+        const std::vector<double> up = moved(h, advance), down = moved(-h, advance);
+        std::vector<double> slope(5);
+        for (std::size_t i = 0; i < 5; ++i) slope[i] = (up[i] - down[i]) / (2.0 * h);
+        return slope;
+    };
+    for (const int level : {-9, -3, 0, 2, 5}) {
+        const std::vector<double> truth = told_by_differences([&](Propagators& p, std::vector<double>& y) {
+            std::vector<double> out(rows);
+            exact::kernels().multiply(p.rows(), p.width(), p.step(level), p.width(), y.data(), 1, out.data());
+            std::copy(out.begin(), out.end(), y.begin());
+        });
+        std::vector<double> found(2 * width, 0.0);
+        derived.add_step(level, yc.data(), found.data(), width);
+        for (std::size_t i = 0; i < 5; ++i) {
+            CHECK(found[i] == doctest::Approx(truth[i]).epsilon(1e-7).scale(1e-6));
+            CHECK(found[width + i] == 0.0);
+        }
+    }
+    const double length = 0.3 * std::ldexp(1e-3, propagators.finest());
+    const std::vector<double> truth = told_by_differences([&](Propagators& p, std::vector<double>& y) {
+        std::vector<double> scratch(2 * rows);
+        p.taylor(length, y.data(), scratch.data());
+    });
+    std::vector<double> y(yc), columns(2 * width, 0.0), plain(yc), scratch(2 * rows);
+    derived.taylor(length, y.data(), columns.data(), 2);
+    propagators.taylor(length, plain.data(), scratch.data());
+    for (std::size_t i = 0; i < 5; ++i) {
+        CHECK(y[i] == doctest::Approx(plain[i]).epsilon(1e-14));
+        CHECK(columns[i] == doctest::Approx(truth[i]).epsilon(1e-7).scale(1e-6));
+        CHECK(columns[width + i] == 0.0);
     }
 }
 

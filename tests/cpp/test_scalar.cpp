@@ -163,7 +163,7 @@ TEST_CASE("slopes come back over a trace, and second derivatives through duals o
         }
 }
 
-TEST_CASE("one walk back reaches every variable, and constants leave no trace") {
+TEST_CASE("one walk back reaches every variable, walks forward say the same, and constants leave no trace") {
     Trace trace;
     const Traced x = Traced::variable(0.7, trace), y = Traced::variable(1.3, trace);
     const Traced f = x * sin(y) + pow(y, x) * (Traced(2.0) * 0.5);
@@ -172,6 +172,12 @@ TEST_CASE("one walk back reaches every variable, and constants leave no trace") 
     trace.walk_back(0, trace.size(), bars);
     CHECK(bars[0] == doctest::Approx(std::sin(1.3) + std::pow(1.3, 0.7) * std::log(1.3)));
     CHECK(bars[1] == doctest::Approx(0.7 * std::cos(1.3) + 0.7 * std::pow(1.3, -0.3)));
+    for (const std::size_t seeded : {0, 1}) {  // the same forward, one variable at a time
+        std::vector<double> dots(trace.size(), 0.0);
+        dots[seeded] = 1.0;
+        trace.walk_forward(0, trace.size(), dots);
+        CHECK(f.weight * dots[static_cast<std::size_t>(f.node)] == doctest::Approx(bars[seeded]).epsilon(1e-14));
+    }
     const std::size_t written = trace.size();
     const Traced g = exp(-3.0 * (x + 1.0)) / 2.0 + x * 0.0 * y;
     CHECK(trace.size() == written);

@@ -150,8 +150,6 @@ def test_the_same_run_gives_the_same_bits() -> None:
     assert first.raw.statistics == second.raw.statistics
 
 
-def test_slopes_are_refused_by_name() -> None:
-    with pytest.raises(ValueError, match="engine = exponential: it has no slopes"):
-        seen("unbalance", "exponential", 1e-8, sensitivities=["table.J"])
+def test_a_method_of_another_engine_is_refused_by_name() -> None:
     with pytest.raises(ValueError, match="method is of the cvode engine alone"):
         seen("unbalance", "exponential", 1e-8, method="bdf")

@@ -25,6 +25,9 @@ class Trace {
     // bars: ∂(result)/∂(number), per number; those of [first, last) go to what they were made of.
     template <class Bar>
     void walk_back(std::size_t first, std::size_t last, std::vector<Bar>& bars) const;
+    // dots: ∂(number)/∂(something), per number; those of [first, last) come from what they were made of.
+    template <class Dot>
+    void walk_forward(std::size_t first, std::size_t last, std::vector<Dot>& dots) const;
 
   private:
     struct Link {
@@ -59,6 +62,15 @@ void Trace::walk_back(std::size_t first, std::size_t last, std::vector<Bar>& bar
         const Bar bar = bars[k];
         bars[static_cast<std::size_t>(link.a)] += link.weight_a * bar;
         bars[static_cast<std::size_t>(link.b)] += link.weight_b * bar;
+    }
+}
+
+template <class Dot>
+void Trace::walk_forward(std::size_t first, std::size_t last, std::vector<Dot>& dots) const {
+    for (std::size_t k = first; k < last; ++k) {
+        const Link& link = links_[k];
+        dots[k] += link.weight_a * dots[static_cast<std::size_t>(link.a)];
+        dots[k] += link.weight_b * dots[static_cast<std::size_t>(link.b)];
     }
 }
 

@@ -38,12 +38,39 @@ constexpr Handover::Price favoured(const Handover::Price& p) {
     constexpr double share = 2.0 / 3.0;
     return {share * p.rate, share * p.step, share * p.jacobian, share * p.look};
 }
+// What sensitivities cost besides (benchmarks/effects.py): eight directions of the model's derivatives for one evaluation
+// of the rates; the exponential engine's products per step and parameter, more where propagators depend on it, and those of
+// a tangent; and the algebra of a multistep method.
+constexpr double directions_of_explicit = 5.5, directions_of_exponential = 4.5, directions_of_bdf = 8.0;
+constexpr double products_of_a_step = 8.0, more_products_of_a_step = 24.0, products_of_a_tangent = 50.0,
+                 algebra_of_bdf = 1.4;
 constexpr double long_step = 0.064;  // s, of the exponential engine
 // Of the fastest pole times the time an explicit method makes of an evaluation: it takes twelve for a step that is stable
 // up to 6.
 constexpr double explicit_reach = 6.0 / 12.0;
 constexpr double finest_bdf = 1e-13;  // relative tolerance that arithmetic leaves a multistep method
 constexpr double exact_reach = 3.0;   // of |λ| times a step of the exact engine, whose series is that long
+
+struct Prices {
+    Handover::Price exponential, bdf;
+};
+
+// In evaluations by the explicit method with so many sensitivities along, some of them to first states.
+Prices prices(int states, int sensitivities, int first_states) {
+    Prices found{price_of_exponential, price_of_bdf};
+    if (sensitivities == 0) return found;
+    const auto evaluations = [](int n) { return static_cast<double>((n + directions - 1) / directions); };
+    const double chunks = evaluations(sensitivities), parameters = sensitivities, others = sensitivities - first_states;
+    found.exponential.step +=
+        directions_of_exponential * static_cast<double>(exponential::nodes) * (evaluations(states) + chunks) +
+        products_of_a_step * parameters + more_products_of_a_step * others;
+    found.exponential.jacobian += products_of_a_tangent * others;
+    found.bdf.step += directions_of_bdf * chunks + algebra_of_bdf * parameters;
+    for (Handover::Price* p : {&found.exponential, &found.bdf})
+        for (double* each : {&p->rate, &p->step, &p->jacobian, &p->look})
+            *each /= 1.0 + directions_of_explicit * chunks;
+    return found;
+}
 
 // Whether b is a whole multiple of a.
 bool divides(double a, double b) { return std::abs(b / a - std::round(b / a)) < near_multiple && b > 0.5 * a; }
@@ -143,20 +170,18 @@ void Simulation::refuse_what_is_not_exact(const std::string& impossible) const {
     if (!options_.gradient.empty()) refuse_gradient(impossible);
     if (options_.long_double && !(options_.sensitivities.empty() && options_.gradient.empty()))
         refuse("long_double = true: a reference run has no derivatives; leave one of them out");
-    if (options_.engine == Engine::exponential && !options_.sensitivities.empty())
-        refuse("engine = exponential: it has no slopes; take engine = auto, exact, explicit or cvode");
     if (wants_exact() && !impossible.empty())
         refuse("engine = exact: " + impossible + "; take engine = auto, exponential, explicit or cvode");
 }
 
 // Where nothing ticks, nothing comes back late and no recorded input changes its form often, the exponential engine is seldom
-// beaten, and says where it is.
+// beaten, and says where it is. Sensitivities do not see such an input: with them it may do so often.
 bool Simulation::steps_may_be_long() const {
     const exact::Generator generator(inputs_);
     const auto passed = std::count_if(generator.knots().begin(), generator.knots().end(),
                                       [this](double t) { return t > options_.start && t < options_.end; });
     const double apart = (options_.end - options_.start) / (1.0 + static_cast<double>(passed));
-    return layout_.clocks.empty() && layout_.delays.empty() && apart > long_step;
+    return layout_.clocks.empty() && layout_.delays.empty() && (apart > long_step || !parameters_.empty());
 }
 
 // No step passes a tick, or is longer than a delay, s; infinite where there are none.
@@ -174,9 +199,8 @@ double Simulation::turning_time() const {
     return turning;
 }
 
-// Slopes it has none.
 bool Simulation::suits_exponential() const {
-    return parameters_.empty() && exact::Generator(inputs_).size() + layout_.size() <= most_exact_states;
+    return exact::Generator(inputs_).size() + layout_.size() <= most_exact_states;
 }
 
 // Laws that are not affine, or whoever asks for it.
@@ -211,9 +235,16 @@ void Simulation::take_exact_solver(Solver::Size size) {
 }
 
 std::unique_ptr<Exponential> Simulation::exponential_solver(Solver::Size size) {
+    TracedParameters::Slots slots;
+    std::vector<double> scale;
+    for (const Parameter& p : parameters_) {
+        slots.push_back(p.slots);
+        scale.push_back(p.scale);
+    }
     return std::make_unique<Exponential>(
         *this, size, options_.rtol,
-        Exponential::Setup{machine_, inputs_, layout_, modes_, cell_, options_.start, exact_grid(), steps_.get()});
+        Exponential::Setup{machine_, inputs_, layout_, modes_, cell_, options_.start, exact_grid(), recorded_,
+                           std::move(slots), std::move(scale), steps_.get()});
 }
 
 void Simulation::take_exponential_solver(Solver::Size size) {
@@ -260,7 +291,10 @@ void Simulation::choose_solver(int guards, std::span<const double> parameter_sca
         const double rtol = std::min(options_.rtol, std::max(finest_bdf, share_of_bdf * options_.rtol));
         const bool possible_at_all = suits_exponential(), first_choice = possible_at_all && steps_may_be_long();
         const double first = first_choice ? Handover::late : Handover::soon;
-        const Handover::Price price = first_choice ? favoured(price_of_exponential) : price_of_exponential;
+        const auto first_states =
+            std::count_if(parameters_.begin(), parameters_.end(), [](const Parameter& p) { return p.slots.empty(); });
+        const Prices others = prices(size.states, size.sensitivities, static_cast<int>(first_states));
+        const Handover::Price price = first_choice ? favoured(others.exponential) : others.exponential;
         const double apart = longest_stretch();
         Handover::Candidate smooth{.make = exponential,
                                    .price = price,
@@ -275,10 +309,10 @@ void Simulation::choose_solver(int guards, std::span<const double> parameter_sca
              .best = explicit_reach / decays});
         if (possible_at_all && !first_choice) candidates.push_back(smooth);
         candidates.push_back({.make = [cvode, rtol] { return cvode(Method::bdf, rtol); },
-                              .price = price_of_bdf,
+                              .price = others.bdf,
                               .share = share_of_bdf,
                               .first = first,
-                              .best = std::min(apart, turning_time()) / price_of_bdf.step});
+                              .best = std::min(apart, turning_time()) / others.bdf.step});
         solver_ = std::make_unique<Handover>(std::move(candidates), size.sensitivities, options_.end);
     } else if (options_.method != Method::automatic)
         solver_ = cvode(options_.method, options_.rtol);

@@ -46,6 +46,7 @@ class Handover final : public Solver {
     void state_at(double t, double* z) const override { now().state_at(t, z); }
     void sensitivity_at(double t, int k, double* s) const override { now().sensitivity_at(t, k, s); }
     void quadrature_at(double t, double* q) const override { now().quadrature_at(t, q); }
+    bool signal_slopes_at(double t, double* slopes) const override { return now().signal_slopes_at(t, slopes); }
     std::span<const int> roots() const override { return now().roots(); }
     int looks() const override { return now().looks(); }
     bool keeps_off_guards() const override { return now().keeps_off_guards(); }

@@ -43,6 +43,26 @@ std::vector<double> TracedParameters::owed_to_parameters() const {
     return owed;
 }
 
+std::vector<std::vector<double>> TracedParameters::forward(std::span<const Traced> results) const {
+    std::vector<std::vector<double>> slopes(parameters_.size(), std::vector<double>(results.size(), 0.0));
+    std::vector<Lanes> dots;
+    for (std::size_t first = 0; first < parameters_.size(); first += lanes) {
+        const std::size_t count = std::min(lanes, parameters_.size() - first);
+        dots.assign(trace_.size(), Lanes{});
+        for (std::size_t l = 0; l < count; ++l)
+            for (const std::size_t slot : parameters_[first + l])
+                dots[static_cast<std::size_t>(values_[slot].node)].each[l] = 1.0;
+        trace_.walk_forward(0, trace_.size(), dots);
+        for (std::size_t r = 0; r < results.size(); ++r) {
+            const Traced& x = results[r];
+            if (x.weight == 0.0) continue;
+            for (std::size_t l = 0; l < count; ++l)
+                slopes[first + l][r] = x.weight * dots[static_cast<std::size_t>(x.node)].each[l];
+        }
+    }
+    return slopes;
+}
+
 Pullback::Pullback(const Machine& machine, const Inputs& inputs, const Layout& layout,
                    const TracedParameters::Slots& parameters)
     : parameters_(machine, parameters), model_(machine, inputs, layout), z_(static_cast<std::size_t>(layout.size())) {

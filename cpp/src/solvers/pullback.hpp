@@ -25,6 +25,9 @@ class TracedParameters {
     void walk_back();
     double owed(std::size_t number) const { return bars_[number]; }  // on the trace
     std::vector<double> owed_to_parameters() const;
+    // ∂(results)/∂(parameters) of what is on the trace, a row of results for each parameter: forward, where there are more
+    // results than parameters.
+    std::vector<std::vector<double>> forward(std::span<const Traced> results) const;
 
   private:
     const Slots parameters_;

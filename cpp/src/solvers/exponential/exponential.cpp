@@ -57,10 +57,18 @@ Exponential::Exponential(Problem& problem, Size size, double rtol, Setup setup)
       begin_work_(work_),
       guards_(nodes * guard_count_, 1.0),
       rate_(states_, 0.0),
-      before_(states_, 0.0) {}
+      before_(states_, 0.0) {
+    if (size.sensitivities > 0)
+        forward_.reset(
+            new Forward{{setup.machine, setup.inputs, setup.layout, generator_, setup.recorded, setup.parameters},
+                        exponential::Sensitivities({problem, generator_, setup.grid, rtol, size.states, setup.scale}),
+                        setup.start});
+}
 
 void Exponential::restart(double t, std::span<const double> atol, double quadrature_atol) {
+    bring_sensitivities();
     t_ = begin_ = t;
+    if (forward_) forward_->t = t;
     atol_.assign(atol.begin(), atol.end());
     quadrature_atol_ = quadrature_atol;
     now_ = nullptr;
@@ -113,7 +121,13 @@ bool Exponential::take_modes() {
         if (!finite_) return false;
         auto tangent = std::make_shared<exponential::Tangent>(
             exponential::Tangent{setup_.modes, t_, z_, {laws.A, driven_, setup_.grid}});
-        known.reset(new Frozen{std::move(tangent), {laws, driven_, setup_.grid}, 0});
+        known.reset(new Frozen{std::move(tangent), {laws, driven_, setup_.grid}, 0, {}, nullptr});
+        if (forward_) {
+            exponential::SlopeReader::Slopes slopes = forward_->reader.read(setup_.modes, t_, z_.data());
+            known->slopes =
+                std::make_unique<exponential::SlopePropagators>(known->tangent->propagators, std::move(slopes.rates));
+            known->outputs = std::move(slopes.outputs);
+        }
         ++counts_.jacobians;
     }
     now_ = known.get();
@@ -186,6 +200,8 @@ Solver::Outcome Exponential::step(double stop) {
         return Outcome::stopped;
     }
     if (taken_ && t_ < end_ && end_ <= stop) return deliver(stop);
+    bring_sensitivities();
+    taken_ = false;
     if (now_ && now_->held >= worth_a_tangent) {
         now_ = nullptr;
         past_.clear();
@@ -206,6 +222,7 @@ Solver::Outcome Exponential::step(double stop) {
             walk();
             look_for_suspects();
             e = std::max(e, defect_of_suspects());
+            if (forward_ && e <= 1.0 && !more_driven_) e = std::max(e, sensitivities_over_step());
         }
         if (more_driven_) {
             known_.clear();

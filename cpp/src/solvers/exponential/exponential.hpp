@@ -15,6 +15,8 @@
 #include "../exact/generator.hpp"
 #include "../exact/laws.hpp"
 #include "dualdrive/solver.hpp"
+#include "sensitivities.hpp"
+#include "slope_reader.hpp"
 #include "steps.hpp"
 #include "watch.hpp"
 
@@ -29,6 +31,9 @@ class Exponential final : public Solver {
         const Modes& modes;  // as they are whenever restart() is called
         const Cell& cell;
         double start, grid;                   // s; outputs and ticks come at start + k grid, mostly
+        const std::vector<int>& recorded;     // signals
+        TracedParameters::Slots parameters;   // slots that move together, per sensitivity
+        std::vector<double> scale;            // typical size of each parameter
         exponential::Steps* steps = nullptr;  // to write on, for the way back
     };
     Exponential(Problem& problem, Size size, double rtol, Setup setup);
@@ -39,11 +44,12 @@ class Exponential final : public Solver {
     double time() const override { return t_; }
     double previous_time() const override { return begin_; }
     std::span<double> state() override { return z_; }
-    std::span<double> sensitivity(int) override { return {}; }
+    std::span<double> sensitivity(int k) override;
     std::span<double> quadrature() override { return work_; }
     void go_back(double t) override;
     void state_at(double t, double* z) const override;
-    void sensitivity_at(double, int, double*) const override {}
+    void sensitivity_at(double t, int k, double* s) const override;
+    bool signal_slopes_at(double t, double* slopes) const override;
     void quadrature_at(double t, double* q) const override;
     std::span<const int> roots() const override { return {}; }
     int looks() const override { return static_cast<int>(exponential::intervals) - 1; }
@@ -70,6 +76,14 @@ class Exponential final : public Solver {
         std::shared_ptr<exponential::Tangent> tangent;
         exponential::Watch watch;
         int held;  // steps that were kept short by sweeps
+        exponential::SlopeReader::Outputs outputs;
+        std::unique_ptr<exponential::SlopePropagators> slopes;  // null without sensitivities
+    };
+    // Forward sensitivities, if any.
+    struct Forward {
+        exponential::SlopeReader reader;
+        exponential::Sensitivities sensitivities;
+        double t;  // at which sensitivities.now() is
     };
 
     // One step over all nodes, tried.
@@ -80,6 +94,9 @@ class Exponential final : public Solver {
     bool evaluate(std::size_t node);
     void evaluate_unseen(std::size_t node);
     bool evaluate_nodes();
+    double sensitivities_over_step();
+    void bring_sensitivities() const;
+    const double* sensitivities_at(double t) const;
     double begin_of_inputs() const;
     bool predict();
     double past(double places, std::size_t row) const;
@@ -130,6 +147,7 @@ class Exponential final : public Solver {
     std::vector<int> driven_;  // rows of y that the rest acts on, in any mode met so far
     std::map<Modes, std::unique_ptr<Frozen>> known_;
     Frozen* now_ = nullptr;
+    std::unique_ptr<Forward> forward_;
     Modes modes_;  // at the last restart
 
     double t_ = 0.0, begin_ = 0.0;                   // now; begin of the last piece
