@@ -205,7 +205,7 @@ def rows_of_slopes(work: Workload, rounds: int) -> list[list[str]]:
     """The error is the median over states and parameters of the worst over time."""
     true = slopes_of(work.run("explicit", FINEST, PARAMETERS, 10 * MOST_STEPS))
     rows = []
-    for engine in ("explicit", "Adams", "BDF"):
+    for engine in ("exponential", "explicit", "Adams", "BDF", "auto"):
         found = []
         for rtol in SLOPES_RTOLS:
             plain = min(timed(partial(work.run, engine, rtol))[0] for _ in range(rounds))

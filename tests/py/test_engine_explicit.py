@@ -281,12 +281,12 @@ def test_sensitivities_are_the_slopes_of_the_runs(case: Callable[[], Case]) -> N
 # ----------------------------------------------------------------------- which engine, and its ends
 
 
-def test_auto_takes_it_where_the_exponential_engine_has_no_slopes_or_no_long_steps() -> None:
+def test_auto_takes_it_where_the_exponential_engine_has_no_long_steps() -> None:
     machine, motion, _, initial = cogging_and_ripple()
     auto = run(machine, core_inputs(motion), 0.1, initial=initial)
     assert auto.raw.statistics["method"] == "exponential"
     slopes = run(machine, core_inputs(motion), 0.1, initial=initial, sensitivities=["table.J"])
-    assert slopes.raw.statistics["method"] == "dop853"
+    assert slopes.raw.statistics["method"] == "exponential"
     late, motion, _, initial = late_sensor_and_sampled_loops()
     assert run(late, core_inputs(motion), 0.1, initial=initial).raw.statistics["method"] == "dop853"
     adams = run(machine, core_inputs(motion), 0.1, initial=initial, method="adams")
@@ -324,7 +324,7 @@ def test_slopes_are_handed_over_too() -> None:
     names = ("table.J", "controller.K_v", "lugre@motor_1.torque")
     auto = seen_by("auto", sliding_bristles(), 1e-10, sensitivities=names)
     truth = seen_by("cvode", sliding_bristles(), 1e-12, method="bdf", sensitivities=names)
-    assert auto.raw.statistics["method"] == "dop853, bdf"
+    assert auto.raw.statistics["method"].endswith(", bdf")
     for name in names:
         for signal in ("theta_m", "omega_m"):
             expected = truth.slope(signal, name)

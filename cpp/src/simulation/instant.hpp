@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <sstream>
 #include <string>
 
@@ -10,6 +11,10 @@ namespace dualdrive {
 
 // Times nearer than this are one time.
 inline double instant(double t) { return 1e-12 * std::max(1.0, std::abs(t)); }
+// What rounding leaves of a difference of times: in an instant a fast motion moves by more.
+inline double rounding_of(double t) {
+    return 16.0 * std::numeric_limits<double>::epsilon() * std::max(1.0, std::abs(t));
+}
 
 inline std::string text(double v) {
     std::ostringstream s;

@@ -114,6 +114,7 @@ class Exponential final : public Solver {
 
     // The step taken, in pieces: up to the next stretch that needs a close look for crossings, and over that.
     Outcome deliver(double stop);
+    std::size_t stretches() const;
     void walk();
     void look_for_suspects();
     void look_on();

@@ -23,8 +23,7 @@ constexpr double straight = 0.01;  // of what a guard keeps off zero: a bend of 
 
 // Up to the next suspect, or over it.
 Solver::Outcome Exponential::deliver(double stop) {
-    const auto reached = static_cast<std::size_t>(std::ceil((end_ - origin_) / stride() - 1e-9)),
-               last = std::min(reached, points_);  // the end may lie a rounding beyond the last node
+    const std::size_t last = std::min(stretches(), points_);  // the end may lie a rounding beyond the last node
     if (position_ >= looked_ && position_ < last) look_on();
     keeps_off_ = suspects_.empty() || suspects_.back() != position_;
     if (!keeps_off_) {
@@ -42,13 +41,19 @@ Solver::Outcome Exponential::deliver(double stop) {
     return t == stop ? Outcome::stopped : Outcome::stepped;
 }
 
+// Of the walk, to the end of the step. One that is no longer than times are told apart by is none: a break at the end would be
+// passed before it.
+std::size_t Exponential::stretches() const {
+    const double count = std::ceil((end_ - origin_ - instant(end_)) / stride());
+    return static_cast<std::size_t>(std::max(count, 1.0));
+}
+
 // y and c on points as near to each other as the walk needs them, up to the end of the step at least.
 void Exponential::walk() {
     walk_level_ = std::min({level_, 0, propagators().finest() + coarser}) - finer_;
     const std::size_t m = driven_.size(), per_node = std::size_t{1} << (level_ - walk_level_),
                       all = intervals * per_node;
-    const auto needed = static_cast<std::size_t>(std::ceil((end_ - origin_) / stride() - 1e-9));
-    points_ = std::min(all, (needed + 1) / 2 * 2);
+    points_ = std::min(all, (stretches() + 1) / 2 * 2);
     position_ = 0;
     looks_ += static_cast<long>((points_ + chunk - 1) / chunk);
     walked_.resize((points_ + 1) * width());
@@ -204,7 +209,7 @@ void Exponential::advance_freely(int level, double length) const {
     double* const c = probe_.data() + rows();
     std::copy_n(c, terms * m, kept_.begin());
     double unit = std::ldexp(setup_.grid, level);
-    const double little = instant(origin_ + length);
+    const double little = rounding_of(origin_ + length);
     for (; level >= propagators().finest() && length > little; --level) {
         const double part = std::ldexp(setup_.grid, level);
         if (length < part - little) continue;
@@ -228,7 +233,7 @@ const double* Exponential::at(double t) const {
     const auto near = static_cast<std::size_t>(
         std::clamp(std::floor((t - origin_) / stride() + 1e-9), 0.0, static_cast<double>(points_)));
     const double from = origin_ + static_cast<double>(near) * stride();
-    if (t - from <= instant(t) || near == points_) return point(near);
+    if (t - from <= rounding_of(t)) return point(near);
     ++looks_;
     std::copy_n(point(near), width(), probe_.begin());
     advance(walk_level_, from, t);

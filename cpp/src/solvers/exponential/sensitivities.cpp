@@ -246,7 +246,7 @@ void Sensitivities::bring(double t) {
 const double* Sensitivities::at(double t) {
     const double places = std::clamp((t - step_->origin) / delta_ + 1e-9, 0.0, static_cast<double>(intervals));
     const auto node = static_cast<std::size_t>(places);
-    if (!(at_.t <= t + instant(t)) || at_.t < node_time(node) - instant(t)) {
+    if (!(at_.t <= t + rounding_of(t)) || at_.t < node_time(node) - rounding_of(t)) {
         at_.t = node_time(node);
         const double* const yc = step_->columns + node * width_;
         at_.yc.assign(yc, yc + width_);
@@ -272,7 +272,7 @@ void Sensitivities::march(Moment& at, double to) {
 
 // Over the halvings of the level that make up the time, and by a series over the rest.
 void Sensitivities::march_freely(Moment& at, double length) {
-    const double little = instant(at.t + length);
+    const double little = rounding_of(at.t + length);
     for (int level = step_->level; level >= step_->propagators->finest() && length > little; --level) {
         const double part = std::ldexp(setup_.grid, level);
         if (length < part - little) continue;
