@@ -32,13 +32,15 @@ def uneven(law: str = "", **control: float) -> _core.Machine:
 
 def slopes(
     machine: _core.Machine, engine: str, rtol: float, end: float = 1.2,
-    parameters: list[str] = PARAMETERS, command: Mapping[str, object] = SINE, **options: object,
+    parameters: list[str] = PARAMETERS, command: Mapping[str, _core.Waveform] = SINE, **options: object,
 ) -> Run:  # fmt: skip
     return run(machine, command, end, rtol=rtol, engine=engine, signals=SIGNALS,
                sensitivities=parameters, **options)  # type: ignore[arg-type]  # fmt: skip
 
 
-def apart(found: Run, truth: Run, machine: _core.Machine, parameters: list[str] = PARAMETERS) -> float:
+def apart(
+    found: Run, truth: Run, machine: _core.Machine, parameters: list[str] = PARAMETERS
+) -> float:
     """The worst slope's largest difference, over its own peak or, where a parameter hardly matters,
     a millionth of what would move the signal by its own peak."""
     told, true = (np.asarray(r.raw.sensitivities) for r in (found, truth))
