@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from core_machines import Array, Run, core_inputs, core_machine, run, set_all
+from core_random import RandomMachine
 from dualdrive import _core
 from reference_model import bench, sine
 from test_engine_exponential import LAWS, SIGNALS, order
@@ -32,7 +33,8 @@ def uneven(law: str = "", **control: float) -> _core.Machine:
 
 def slopes(
     machine: _core.Machine, engine: str, rtol: float, end: float = 1.2,
-    parameters: list[str] = PARAMETERS, command: Mapping[str, _core.Waveform] = SINE, **options: object,
+    parameters: list[str] = PARAMETERS, command: Mapping[str, _core.Waveform] = SINE,
+    **options: object,
 ) -> Run:  # fmt: skip
     return run(machine, command, end, rtol=rtol, engine=engine, signals=SIGNALS,
                sensitivities=parameters, **options)  # type: ignore[arg-type]  # fmt: skip
@@ -117,6 +119,17 @@ def test_what_comes_back_late_is_followed() -> None:
     truth = slopes(machine, "explicit", 1e-11, parameters=asked)
     found = slopes(machine, "exponential", 1e-9, parameters=asked)
     assert apart(found, truth, machine, asked) < 1e-6
+
+
+@pytest.mark.parametrize(("seed", "name"), [(285, "controller.delta_c"), (71, "controller.f_v")])
+def test_what_jumps_a_delay_later_jumps_at_the_end_of_a_step(seed: int, name: str) -> None:
+    """A step that ends within 1e-12 s before it has left the jump to the next step, as a crossing
+    of a limiter's own: slopes were off by seven times their size, the states by nothing."""
+    m = RandomMachine(seed)
+    truth, found = (slopes(m.machine, engine, rtol, 0.45, [name], m.inputs, initial=m.initial)
+                    for engine, rtol in (("explicit", 1e-11), ("exponential", 1e-8)))  # fmt: skip
+    assert order(found) == order(truth)
+    assert apart(found, truth, m.machine, [name]) < 1e-5
 
 
 def test_sampled_loops_carry_them_from_tick_to_tick() -> None:
