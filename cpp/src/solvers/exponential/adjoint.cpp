@@ -139,7 +139,7 @@ void Adjoint::open(const Entry& entry) {
 void Adjoint::arrive(double t, const double* lambda) {
     const double places = std::clamp((t - step_->origin) / step_->delta, 0.0, static_cast<double>(intervals));
     const auto node = static_cast<std::size_t>(places + 1e-9);
-    if (node == intervals || t - node_time(node) <= instant(t))
+    if (node == intervals || t - node_time(node) <= rounding_of(t))
         for (int i = 0; i < lambda_rows_; ++i) within_[node * tall_ + static_cast<std::size_t>(i)] += lambda[i];
     else
         arrivals_.push_back({node, t, {lambda, lambda + lambda_rows_}});

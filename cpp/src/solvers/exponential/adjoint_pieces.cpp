@@ -89,7 +89,7 @@ double Adjoint::find_pieces(std::size_t node, Vector& y, double from, double to)
 }
 
 void Adjoint::find_pieces_between_knots(std::size_t node, Vector& y, double from, double to) {
-    const double little = instant(to);
+    const double little = rounding_of(to);
     const std::size_t m = propagators_->driven().size(), rows = y.size();
     const double* const c = column(node) + rows;
     const auto begin = [&](int level, double length, bool series) -> Piece& {
