@@ -26,17 +26,21 @@ def grey_box(
     noise: Callable[[np.random.Generator, int], Array] = coloured,
     late: float = 0.0,
     motion: Any = REVERSALS,
+    rounding: Array | None = None,
 ) -> GreyBox:
     """The machine's, where the true one has been recorded on a motion.
 
     noise: of the sensors, (random, samples) -> shape (samples, channels)
     late:  of the first motor's encoder, s
+    rounding: the smallest step of every channel, shape (channels,)
     """
     clean = run(true, {"theta_ref": motion}, samples)
     seen = clean + noise(np.random.default_rng(seed), samples)
     k = CHANNELS.index("theta_1")
     rate = np.gradient(clean[:, k], STEP)
     seen[:, k] += late * (0.5 * late * np.gradient(rate, STEP) - rate)
+    if rounding is not None:
+        seen = rounding * np.round(seen / rounding)
     t = STEP * np.arange(samples, dtype=np.float64)
     columns = dict(zip(CHANNELS, seen.T, strict=True))
     trace = Trace(t, {"theta_ref": motion.value(t), **columns}, name="record")
