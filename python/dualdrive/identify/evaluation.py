@@ -133,7 +133,7 @@ def state_unknowns(core: Any, played: Sequence[Record]) -> list[StateUnknown]:
     """What is not known of the state in which each record begins, and how well it is known.
 
     The angle within its sensor's noise, speeds within 5 %, twists within a third of the play. A
-    loop that has settled has forgotten its initial state.
+    loop that had time to settle has forgotten its initial state, but for how long ago that began.
     """
     found = []
     units = dict(core.states())

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,9 @@ INTERPOLATIONS = ("auto", "cubic", "linear", "hold")
 _DIED_AWAY = 18.5  # time constants after which 1e-8 is left, as accurate as a replay is
 _LONGEST = 120.0  # s: a loop that takes longer to settle drifts, and so does the machine
 _FREE = 1e-7  # of the fastest pole: as good as zero
+_HALVINGS = 8  # of the time a loop takes to settle: how long ago it may have been switched on
+_WORSE = 2  # of them in a row that are farther off than the best: longer ones are, too
+_CLEARLY = 0.9  # times what another start leaves: the one that is taken leaves less
 _SHORTEST = 16  # samples; a shorter stretch between two breaks says nothing
 
 
@@ -102,7 +106,8 @@ def records(
             and ``linear`` where it is not, unless told; a sampled loop reads it at its ticks.
         start: ``rest`` (drives switched on at the first sample), ``settled`` (the loop had long
             held the first position, or followed the line on which the command comes in), or
-            ``auto``: whichever meets the first second better.
+            ``auto``: whichever meets the first second better, and of a loop that was switched
+            on before, how long ago, where the whole record says so.
         settings: name of a trace -> parameter path -> SI value that held while it was recorded,
             such as ``controller.T_ten``.
 
@@ -157,16 +162,21 @@ def _record(
     at_rest = replace(record, initial=_state_at_start(core, record))
     if start == "rest":
         return at_rest
-    settled = _settled(core, record, extend=motion is None)
-    return settled if start == "settled" else _better_start(core, at_rest, settled)
+    before = partial(_switched_on, core, record, extend=motion is None)
+    settled = before(_settling_time(core))
+    if start == "settled":
+        return settled
+    better = _better_start(core, at_rest, settled)
+    return _lately_switched_on(core, settled, before) if better is settled else better
 
 
-def _settled(core: Any, record: Record, *, extend: bool) -> Record:
+def _switched_on(core: Any, record: Record, time: float, *, extend: bool) -> Record:
     """The same after the loop had time to settle on the line that leads into the record.
 
+    time: since the drives were switched on, s; whole samples of the controller's loops
     extend: the command is a recording, which says nothing of the time before
     """
-    t0, time = float(record.t[0]), _settling_time(core)
+    time, t0 = _in_whole_samples(core, time), float(record.t[0])
     command = record.inputs["theta_ref"]
     if extend and record.moves_at_once:
         rate = float(command.rate(t0))
@@ -185,30 +195,62 @@ def _settled(core: Any, record: Record, *, extend: bool) -> Record:
     )
 
 
+def _lately_switched_on(core: Any, settled: Record, before: Callable[[float], Record]) -> Record:
+    """The same, its drives switched on less long ago, where the record says so clearly.
+
+    The slowest motions of a loop, that of its tension as a rule, take many seconds to die away.
+    They show over the whole record, where a law that is missing shows at any time alike.
+
+    before: time since the drives were switched on, s -> the record
+    """
+    from scipy.optimize import minimize_scalar
+
+    longest, found = float(settled.t[0]) - settled.begin, dict[float, float]()
+    for k in range(_HALVINGS, 0, -1):
+        found[longest / 2.0**k] = _misfit(core, before(longest / 2.0**k))
+        nearest = min(found, key=lambda time: found[time])
+        if len(found) - list(found).index(nearest) > _WORSE:
+            break
+    if not found[nearest] < _CLEARLY * _misfit(core, settled):
+        return settled
+    at_best = minimize_scalar(
+        lambda x: _misfit(core, before(math.exp(x))),
+        bounds=(math.log(0.5 * nearest), math.log(2.0 * nearest)),
+        method="bounded",
+        options={"xatol": 0.02, "maxiter": 20},
+    )
+    return before(math.exp(at_best.x) if at_best.fun < found[nearest] else nearest)
+
+
 def _better_start(core: Any, *candidates: Record) -> Record:
     """The one that lies nearer to the record at first; the first where neither runs.
 
     Judged by what comes before the command moves, where that is long enough, else by the first
     second: once it moves, a wrong inertia weighs more than flanks that stood open.
     """
-    from dualdrive.replay.run import play
-
     best, least = candidates[0], math.inf
     for record in candidates:
-        first = replace(record, t=record.t[: _beginning(record)])
-        replay = play(core, first)
-        if not replay.ok:
-            continue
-        n = len(first.t)
-        off = [
-            float(np.mean((r - c.floating * np.median(r)) ** 2)) / c.spread**2
-            for c in record.channels
-            if c.headline
-            for r in [replay.simulated[c.name] - c.measured[:n]]
-        ]
-        if (size := float(np.mean(off)) if off else 0.0) < 0.9 * least:
+        if (size := _misfit(core, record, _beginning(record))) < _CLEARLY * least:
             best, least = record, size
     return best
+
+
+def _misfit(core: Any, record: Record, samples: int | None = None) -> float:
+    """Mean square of what a replay leaves of so many samples, over spreads; infinite: it fails."""
+    from dualdrive.replay.run import play
+
+    first = replace(record, t=record.t[:samples])
+    replay = play(core, first)
+    if not replay.ok:
+        return math.inf
+    n = len(first.t)
+    off = [
+        float(np.mean((r - c.floating * np.median(r)) ** 2)) / c.spread**2
+        for c in record.channels
+        if c.headline
+        for r in [replay.simulated[c.name] - c.measured[:n]]
+    ]
+    return float(np.mean(off)) if off else 0.0
 
 
 def _beginning(record: Record) -> int:
@@ -220,7 +262,7 @@ def _beginning(record: Record) -> int:
 
 
 def _settling_time(core: Any) -> float:
-    """Until the slowest motion of the closed loop has died away, at least 2 s, in whole samples.
+    """Until the slowest motion of the closed loop has died away, at least 2 s.
 
     Poles of the whole loop, position loop and equaliser among them; of a loop that does not settle
     by itself, and of one whose poles are not known, the longest of the controller's own times.
@@ -228,11 +270,16 @@ def _settling_time(core: Any) -> float:
     slow = max(core.get(f"controller.{n}") for n in ("T_N", "T_E", "tau_t"))
     rate = _slowest_decay(core)
     settled = _DIED_AWAY / rate if rate > 0.0 else 20.0 * slow
+    return min(max(2.0, settled), _LONGEST)
+
+
+def _in_whole_samples(core: Any, time: float) -> float:
+    """A time, s, prolonged to the next tick of the slowest of the sampled loops."""
     samples: list[float] = [
         core.get(f"controller.{n}_sample") for n in ("position", "tension", "speed", "current")
     ]
     whole = max([s for s in samples if s > 0], default=1e-3)
-    return float(whole * math.ceil(min(max(2.0, settled), _LONGEST) / whole))
+    return float(whole * math.ceil(time / whole))
 
 
 def _slowest_decay(core: Any) -> float:

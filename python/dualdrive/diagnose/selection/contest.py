@@ -205,6 +205,7 @@ class Contest:
 
         """
         found, behind = list[Fitted](), list[Fitted]()  # all, and those before one sufficed
+        far_off = list[Point]()
         settled = next((f for f in known if self.suffices(f)), None)
         columns: list[Array] | None = None
         for point, noise in sorted(places, key=lambda place: place[0].minus_two_log):
@@ -224,6 +225,7 @@ class Contest:
                 if there is not None and _near(there, settled):
                     theta, noise = there.point.theta, settled.noise
                 elif there is not None and not confused(settled.variant, point.variant):
+                    far_off.append(point)
                     continue
             elif not approached:
                 near = self._approached((point, noise))
@@ -240,7 +242,12 @@ class Contest:
                 settled, behind = own, found[:-1]
         enough = filter(self.suffices, [*known, *found])
         best = min(enough, key=lambda f: f.point.minus_two_log, default=None)
-        return [self._at_its_best(f, best) if best and f in behind else f for f in found]
+        if best is None:
+            return found
+        # what may be taken for the best of them was far from the first of them, no more
+        alike = [p for p in far_off if best is not settled and confused(best.variant, p.variant)]
+        others = [own for p in alike if (own := self._beside(best, p))]
+        return [self._at_its_best(f, best) if f in behind else f for f in found] + others
 
     def _begins(self, settled: Fitted, point: Point) -> list[Array]:
         """Where a law may begin beside one that suffices, shape (unknowns,) each."""
@@ -252,15 +259,19 @@ class Contest:
         """What a law that suffices is taken for, once more from its numbers if it stayed behind."""
         if f is best or _near(f, best) or not confused(best.variant, f.variant):
             return f
-        self.tell(f"{f.variant.key} from the numbers of {best.variant.key}")
-        places = [(theta, best.noise) for theta in self._begins(best, f.point)]
-        seen = [p for p in self.grey.likelihoods(f.variant, places) if p]
-        if not seen:
-            return f
+        own = self._beside(best, f.point)
+        return own if own and own.point.minus_two_log < f.point.minus_two_log else f
+
+    def _beside(self, best: Fitted, point: Point) -> Fitted | None:
+        """A law once more, from the numbers of one that suffices; None where it is lost."""
+        self.tell(f"{point.variant.key} from the numbers of {best.variant.key}")
+        places = [(theta, best.noise) for theta in self._begins(best, point)]
+        seen = [p for p in self.grey.likelihoods(point.variant, places) if p]
+        if not seen or self.grey.counter.stop():
+            return None
         theta = min(seen, key=lambda p: p[0].minus_two_log)[0].theta
         lead = best.point.minus_two_log
-        own = self.estimator.likeliest(self.grey, f.variant, theta, best.noise, rival=lead)
-        return own if own and own.point.minus_two_log < f.point.minus_two_log else f
+        return self.estimator.likeliest(self.grey, point.variant, theta, best.noise, rival=lead)
 
 
 def _tied(ranked: Sequence[_Ranked]) -> tuple[list[Place], list[_Ranked]]:
