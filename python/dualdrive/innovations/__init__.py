@@ -16,7 +16,7 @@ from dualdrive.innovations.likelihood import maximum_likelihood
 from dualdrive.innovations.noise import Noise, drive_torque, first_noise, least_noise
 from dualdrive.innovations.records import Predictable, predictable
 from dualdrive.innovations.stretches import some
-from dualdrive.innovations.variant import Point, Variant, carried, counted, flat
+from dualdrive.innovations.variant import Point, Variant, carried, flat
 from dualdrive.innovations.whole_record import Simulated, simulated
 
 __all__ = [
@@ -32,7 +32,6 @@ __all__ = [
     "carried",
     "changes",
     "coordinates",
-    "counted",
     "deviations",
     "drive_torque",
     "first_noise",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dualdrive.innovations.derivatives import slopes, slopes_nearby
 from dualdrive.innovations.greybox import GreyBox
-from dualdrive.innovations.variant import Point, Variant, counted, flat
+from dualdrive.innovations.variant import Point, Variant, flat
 
 Array = NDArray[np.float64]
 
@@ -23,10 +23,10 @@ _ENOUGH = 0.3  # of the objective: a step that brings less ends the fit
 
 def inflation(point: Point, lengths: Sequence[int] = (1, 50, 400)) -> float:
     """By how much whitened residuals still count themselves, from sums over blocks; 1 if white."""
-    worst, known = 1.0, counted(point.residuals)
+    worst = 1.0
     for m in lengths:
         total, rows = 0.0, 0
-        for r in known:
+        for r in point.residuals:
             n = len(r) // m * m
             if n == 0:
                 continue

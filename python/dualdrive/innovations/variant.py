@@ -87,14 +87,6 @@ def carried(point: Point, variant: Variant, otherwise: Array) -> Array:
     return found
 
 
-def counted(residuals: Sequence[Array]) -> list[Array]:
-    """Rows that a likelihood counts, shape (rows, channels) each; what it is given first is nought.
-
-    Where stretches begin, a filter still looks for the state (`prediction.GIVEN`).
-    """
-    return [r[np.any(r != 0.0, axis=1)] for r in residuals]
-
-
 def flat(residuals: Sequence[Array]) -> Array:
     """All rows end to end."""
     return np.concatenate([r.ravel() for r in residuals])

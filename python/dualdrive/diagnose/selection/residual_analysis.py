@@ -10,7 +10,7 @@ import numpy as np
 
 from dualdrive.diagnose.selection.fitted import Fitted
 from dualdrive.estimation.thresholds import threshold
-from dualdrive.innovations import GreyBox, counted, drive_torque
+from dualdrive.innovations import GreyBox, drive_torque
 
 _LONGEST = 400  # samples that the inflation sums over
 _SURE = 4.0  # standard deviations of a sum of squares
@@ -48,7 +48,7 @@ def suffices(core: Any, grey: GreyBox, f: Fitted) -> bool:
 
 def white(f: Fitted) -> bool:
     """Whether the inflation is that of white innovations, as many as there are."""
-    values = max(sum(r.size for r in counted(f.point.residuals)), 1)
+    values = sum(r.size for r in f.point.residuals)
     scatter = _SURE * math.sqrt(2.0 * _LONGEST / values)
     return f.inflation <= max(threshold("white"), 1.0 + scatter)
 
