@@ -124,6 +124,7 @@ WORKLOADS: dict[str, Callable[[], _core.Machine]] = {
     "lugre at the motors, stiff": partial(heavy, *on_motors("lugre", **BRISTLES)),
 }
 SLOPED = ("stribeck at the table", "eccentric ring and pinion", "torque ripple, many impacts")
+UNEVEN = 1.01  # times the other gap: of two contacts at one instant no derivative by either exists
 
 
 def replayed() -> _core.Waveform:
@@ -203,6 +204,7 @@ def slopes_of(run: core_machines.Run) -> Array:
 
 def rows_of_slopes(work: Workload, rounds: int) -> list[list[str]]:
     """The error is the median over states and parameters of the worst over time."""
+    work.machine.set("mesh_2.gap", UNEVEN * work.machine.get("mesh_2.gap"))
     true = slopes_of(work.run("explicit", FINEST, PARAMETERS, 10 * MOST_STEPS))
     rows = []
     for engine in ("exponential", "explicit", "Adams", "BDF", "auto"):
