@@ -63,6 +63,29 @@ void bind_effect_types(nb::module_& m) {
         .def_ro("value", &Parameter::value)
         .def_ro("counted", &Parameter::counted, "Counted, chosen or read off: not fitted unless it is named.");
 
+    nb::class_<HypothesisText>(m, "HypothesisText", "What an effect means where it may be what a machine lacks.")
+        .def_prop_ro(
+            "called", [](const HypothesisText& h) { return std::string(h.called); },
+            "As engineers call it; empty where that is its name.")
+        .def_prop_ro(
+            "untried", [](const HypothesisText& h) { return std::string(h.untried); },
+            "Why no search puts it in; empty where one does.")
+        .def_prop_ro(
+            "places", [](const HypothesisText& h) { return std::string(h.places); },
+            "Where a search puts it in, comma-separated; empty: at all its usual places.")
+        .def_prop_ro(
+            "contains", [](const HypothesisText& h) { return std::string(h.contains); },
+            "Simpler laws that it is at a limit of its numbers, comma-separated, the nearest first.")
+        .def_prop_ro(
+            "carrier", [](const HypothesisText& h) { return std::string(h.carrier); },
+            "What multiplies its harmonics: torque of the drive, direction of motion, or nothing.")
+        .def_ro("lowest_order", &HypothesisText::lowest_order, "Below it a harmonic is another law's.")
+        .def_ro("friction", &HypothesisText::friction, "Friction beside the laws of dry friction.")
+        .def_ro("causes", &HypothesisText::causes, "Whether every number is a cause of its own.")
+        .def_ro("clips", &HypothesisText::clips, "Whether a signal that stands at an extreme may be its doing.")
+        .def_ro("scales", &HypothesisText::scales,
+                "Whether it is, in a torque balance, a factor of all inertias and frictions.");
+
     nb::class_<EffectType>(m, "EffectType", "A physical effect of the registry: what can be added to a machine.")
         .def_prop_ro("name", [](const EffectType& e) { return std::string(e.text.name); })
         .def_prop_ro("equation", [](const EffectType& e) { return std::string(e.text.equation); })
@@ -71,6 +94,10 @@ void bind_effect_types(nb::module_& m) {
         .def_prop_ro("confused_with", [](const EffectType& e) { return std::string(e.text.confused_with); })
         .def_prop_ro("brings", [](const EffectType& e) { return std::string(e.text.brings); })
         .def_prop_ro("places", [](const EffectType& e) { return std::string(e.text.places); })
+        .def_prop_ro("hypothesis", [](const EffectType& e) { return e.text.hypothesis; })
+        .def_prop_ro(
+            "by_load", [](const EffectType& e) { return e.text.by_load; }, "Whether it needs the torque of a mesh.")
+        .def_prop_ro("invertible", &EffectType::invertible, "Whether the motion follows from what such a sensor says.")
         .def_prop_ro("affine", [](const EffectType& e) { return e.text.affine; })
         .def_prop_ro("acts_on", &acts_on)
         .def_ro("memory", &EffectType::memory, "How many states of its own it brings: bristles that bend, for one.")

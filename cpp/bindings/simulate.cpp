@@ -218,6 +218,23 @@ void bind_simulate(nb::module_& m) {
         "Returns (values, d value / d signal, d value / d parameter), shapes (n,), (n,), (n, parameters). Raises "
         "ValueError.");
 
+    m.def("delay_of", &delay_of, nb::arg("machine"), nb::arg("label"),
+          "By how much an effect makes a reading late, s. Raises ValueError for an unknown label.");
+    m.def(
+        "taken_back",
+        [](const Machine& machine, const std::string& label, const Doubles& angle, const Doubles& speed,
+           const Doubles& acceleration) {
+            SensedMotion found =
+                taken_back(machine, label, {vector_of(angle), vector_of(speed), vector_of(acceleration)});
+            const std::size_t rows = found.angle.size();
+            return std::make_tuple(array(std::move(found.angle), {rows}), array(std::move(found.speed), {rows}),
+                                   array(std::move(found.acceleration), {rows}));
+        },
+        nb::arg("machine"), nb::arg("label"), nb::arg("angle"), nb::arg("speed"), nb::arg("acceleration"),
+        "The motion (rad, rad/s, rad/s^2, shape (n,) each) that stood at the sensor of an effect when it said this.\n\n"
+        "Of effects whose type is invertible; a delay is left out. Raises ValueError where a reading belongs to more "
+        "than one angle.");
+
     m.def(
         "torque_balance",
         [](const Machine& machine, const std::map<std::string, Doubles>& channels,

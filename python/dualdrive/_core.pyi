@@ -213,6 +213,57 @@ class Parameter:
     def counted(self) -> bool:
         """Counted, chosen or read off: not fitted unless it is named."""
 
+class HypothesisText:
+    """What an effect means where it may be what a machine lacks."""
+
+    @property
+    def called(self) -> str:
+        """As engineers call it; empty where that is its name."""
+
+    @property
+    def untried(self) -> str:
+        """Why no search puts it in; empty where one does."""
+
+    @property
+    def places(self) -> str:
+        """
+        Where a search puts it in, comma-separated; empty: at all its usual places.
+        """
+
+    @property
+    def contains(self) -> str:
+        """
+        Simpler laws that it is at a limit of its numbers, comma-separated, the nearest first.
+        """
+
+    @property
+    def carrier(self) -> str:
+        """
+        What multiplies its harmonics: torque of the drive, direction of motion, or nothing.
+        """
+
+    @property
+    def lowest_order(self) -> float:
+        """Below it a harmonic is another law's."""
+
+    @property
+    def friction(self) -> bool:
+        """Friction beside the laws of dry friction."""
+
+    @property
+    def causes(self) -> bool:
+        """Whether every number is a cause of its own."""
+
+    @property
+    def clips(self) -> bool:
+        """Whether a signal that stands at an extreme may be its doing."""
+
+    @property
+    def scales(self) -> bool:
+        """
+        Whether it is, in a torque balance, a factor of all inertias and frictions.
+        """
+
 class EffectType:
     """A physical effect of the registry: what can be added to a machine."""
 
@@ -236,6 +287,17 @@ class EffectType:
 
     @property
     def places(self) -> str: ...
+
+    @property
+    def hypothesis(self) -> HypothesisText: ...
+
+    @property
+    def by_load(self) -> bool:
+        """Whether it needs the torque of a mesh."""
+
+    @property
+    def invertible(self) -> bool:
+        """Whether the motion follows from what such a sensor says."""
 
     @property
     def affine(self) -> bool: ...
@@ -503,6 +565,18 @@ def record(machine: Machine, channel: str, t: Annotated[NDArray[numpy.float64], 
     What the recorder of a channel writes down of its signal, late as it is.
 
     Returns (values, d value / d signal, d value / d parameter), shapes (n,), (n,), (n, parameters). Raises ValueError.
+    """
+
+def delay_of(machine: Machine, label: str) -> float:
+    """
+    By how much an effect makes a reading late, s. Raises ValueError for an unknown label.
+    """
+
+def taken_back(machine: Machine, label: str, angle: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], speed: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], acceleration: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64], NDArray[numpy.float64]]:
+    """
+    The motion (rad, rad/s, rad/s^2, shape (n,) each) that stood at the sensor of an effect when it said this.
+
+    Of effects whose type is invertible; a delay is left out. Raises ValueError where a reading belongs to more than one angle.
     """
 
 def torque_balance(machine: Machine, channels: Mapping[str, Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]], parameters: Sequence[str] = [], standstill: float = 0.0) -> dict[str, Any]:

@@ -159,6 +159,27 @@ TEST_CASE("declarations are complete and consistent") {
         for (const auto& rival : split(type.text.confused_with)) CHECK_MESSAGE(names.contains(rival), rival);
 }
 
+TEST_CASE("what an effect means as a hypothesis is said of effects, places and carriers that there are") {
+    const std::set<std::string> carriers{"", "torque", "direction"};
+    for (const auto& type : effect_types()) {
+        CAPTURE(std::string(type.text.name));
+        const HypothesisText& h = type.text.hypothesis;
+        CHECK(carriers.contains(h.carrier));
+        const auto usual = split(type.text.places);
+        for (const auto& place : split(h.places)) CHECK(std::find(usual.begin(), usual.end(), place) != usual.end());
+        const auto simpler = split(h.contains);
+        for (std::size_t k = 0; k < simpler.size(); ++k) {
+            // the nearest first: what comes later is in each that comes before
+            const auto inner = split(effect_type(simpler[k]).text.hypothesis.contains);
+            CHECK(inner == std::vector<std::string>(simpler.begin() + static_cast<std::ptrdiff_t>(k) + 1, simpler.end()));
+        }
+        CHECK(h.lowest_order >= 1.0);
+        const bool counts = std::any_of(type.parameters.begin(), type.parameters.end(),
+                                        [](const Declaration& d) { return d.counted; });
+        CHECK((counts || h.lowest_order == 1.0));
+    }
+}
+
 TEST_CASE("an effect that has not been given a size changes nothing") {
     Draw draw;
     for (const auto& type : effect_types()) {

@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+import dualdrive
+
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "python" / "dualdrive"
 CLI = ROOT / "cli"
@@ -215,3 +217,17 @@ print(*sys.modules)
     loaded = set(done.stdout.split())
     assert "dualdrive.diagnose" in loaded
     assert not loaded & {"scipy", "matplotlib", "pandas", "xarray"}
+
+
+def test_the_diagnosis_knows_no_effect_by_its_name() -> None:
+    """What a law means to it is declared beside the law; a load in time is a family of its own."""
+    names = {kind.name for kind in dualdrive._core.effect_types()}
+    found = [
+        f"{path.relative_to(PACKAGE)}:{node.lineno}: {node.value}"
+        for folder in ("diagnose", "innovations", "estimation")
+        for path in sorted((PACKAGE / folder).rglob("*.py"))
+        if path.name != "loads.py"
+        for node in ast.walk(parsed(path))
+        if isinstance(node, ast.Constant) and node.value in names
+    ]
+    assert not found

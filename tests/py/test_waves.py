@@ -9,7 +9,7 @@ import pytest
 
 from bench_record import grey_box
 from dualdrive import Machine
-from dualdrive.diagnose.orders import CARRIERS
+from dualdrive.diagnose.laws import carrier
 from dualdrive.diagnose.screening import Library
 from dualdrive.diagnose.screening.orders import strongest_orders
 from dualdrive.innovations import (
@@ -89,8 +89,8 @@ def test_slow_torques_of_a_low_order_are_tried_though_no_innovation_shows_them()
     nothing, noise = Variant(grey.core), first_noise(grey.core, grey.records, 0.1)
     [found] = grey.likelihoods(nothing, [(grey.start(nothing), noise)])
     assert found is not None
-    carrier = CARRIERS.get(law.partition("@")[0], "")
-    shown = strongest_orders(grey.core, grey.records, found[0], "table", carrier, 2)
+    by = carrier(law.partition("@")[0])
+    shown = strongest_orders(grey.core, grey.records, found[0], "table", by, 2)
     assert 3 not in shown
     tried = [v for v in Library(grey.core, grey).variants(nothing, found[0]) if v.label == law]
     assert {f"{law}.order": 3.0} in [dict(v.fixed) for v in tried]

@@ -102,6 +102,20 @@ inline constexpr unsigned body = 1, friction = 2, mesh = 4, motor = 8, reading =
 inline constexpr unsigned voltage = 256, estimate = 512;
 }  // namespace hook
 
+// What an effect means where it may be what a machine lacks: a search (python/dualdrive/diagnose) knows none by its name.
+struct HypothesisText {
+    const char* called = "";    // as engineers call it, if not by its name
+    const char* untried = "";   // why no search puts it in; empty where one does
+    const char* places = "";    // where a search puts it in, if not at all its usual places
+    const char* contains = "";  // simpler laws that it is at a limit of its numbers, the nearest first
+    const char* carrier = "";   // what multiplies its harmonics: "torque" of the drive, "direction" of motion
+    double lowest_order = 1.0;  // below it a harmonic is another law's
+    bool friction = false;      // takes power from the motion as dry friction does, beside laws of `friction_limit`
+    bool causes = false;        // every number is a cause of its own
+    bool clips = false;         // a current or voltage that stands at an extreme may be its doing
+    bool scales = false;        // in a torque balance the same as a factor of all inertias and frictions
+};
+
 // What a reader and the tools are told of an effect.
 struct EffectText {
     const char* name;
@@ -118,6 +132,7 @@ struct EffectText {
     bool rounds = false;        // jumps with the signal: in the loop only where that is sampled
     bool of_rating = false;     // measured against the motor's T_rated
     const char* brings = "";    // the effect that comes with it where it is put in: no joint gives without loss
+    HypothesisText hypothesis{};
 };
 
 // A part of the machine that an effect may be.
@@ -132,6 +147,8 @@ struct EffectType {
     Part part = Part::none;                        // what it is, where it has no law of its own: see structural.hpp
     ConnectionKind joint = ConnectionKind::rigid;  // what that must at least be, if a joint
     bool structural() const { return part != Part::none; }
+    // Whether what stood at the sensor follows from what it said: see taken_back.
+    bool invertible() const { return (hooks & hook::delay) || ((hooks & hook::reading) && text.of_angle); }
     // Whether a torque balance on recorded motion contains it.
     bool in_balance() const {
         return part == Part::joint ||

@@ -41,4 +41,16 @@ std::vector<std::unique_ptr<Effect<double>>> reading_effects(const Machine& mach
 Recording record(const Machine& machine, const std::string& channel, const std::vector<double>& t,
                  const std::vector<double>& signal, const std::vector<std::string>& parameters);
 
+// The angle of a body with its two derivatives, rad, rad/s, rad/s², per row.
+struct SensedMotion {
+    std::vector<double> angle, speed, acceleration;
+};
+
+// By how much an effect makes a reading late, s. Throws std::invalid_argument for an unknown label.
+double delay_of(const Machine& machine, const std::string& label);
+
+// What stood at the sensor of an effect whose type is `invertible`, its delay left out, when it said this. Throws
+// std::invalid_argument for an unknown label, unequal lengths, and where more than one angle has a reading.
+SensedMotion taken_back(const Machine& machine, const std::string& label, const SensedMotion& said);
+
 }  // namespace dualdrive

@@ -9,28 +9,8 @@ from typing import Any
 from dualdrive import _core
 from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.hypotheses import Hypothesis
-from dualdrive.identify.readings import TAKEN_BACK
+from dualdrive.diagnose.laws import is_late, shown_by_balance
 
-#: effects that are not tried: a constant of a sensor is a nuisance already; rounding is read off a
-#: channel; a load in time is tried where the records show its hour (`loads.py`); what tooth forces
-#: do to the table's sensor no record of angles shows
-NOT_TRIED = ("sensor_offset", "expression", "spline", "quantisation", "cutting_torque",
-             "radial_shift", "table_tilt")  # fmt: skip
-#: orders below which a law of a wheel's flanks is another one: a pitch error of order one is
-#: eccentricity, and no wheel has four teeth
-LOWEST = {"pitch_error": 2.0, "transmission_error": 5.0, "time_varying_mesh_stiffness": 5.0}
-#: of what turns rigidly together: such a loss needs the torque of a mesh
-_OF_A_MESH = ("load_dependent_mesh_loss",)
-#: what the load does: a rotor is balanced and its inertia does not turn with it
-_OF_THE_LOAD = ("unbalance", "position_dependent_inertia")
-#: effects that in a balance are one with a common factor of all inertias and frictions
-SCALES = ("thermal_drift", "torque_constant_saturation")
-#: friction that grows with speed or bends bristles, beside all that acts as dry friction
-_FRICTION = ("viscous", "hydrostatic_drag", "lugre")
-#: what makes a reading late
-_CLOCKS = ("sensor_delay",)
-#: the set-point comes late to all drives, or to the slaves alone
-_CAUSES = ("transport_delay",)
 #: a group of parts -> what its single parts are called
 _ONE = {
     "motors": "motor",
@@ -59,15 +39,14 @@ def candidates(
     """
     found = []
     for kind in _core.effect_types():
-        if kind.name in NOT_TRIED or (balance and not _in_balance(kind)):
+        if kind.hypothesis.untried or (balance and not shown_by_balance(kind)):
             continue
-        if one_clock and kind.name in _CLOCKS:
+        if one_clock and is_late(kind):
             continue
-        places = [p for p in kind.places.split(",") if not _is_twin(core, kind, p)]
-        if balance and kind.name in TAKEN_BACK:
+        usual = (kind.hypothesis.places or kind.places).split(",")
+        places = [p for p in usual if not _is_twin(core, kind, p)]
+        if balance and kind.invertible:
             places += _single(core, places)  # one late encoder shows where all of them do not
-        if kind.name in _OF_THE_LOAD:
-            places = ["table"]
         if {"sensor reading", "sensor delay"} & set(kind.acts_on.split(", ")):
             places += channels
         here = [h for p in places if (h := possible(core, kind.name, p)) is not None]
@@ -80,7 +59,7 @@ def _apart(core: Any, h: Hypothesis) -> list[Hypothesis]:
 
     A number that the machine has already is one of its settings, and no cause.
     """
-    if h.effects[-1][0] not in _CAUSES:
+    if not _core.effect_type(h.effects[-1][0]).hypothesis.causes:
         return [h]
     grown, free = h.put_in(core)
     held = {path: float(grown.get(path)) for path in free}
@@ -110,22 +89,10 @@ def group_of(core: Any, parts: Sequence[str]) -> str:
     return next((group for group in _ONE if sorted(parts_of(core, group)) == sorted(parts)), "")
 
 
-def _in_balance(kind: Any) -> bool:
-    """Whether a torque balance shows an effect, or its sensor's law can be taken back."""
-    if kind.name in TAKEN_BACK:
-        return True
-    return bool(kind.in_balance and not kind.structural and kind.name not in SCALES)
-
-
 def _single(core: Any, places: Sequence[str]) -> list[str]:
     """The single parts of the groups that have several."""
     groups = [parts_of(core, place) for place in places]
     return [part for parts in groups if len(parts) > 1 for part in parts]
-
-
-def rubs(effect: str) -> bool:
-    """Whether it is a law of friction."""
-    return effect in _FRICTION or "dry friction" in _core.effect_type(effect).acts_on
 
 
 def akin(first: str, second: str) -> bool:
@@ -185,7 +152,7 @@ def _is_twin(core: Any, kind: Any, place: str) -> bool:
         return False
     gears = [c for c in core.connections if c.startswith("gearbox")]
     one_body = bool(gears) and all(core.kind(g) == "rigid" for g in gears)
-    return one_body and place == ("motors" if kind.name in _OF_A_MESH else "pinions")
+    return one_body and place == ("motors" if kind.by_load else "pinions")
 
 
 def _carried(core: Any, effect: str, place: str) -> bool:

@@ -25,7 +25,7 @@ from dualdrive.estimation.unknowns import Unknown, default_free
 from dualdrive.identify import Processing, Standstill, with_torques
 from dualdrive.identify.filtering import ANGLES, for_records
 from dualdrive.identify.model import TORQUES
-from dualdrive.identify.readings import TAKEN_BACK, before_sensors
+from dualdrive.identify.readings import before_sensors
 from dualdrive.replay.record import with_settings
 from dualdrive.traces import Trace
 
@@ -239,7 +239,8 @@ class TorqueBalance:
             size = np.abs(found["jacobian"][rows]).max(axis=1)
             moved |= np.any(size > 0.0, axis=0)
         kept = {path for path, own in zip(paths, moved, strict=True) if own}
-        kept |= {path for path in every if outside.get(path.rpartition(".")[0]) in TAKEN_BACK}
+        sensors = {label for label, e in outside.items() if _core.effect_type(e).invertible}
+        kept |= {path for path in every if path.rpartition(".")[0] in sensors}
         return nominal_unknowns(self.core, [p for p in every if p in kept], self.tolerance)
 
     def _residual(self, core: Any, held: Held, samples: Mapping[str, Array]) -> Array:

@@ -10,8 +10,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.diagnose.candidates import rubs
 from dualdrive.diagnose.heldout import held_out
+from dualdrive.diagnose.laws import rubs
 from dualdrive.diagnose.pairs import FAINT
 from dualdrive.diagnose.probability import (
     SURE,

@@ -21,13 +21,13 @@ from dualdrive import _core
 from dualdrive.diagnose.candidates import akin, group_of, members, station, tried_with
 from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.hypotheses import Hypothesis, Setting, distinct
+from dualdrive.diagnose.laws import CONTAINS
 from dualdrive.diagnose.orders import HIGHEST
 from dualdrive.diagnose.pairs import together
 from dualdrive.diagnose.profiled import profile, sharpened
 from dualdrive.diagnose.refit import Fitter, Refit, Start, Trial
 from dualdrive.diagnose.secants import with_values
 from dualdrive.diagnose.settle import ENOUGH, settle
-from dualdrive.diagnose.signatures import CONTAINS
 from dualdrive.diagnose.stage import (
     Scale,
     Score,

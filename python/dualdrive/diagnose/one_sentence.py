@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
+from dualdrive.diagnose.laws import called
 from dualdrive.diagnose.phrases import beyond_noise, none_missing, percent
 from dualdrive.diagnose.result import Candidate, Diagnosis
 from dualdrive.units import human
@@ -13,16 +14,6 @@ from dualdrive.units import human
 __all__ = ["headline", "spoken"]
 
 _AT_FLOOR: Final = 1.2  # times the noise floor: nothing is left that one would look for
-#: effects that nobody calls as they are written in a machine file
-_CALLED: Final = {
-    "viscous": "viscous friction",
-    "coulomb": "Coulomb friction",
-    "stribeck": "Stribeck friction",
-    "lugre": "LuGre friction",
-    "hertzian_stiffness": "Hertzian contact stiffness",
-    "time_varying_mesh_stiffness": "varying mesh stiffness",
-    "position_dependent_inertia": "angle-dependent inertia",
-}
 _INSIDE: Final = ("meshes", "mesh", "gearboxes", "gearbox", "controller")
 
 
@@ -71,14 +62,14 @@ def _leads(d: Diagnosis) -> str:
 
 def spoken(c: Candidate) -> str:
     """A candidate in words: ``Coulomb friction at the table``; several are joined by *and*."""
-    return " and ".join(f"{_called(effect)} {_where(place)}" for effect, place in c.effects)
+    return " and ".join(f"{called(effect)} {_where(place)}" for effect, place in c.effects)
 
 
 def _either(rivals: Sequence[Candidate]) -> str:
     """Rivals joined by *or*; a place that all of them share is said once."""
     places = {place for c in rivals for _, place in c.effects}
     if len(places) == 1 and all(len(c.effects) == 1 for c in rivals):
-        names = [_called(c.effects[0][0]) for c in rivals]
+        names = [called(c.effects[0][0]) for c in rivals]
         names[-1] += f" {_where(places.pop())}"
     else:
         names = [spoken(c) for c in rivals]
@@ -93,11 +84,7 @@ def _sized(c: Candidate) -> str:
     [(effect, place)] = c.effects
     told = (p for p in c.parameters.values() if p.unit not in ("", "1") and p.low < p.high)
     size = next((f" of {human(p.value, p.unit, digits=3)}" for p in told), "")
-    return f"{_called(effect)}{size} {_where(place)}"
-
-
-def _called(effect: str) -> str:
-    return _CALLED.get(effect, effect.replace("_", " "))
+    return f"{called(effect)}{size} {_where(place)}"
 
 
 def _where(place: str) -> str:

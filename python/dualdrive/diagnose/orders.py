@@ -27,13 +27,6 @@ LOW = (1.0, 2.0, 3.0, 4.0)
 _TURN = 0.5  # periods that a record must hold for an order to be seen at all
 STANDS_OUT = 25.0  # fall of chi^2 below which no order, and no spot, is named
 
-#: what the harmonics of some effects are multiplied by
-CARRIERS = {
-    "torque_ripple": "torque",
-    "time_varying_mesh_stiffness": "torque",
-    "angle_dependent_friction": "direction",
-}
-
 
 def strongest_orders(
     evidence: Evidence, rest: Array, place: str, carrier: str = "", count: int = 1

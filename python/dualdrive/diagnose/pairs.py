@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from dualdrive.diagnose.candidates import members, tried_with
 from dualdrive.diagnose.hypotheses import Hypothesis
+from dualdrive.diagnose.laws import CONTAINS
 from dualdrive.diagnose.profiled import sharpened
 from dualdrive.diagnose.refit import Fitter, Refit, Start, Trial
 from dualdrive.diagnose.settle import ENOUGH, settle
-from dualdrive.diagnose.signatures import CONTAINS
 from dualdrive.diagnose.stage import Score, Stage, scale_of
 from dualdrive.diagnose.starts import beside
 from dualdrive.diagnose.survey import Survey, excess, explained_share, key_of

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from dualdrive import _core
-from dualdrive.diagnose.candidates import akin, rubs
+from dualdrive.diagnose.candidates import akin
 from dualdrive.diagnose.heldout import held_out
+from dualdrive.diagnose.laws import CONTAINS, rubs
 from dualdrive.diagnose.refit import Refit
 from dualdrive.diagnose.settle import ENOUGH
-from dualdrive.diagnose.signatures import CONTAINS
 from dualdrive.diagnose.survey import Survey, excess, explained_by, key_of
 from dualdrive.replay import ratio_to_table
 

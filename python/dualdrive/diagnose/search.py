@@ -15,6 +15,7 @@ from dualdrive.diagnose.candidates import members, tried_with
 from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.evidence import Evidence, effective, evidence
 from dualdrive.diagnose.hypotheses import Hypothesis
+from dualdrive.diagnose.laws import CONTAINED, CONTAINS
 from dualdrive.diagnose.loads import sought, stands_out
 from dualdrive.diagnose.neighbours import with_neighbours
 from dualdrive.diagnose.pairs import with_pairs
@@ -23,7 +24,6 @@ from dualdrive.diagnose.refit import Fitter, Refit, Trial
 from dualdrive.diagnose.score import Scorer
 from dualdrive.diagnose.settle import ENOUGH, settle
 from dualdrive.diagnose.shortlist import Shortlist, without_twins
-from dualdrive.diagnose.signatures import CONTAINS
 from dualdrive.diagnose.stage import Scale, Score, Stage, scale_of
 from dualdrive.diagnose.survey import Survey, excess, key_of
 from dualdrive.diagnose.work import Clock, Work
@@ -183,7 +183,7 @@ def _scored(
     rubbing = {
         s.signature.hypothesis.effects[-1][1]
         for s in scores
-        if s.gain.gain > _CONTAINED and s.signature.hypothesis.effects[-1][0] == "coulomb"
+        if s.gain.gain > _CONTAINED and s.signature.hypothesis.effects[-1][0] in CONTAINED
     }
     whole = [h for h in every if h not in simple and _may_rub(h, rubbing, every)]
     if whole:
@@ -198,7 +198,9 @@ def _scored(
 def _may_rub(h: Hypothesis, rubbing: Collection[str], every: Sequence[Hypothesis]) -> bool:
     """Whether a whole law of friction is worth its time: dry friction gains, or is there."""
     place = h.effects[-1][1]
-    return place in rubbing or not any(o.effects[-1] == ("coulomb", place) for o in every)
+    return place in rubbing or not any(
+        o.effects[-1][0] in CONTAINED and o.effects[-1][1] == place for o in every
+    )
 
 
 def _refitted(c: TorqueBalance, u: Array, clock: Clock) -> tuple[Evidence, Refit]:

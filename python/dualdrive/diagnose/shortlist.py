@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from dualdrive.diagnose.evidence import Evidence
 from dualdrive.diagnose.hypotheses import Hypothesis
+from dualdrive.diagnose.laws import CONTAINED, CONTAINS
 from dualdrive.diagnose.profiled import profile, sharpened
 from dualdrive.diagnose.refit import Fitter, Refit, Start, Trial
 from dualdrive.diagnose.score import Scorer, alike
-from dualdrive.diagnose.signatures import CONTAINS
 from dualdrive.diagnose.stage import Score
 from dualdrive.diagnose.starts import from_nominal, grown_from, near
 from dualdrive.diagnose.survey import key_of
@@ -181,7 +181,7 @@ def _starts(score: Score, base: Refit, nominal: Array) -> Iterator[Start]:
 
 def _is_dry(h: Hypothesis) -> bool:
     """Whether it is the friction that whole laws contain."""
-    return h.effects[-1][0] == "coulomb"
+    return h.effects[-1][0] in CONTAINED
 
 
 def _whole(scores: Sequence[Score], rubbing: Sequence[str], most: int = 2) -> list[Score]:

@@ -22,8 +22,6 @@ _LOUD, _FAINT = 10.0, 0.005
 _WISHED = 0.5
 _RESIZED = 3  # times at most: far too strong a probe does not tell by how much
 _ALONG = (0.15, 0.5, 0.85)  # of the travel: where a local fault is tried
-#: laws of friction and the simpler ones they contain, best first
-CONTAINS = {"stribeck": ("coulomb",), "lugre": ("stribeck", "coulomb")}
 
 
 @dataclass(frozen=True, eq=False)

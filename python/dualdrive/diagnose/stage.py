@@ -18,8 +18,8 @@ from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.evidence import Evidence
 from dualdrive.diagnose.floors import heard_above
 from dualdrive.diagnose.hypotheses import Hypothesis, distinct
+from dualdrive.diagnose.laws import carrier
 from dualdrive.diagnose.orders import (
-    CARRIERS,
     HIGHEST,
     LOW,
     members_of,
@@ -154,16 +154,16 @@ def with_orders(
             found.append(h)
             continue
         effect, group = h.effects[0]
-        carrier = CARRIERS.get(effect, "")
+        by = carrier(effect)
         parts = members_of(core, group)
-        if not carrier:  # all turn alike
+        if not by:  # all turn alike
             parts = parts[:1]
         for place in parts:
-            if (place, carrier) not in known:
-                known[place, carrier] = strongest_orders(evidence, rest, place, carrier)
+            if (place, by) not in known:
+                known[place, by] = strongest_orders(evidence, rest, place, by)
         usual = float(grown.get(paths[0]))
         every = HIGHEST * len(parts)
-        seen = {float(n): every for place in parts for n, _ in known[place, carrier]}
+        seen = {float(n): every for place in parts for n, _ in known[place, by]}
         lowest = LOW if low and paths[0].endswith(".order") else ()
         orders = seen | {n: len(LOW) for n in lowest} | {usual: 1}
         orders = {n: k for n, k in orders.items() if is_seen(evidence, effect, group, n)}
@@ -181,7 +181,7 @@ def is_seen(evidence: Evidence, effect: str, place: str, order: float) -> bool:
     as much off every inertia and friction does the same.
     """
     c = evidence.confrontation
-    if CARRIERS.get(effect) != "torque":
+    if carrier(effect) != "torque":
         return True
     reach = [own for part in members_of(c.core, place) if (own := travel_of(c, part)) is not None]
     return any(order * (last - first) >= 2.0 * math.pi for first, last in reach)

@@ -22,6 +22,7 @@ from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.findings import TOLD, command_for, moved_numbers, screened
 from dualdrive.diagnose.heldout import intervals
 from dualdrive.diagnose.judge import Judgement, judge
+from dualdrive.diagnose.laws import clips
 from dualdrive.diagnose.paragraph import paragraph
 from dualdrive.diagnose.printed import Printed
 from dualdrive.diagnose.result import Diagnosis
@@ -30,9 +31,6 @@ from dualdrive.diagnose.shape import of_the_balance, shapes
 from dualdrive.diagnose.survey import Survey
 from dualdrive.diagnose.work import Clock, Work
 from dualdrive.replay import core_of
-
-#: what a current or voltage that stands at an extreme may be called: nothing else, then
-LIMITS = ("current_limit", "voltage_limit", "torque_constant_saturation")
 
 
 def diagnose_torque_balance(
@@ -61,7 +59,7 @@ def diagnose_torque_balance(
     verdict = judge(result)
     if clipped and verdict.ranked and verdict.verdict in ("effect", "ambiguous"):
         [(effect, _), *_] = verdict.ranked[0][0].hypothesis.effects
-        if effect not in LIMITS:
+        if not clips(effect):
             verdict = replace(verdict, verdict="unknown", group=(), why="clipped")
     if not finished:
         verdict = replace(verdict, verdict="unfinished", group=())

@@ -2,7 +2,7 @@
 
 A torque balance rests on recorded motion. What a sensor does to a reading is in no torque, so the
 core's balance leaves it out; here the reading is turned back into the motion (or torque) that the
-sensor was held to, by the equations of the effects library, and the balance rests on that.
+sensor was held to, by the core's own laws of sensors, and the balance rests on that.
 """
 
 from __future__ import annotations
@@ -13,42 +13,48 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive import _core
 from dualdrive.identify.filtering import ANGLES
 
 Array = NDArray[np.float64]
 Samples = Mapping[str, Array]
 
 _PAUSE = 1.5  # sampling intervals: a longer step in time starts a new stretch
-_ROUNDS = 20  # of the fixed point for an eccentric disc; each gains a factor of its amplitude
 
 
 def before_sensors(core: Any, samples: Samples) -> Samples:
     """The samples without what the machine's sensor effects did to them.
 
     Args:
-        core: the core's machine; its ``sensor_delay`` and ``encoder_eccentricity`` are taken back,
-            at a body (table, motors) or at a recorded channel.
+        core: the core's machine; its effects of sensors whose type is ``invertible`` are taken
+            back, at a body (table, motors) or at a recorded channel.
         samples: name -> shape (n,), SI, as :func:`dualdrive.identify.filtering.pieces` makes them:
             angles with their two derivatives, torques, and the time ``t``, which delays need.
 
     Returns:
         The same names; arrays that no sensor touched are the same arrays.
 
+    Raises:
+        ValueError: where a reading belongs to more than one angle.
+
     """
     found = dict(samples)
     for effect in core.effects:
-        take_back = TAKEN_BACK.get(effect["effect"])
-        if take_back is None:
+        kind = _core.effect_type(effect["effect"])
+        if not kind.invertible:
             continue
-        values = {
-            name: float(core.get(f"{effect['label']}.{name}")) for name in effect["parameters"]
-        }
+        label = effect["label"]
+        late = _core.delay_of(core, label)
         for member in effect["members"]:
             read = channel_of(member)
             names = [n for n in (read, *ANGLES.get(read, ())) if n in found]
             if read in ANGLES and len(names) < 3:
                 continue  # an angle that was not recorded was not misread
-            take_back(found, names, values)
+            if late > 0.0 and names:
+                _earlier(found, names, late)
+            if read in ANGLES and "sensor reading" in kind.acts_on:
+                motion = _core.taken_back(core, label, *(found[name] for name in names))
+                found.update(zip(names, motion, strict=True))
     return found
 
 
@@ -62,13 +68,10 @@ def channel_of(member: str) -> str:
     )
 
 
-def _earlier(found: dict[str, Array], names: list[str], values: Mapping[str, float]) -> None:
-    """``sensor_delay``: reading(t) = signal(t - time), so signal(t) = reading(t + time)."""
+def _earlier(found: dict[str, Array], names: list[str], late: float) -> None:
+    """Late by so many seconds: reading(t) = signal(t - late), so signal(t) = reading(t + late)."""
     from scipy.interpolate import CubicSpline
 
-    late = values["time"]
-    if late == 0.0 or not names:
-        return
     t = found["t"]
     steps = np.diff(t)
     for part in np.split(np.arange(len(t)), np.flatnonzero(steps > _PAUSE * np.median(steps)) + 1):
@@ -79,28 +82,3 @@ def _earlier(found: dict[str, Array], names: list[str], values: Mapping[str, flo
             moved = found[name].copy()
             moved[part] = CubicSpline(t[part], moved[part])(then)
             found[name] = moved
-
-
-def _centred(found: dict[str, Array], names: list[str], values: Mapping[str, float]) -> None:
-    """``encoder_eccentricity``: reading = angle + amplitude * cos(angle + phase)."""
-    amplitude, phase = values["amplitude"], values["phase"]
-    if amplitude >= 1.0:
-        raise ValueError(
-            f"encoder_eccentricity: amplitude = {amplitude:g} rad at {names[0]} must be below 1: "
-            "the centre would lie off the track, and no reading could be taken back"
-        )
-    if amplitude == 0.0 or len(names) < 3:
-        return
-    angle_, rate_, acceleration_ = names
-    reading = angle = found[angle_]
-    for _ in range(_ROUNDS):
-        angle = reading - amplitude * np.cos(angle + phase)
-    slope = 1.0 - amplitude * np.sin(angle + phase)
-    rate = found[rate_] / slope
-    bend = amplitude * np.cos(angle + phase) * rate**2
-    found[angle_], found[rate_] = angle, rate
-    found[acceleration_] = (found[acceleration_] + bend) / slope
-
-
-#: effects of sensors that can be taken back
-TAKEN_BACK = {"sensor_delay": _earlier, "encoder_eccentricity": _centred}

@@ -26,6 +26,7 @@ struct AngleDependentFriction {
         .validity = "one harmonic, on top of coulomb or stribeck; its mean adds to theirs",
         .confused_with = "coulomb,unbalance,cogging",
         .places = "table,pinions,motors",
+        .hypothesis = {.carrier = "direction"},
     };
 
     static constexpr auto parameters() {

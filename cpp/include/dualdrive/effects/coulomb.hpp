@@ -24,6 +24,7 @@ struct Coulomb {
         .confused_with = "stribeck,sensor_offset",
         .places = "table,pinions,motors",
         .affine = true,
+        .hypothesis = {.called = "Coulomb friction"},
     };
 
     static constexpr auto parameters() {

@@ -24,6 +24,7 @@ struct CurrentLimit {
         .confused_with = "voltage_limit,torque_constant_saturation",
         .places = "motors",
         .affine = true,
+        .hypothesis = {.clips = true},
     };
     static constexpr Part part = Part::motor;
     static constexpr auto parameters() { return lent_by<Motor<S>>({"T_max"}); }

@@ -30,6 +30,7 @@ struct CuttingTorque {
         .validity = "steady cut, one tooth-passing harmonic, force independent of the motion",
         .confused_with = "unbalance,coulomb",
         .places = "table",
+        .hypothesis = {.untried = "a load in time is tried where the records show its hour"},
     };
 
     static constexpr auto parameters() {

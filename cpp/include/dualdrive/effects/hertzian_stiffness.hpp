@@ -28,6 +28,7 @@ struct HertzianStiffness {
         .validity = "crowned or misaligned teeth under light load; K is the stiffness at light load",
         .confused_with = "time_varying_mesh_stiffness,wear",
         .places = "meshes",
+        .hypothesis = {.called = "Hertzian contact stiffness"},
     };
 
     static constexpr auto parameters() {

@@ -23,6 +23,7 @@ struct HydrostaticDrag {
         .validity = "oil at constant temperature and supply pressure",
         .confused_with = "viscous",
         .places = "table",
+        .hypothesis = {.friction = true},
     };
 
     static constexpr auto parameters() {

@@ -27,6 +27,7 @@ struct LuGre {
             "stribeck",
         .confused_with = "stribeck,coulomb",
         .places = "table,pinions,motors",
+        .hypothesis = {.called = "LuGre friction", .contains = "stribeck,coulomb", .friction = true},
     };
 
     static constexpr auto parameters() {

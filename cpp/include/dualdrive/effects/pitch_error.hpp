@@ -31,6 +31,8 @@ struct PitchError {
         .validity = "orders well below the number of teeth; one harmonic each",
         .confused_with = "eccentricity,transmission_error",
         .places = "table,pinions",
+        // a pitch error of order one is eccentricity
+        .hypothesis = {.lowest_order = 2.0},
     };
 
     static constexpr auto parameters() {

@@ -25,6 +25,8 @@ struct PositionDependentInertia {
         .validity = "one harmonic of the angle",
         .confused_with = "unbalance",
         .places = "table,pinions,motors",
+        // of a load; a rotor's does not turn with it
+        .hypothesis = {.called = "angle-dependent inertia", .places = "table"},
     };
 
     static constexpr auto parameters() {

@@ -28,6 +28,7 @@ struct Quantisation {
         .confused_with = "",
         .places = "table,motors",
         .rounds = true,
+        .hypothesis = {.untried = "rounding is read off a channel"},
     };
 
     static constexpr auto parameters() {

@@ -29,6 +29,7 @@ struct Stribeck {
         .validity = "the whole law, in place of coulomb; quasi-static lubrication, no presliding",
         .confused_with = "coulomb,sensor_delay",
         .places = "table,pinions,motors",
+        .hypothesis = {.called = "Stribeck friction", .contains = "coulomb"},
     };
 
     static constexpr auto parameters() {

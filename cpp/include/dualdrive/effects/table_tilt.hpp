@@ -31,6 +31,7 @@ struct TableTilt : ScaleUnderTeeth<S> {
         .places = "table",
         .affine = true,
         .by_force = true,
+        .hypothesis = {.untried = "no record of angles shows what tooth forces do to the sensor of the table"},
     };
 
     static constexpr auto parameters() {

@@ -28,6 +28,7 @@ struct ThermalDrift {
         .confused_with = "torque_constant_saturation,viscous",
         .places = "motors",
         .affine = true,
+        .hypothesis = {.scales = true},
     };
 
     static constexpr auto parameters() {

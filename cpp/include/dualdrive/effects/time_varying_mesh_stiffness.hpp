@@ -25,6 +25,8 @@ struct TimeVaryingMeshStiffness {
         .validity = "first harmonic of the tooth order, spur gears",
         .confused_with = "transmission_error,hertzian_stiffness",
         .places = "pinions,meshes",
+        // no wheel has four teeth
+        .hypothesis = {.called = "varying mesh stiffness", .carrier = "torque", .lowest_order = 5.0},
     };
 
     static constexpr auto parameters() {

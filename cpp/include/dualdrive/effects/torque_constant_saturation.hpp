@@ -29,6 +29,7 @@ struct TorqueConstantSaturation {
         .confused_with = "thermal_drift,current_limit",
         .places = "motors",
         .of_rating = true,
+        .hypothesis = {.clips = true, .scales = true},
     };
 
     static constexpr auto parameters() {

@@ -26,6 +26,7 @@ struct TorqueRipple {
         .validity = "one harmonic, unsaturated motor",
         .confused_with = "cogging",
         .places = "motors",
+        .hypothesis = {.carrier = "torque"},
     };
 
     static constexpr auto parameters() {

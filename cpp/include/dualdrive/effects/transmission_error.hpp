@@ -26,6 +26,8 @@ struct TransmissionError {
         .validity = "first harmonic of the tooth order, independent of load",
         .confused_with = "time_varying_mesh_stiffness,eccentricity",
         .places = "pinions,table",
+        // no wheel has four teeth
+        .hypothesis = {.lowest_order = 5.0},
     };
 
     static constexpr auto parameters() {

@@ -27,6 +27,7 @@ struct TransportDelay {
         .confused_with = "sensor_delay,stribeck",
         .places = "controller",
         .affine = true,
+        .hypothesis = {.causes = true},
     };
     static constexpr Part part = Part::controller;
     static constexpr auto parameters() { return lent_by<Controller<S>>({"delta_c", "delta_t"}); }

@@ -25,6 +25,8 @@ struct Unbalance {
         .validity = "rigid body on a fixed inclined axis; over a small arc a constant torque",
         .confused_with = "coulomb,cutting_torque,position_dependent_inertia",
         .places = "table,pinions,motors",
+        // a rotor is balanced
+        .hypothesis = {.places = "table"},
     };
 
     static constexpr auto parameters() {

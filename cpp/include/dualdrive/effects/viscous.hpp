@@ -24,6 +24,7 @@ struct Viscous {
         .confused_with = "viscous",  // the same friction on a body rigidly geared to this one
         .places = "table,pinions,motors",
         .affine = true,
+        .hypothesis = {.called = "viscous friction", .friction = true},
     };
 
     static constexpr auto parameters() {

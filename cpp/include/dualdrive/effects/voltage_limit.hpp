@@ -23,6 +23,7 @@ struct VoltageLimit {
         .confused_with = "current_limit,dead_time",
         .places = "motors",
         .affine = true,
+        .hypothesis = {.clips = true},
     };
     static constexpr Part part = Part::motor;
     static constexpr auto parameters() { return lent_by<Motor<S>>({"U_max"}); }

@@ -36,7 +36,7 @@ def strongest_orders(
         records: what was measured.
         point: what the machine leaves of them.
         place: whose angle it is.
-        carrier: of the harmonics, as `CARRIERS` has it.
+        carrier: of the harmonics, as the law declares it.
         count: how many at most.
 
     """

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from dualdrive import _core
-from dualdrive.diagnose.candidates import LOWEST, candidates, parts_of
+from dualdrive.diagnose.candidates import candidates, parts_of
 from dualdrive.diagnose.hypotheses import Hypothesis, is_strength
-from dualdrive.diagnose.orders import CARRIERS, LOW
+from dualdrive.diagnose.laws import carrier, lowest_order
+from dualdrive.diagnose.orders import LOW
 from dualdrive.diagnose.screening.orders import strongest_orders
 from dualdrive.estimation.unknowns import Unknown, unknowns
 from dualdrive.identify.parts import sizes_of_part
@@ -86,14 +87,14 @@ class Library:
         if not counted:
             return [None]
         part = (parts_of(self.core, place) or [place])[0]
-        carrier = CARRIERS.get(effect, "")
-        if (carrier, part) not in known:
-            own = strongest_orders(self.core, self.grey.records, point, part, carrier, _ORDERS)
-            known[carrier, part] = own
+        by = carrier(effect)
+        if (by, part) not in known:
+            own = strongest_orders(self.core, self.grey.records, point, part, by, _ORDERS)
+            known[by, part] = own
         usual = int(_declared(effect, counted).standard)
         low = LOW if counted == "order" else ()
-        every = dict.fromkeys([*known[carrier, part], usual, *low])
-        return [float(n) for n in every if n >= LOWEST.get(effect, 1.0)]
+        every = dict.fromkeys([*known[by, part], usual, *low])
+        return [float(n) for n in every if n >= lowest_order(effect)]
 
     def _beside(self, base: Variant, h: Hypothesis, order: float | None) -> Variant | None:
         [(effect, place)] = h.effects

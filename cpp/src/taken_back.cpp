@@ -1,0 +1,74 @@
+// The law of a sensor solved for the motion: the very lines of its reading, by Newton's method.
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "dualdrive/effects.hpp"
+#include "dualdrive/recorder.hpp"
+
+namespace dualdrive {
+
+namespace {
+
+constexpr int most_steps = 50;
+
+const EffectEntry& entry_of(const Machine& machine, const std::string& label) {
+    for (const EffectEntry& e : machine.effects())
+        if (e.label == label) return e;
+    throw std::invalid_argument("this machine has no effect " + label);
+}
+
+// The angle at which a law reads `said`, and the slope of what it reads there.
+Gradient angle_of(const Effect<Gradient>& law, double said, const std::string& label) {
+    double angle = said, slope = 1.0;
+    for (int k = 0; k < most_steps; ++k) {
+        const Gradient read = law.reading(Gradient::variable(angle, 0), {Gradient(0.0), Measures::angle});
+        slope = read.slope[0];
+        if (!(slope > 0.0)) break;
+        const double step = (read.value - said) / slope;
+        angle -= step;
+        if (std::abs(step) <= 4.0 * std::numeric_limits<double>::epsilon() * std::max(1.0, std::abs(angle))) {
+            Gradient found(angle);
+            found.slope[0] = slope;
+            return found;
+        }
+    }
+    throw std::invalid_argument("effect " + label + ": at a reading of " + std::to_string(said) +
+                                " rad what it reads does not grow with the angle, so that no reading tells the angle; "
+                                "its sizes are too large for a sensor");
+}
+
+}  // namespace
+
+double delay_of(const Machine& machine, const std::string& label) {
+    const EffectEntry& e = entry_of(machine, label);
+    return make_effect<double>(e.name, machine.values().data() + e.first)->delay();
+}
+
+SensedMotion taken_back(const Machine& machine, const std::string& label, const SensedMotion& said) {
+    const std::size_t rows = said.angle.size();
+    if (said.speed.size() != rows || said.acceleration.size() != rows)
+        throw std::invalid_argument("effect " + label + ": angle, speed and acceleration must be of one length");
+    const EffectEntry& e = entry_of(machine, label);
+    if (!effect_type(e.name).invertible())
+        throw std::invalid_argument("effect " + label + ": its readings can't be taken back");
+    const std::vector<Gradient> values(machine.values().begin(), machine.values().end());
+    const auto law = make_effect<Gradient>(e.name, values.data() + e.first);
+    SensedMotion found = said;
+    for (std::size_t row = 0; row < rows; ++row) {
+        const Gradient at = angle_of(*law, said.angle[row], label);
+        const double slope = at.slope[0], speed = said.speed[row] / slope;
+        // the reading of the speed along the motion, the acceleration left out: what is left of d/dt is slope · that
+        SensorPort<Gradient> port{Gradient(0.0), Measures::speed};
+        port.angle = at.value;
+        port.angle.slope[0] = speed;
+        port.speed = speed;
+        const Gradient rate = law->reading(Gradient(speed), port);
+        found.angle[row] = at.value;
+        found.speed[row] = speed;
+        found.acceleration[row] = (said.acceleration[row] - rate.slope[0]) / slope;
+    }
+    return found;
+}
+
+}  // namespace dualdrive
