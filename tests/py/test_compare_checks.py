@@ -10,6 +10,7 @@ import pytest
 from dualdrive import Machine, parse_motion, simulate
 from dualdrive.compare import RecordWarning, check_records
 from dualdrive.compare.checks import both_ways
+from dualdrive.replay import core_of, ratio_to_table
 from dualdrive.traces import Trace, read
 from measured import EXAMPLES, emps, measured_file, rig
 from recorded import Array, demo, sheet
@@ -127,6 +128,16 @@ def test_another_machine() -> None:
     told = {w.code: w for w in check_records(Machine.load("bench"), sound())}["ratio"]
     assert told.fatal
     assert "not 40 times" in told.message
+
+
+def test_a_drive_that_rings_on_its_teeth_belongs_to_its_table() -> None:
+    """From stretch to stretch it goes ways of its own; where it is says that it belongs there."""
+    trace, core = sound(), core_of(nominal())
+    play = core.get("mesh_1.gap") / core.get("mesh_1.ratio")
+    swings = ratio_to_table(core, "motor_1") * 10.0 * play * np.sin(2.0 * np.pi * 17.0 * trace.t)
+    assert "ratio" not in spoilt(theta_1=trace["theta_1"] + swings)
+    far = 100.0 * swings
+    assert "do not move together" in spoilt(theta_1=trace["theta_1"] + far)["ratio"].message
 
 
 def test_clipped_channels() -> None:

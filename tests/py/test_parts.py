@@ -57,7 +57,7 @@ def score(soft: bool) -> float:
     variant = shaft(own, point)
     assert is_part(variant)
     assert is_joint(variant)
-    return part_score(own, point, columns, variant, noise)
+    return part_score(own, point, columns, variant, noise).gain
 
 
 def test_a_shaft_that_gives_is_seen_by_its_score() -> None:

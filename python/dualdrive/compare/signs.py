@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
-from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,11 @@ _FILTER = Processing(decimate=10)
 #: code, message, fatal
 Finding = tuple[str, str, bool]
 
-_OFF = 0.02  # of a ratio, beyond what play allows
+_OFF = 0.02  # of a ratio, beyond what play and twist allow
+_REST = 2.0  # times what no ratio explains: as much of a twist may go with the travel
 _HARDLY = 0.3  # of a ratio: play that leaves it open
+_RELATED = 0.8  # correlation of angles that move together
+_RINGING = 4.0  # times the twist under a steady torque, at a resonance
 _CLEAR = 0.6  # correlation that makes a sign certain
 _ALIKE = 0.8  # correlation with what the motion needs from which a torque's size can be told
 _ORDERS = 4.0  # times too large or too small a torque
@@ -54,22 +57,22 @@ def train_fits(core: Any, trace: Trace) -> Iterator[Finding]:
 
 
 def _ratio(core: Any, trace: Trace, angle: str, n: str, ratio: float) -> Iterator[Finding]:
-    table, own = trace["theta_m"], trace[angle]
-    down = core.get(f"mesh_{n}.ratio") if f"mesh_{n}" in core.connections else 1.0
-    gaps = [c for c in (f"mesh_{n}", f"gearbox_{n}") if c in core.connections]
-    play = sum(core.get(f"{c}.gap") for c in gaps if core.kind(c) == "gap")
-    allowed = _OFF + 4.0 * play / (abs(down) * float(np.ptp(table)))
+    """Where a drive is, by its ratio, but for play and twist: these do not grow with the travel."""
+    line = _together(trace[angle] / ratio, trace["theta_m"], trace)
+    play, twist = _loose(core, trace, n)
+    if abs(line.correlation) < _RELATED:
+        if line.rest > play + twist:
+            yield (
+                "ratio",
+                f"{angle} and theta_m do not move together; one of them is another axis, or its "
+                "counter is broken",
+                True,
+            )
+        return
+    allowed = _OFF + (0.5 * play + _REST * line.rest / abs(line.slope)) / line.travel
     if allowed > _HARDLY:
         return  # within its play a drive need not move with the table
-    slope = _together(own, table, trace)
-    if slope is None:
-        yield (
-            "ratio",
-            f"{angle} and theta_m do not move together; one of them is another axis, or its "
-            "counter is broken",
-            True,
-        )
-        return
+    slope = line.slope * ratio
     off = slope / ratio
     if abs(off - 1.0) <= allowed:
         return
@@ -95,17 +98,57 @@ def _wrong_ratio(angle: str, slope: float, ratio: float) -> str:
     return f"{angle} moves {slope:.5g} times as far as theta_m, not {ratio:.5g} times; {hint}"
 
 
-def _together(own: Array, table: Array, trace: Trace) -> float | None:
-    """Travel of one angle over that of the other, stretches of time compared; None if unrelated."""
-    count = max(20, min(200, len(own) // 20))
-    edges = np.linspace(0, len(own) - 1, count + 1).astype(int)
+class _Line(NamedTuple):
+    """One angle as a straight line of the table's: slope, correlation, RMS of both about it, rad.
+
+    travel: RMS of the table's angle
+    rest:   RMS of what no line explains
+    """
+
+    slope: float
+    correlation: float
+    travel: float
+    rest: float
+
+
+def _together(own: Array, table: Array, trace: Trace) -> _Line:
+    """One angle, referred to the table, over that of the table: where both are, not how fast.
+
+    From sample to sample a drive that hunts in its play, or a table at its resonance, goes ways of
+    its own. What a counter lost at a break of the record is no travel.
+    """
     breaks = np.asarray(getattr(trace, "breaks", ()), dtype=int)
-    whole = np.array([not np.any((breaks > a) & (breaks <= b)) for a, b in pairwise(edges)])
-    a, b = np.diff(own[edges])[whole], np.diff(table[edges])[whole]
-    power = float(np.sqrt(np.sum(a**2) * np.sum(b**2)))
-    if power == 0.0 or abs(float(np.sum(a * b))) < 0.8 * power:
-        return None
-    return float(np.sum(a * b) / np.sum(b**2))
+    a, b = (
+        np.concatenate([x - x.mean() for x in np.split(angle, breaks) if len(x)])
+        for angle in (own, table)
+    )
+    power, size, product = float(np.mean(b**2)), float(np.mean(a**2)), float(np.mean(a * b))
+    if power == 0.0 or size == 0.0:
+        return _Line(0.0, 0.0, math.sqrt(power), math.sqrt(size))
+    slope = product / power
+    rest = math.sqrt(max(0.0, size - slope * product))
+    return _Line(slope, product / math.sqrt(size * power), math.sqrt(power), rest)
+
+
+def _loose(core: Any, trace: Trace, n: str) -> tuple[float, float]:
+    """Play between a drive and the table, and a twist that its torque may bring, rad at the table.
+
+    From the recorded torque, or the largest that the motor has; infinite where neither is known.
+    """
+    joints = [c for c in (f"mesh_{n}", f"gearbox_{n}") if c in core.connections]
+    down = core.get(f"mesh_{n}.ratio") if f"mesh_{n}" in core.connections else 1.0
+    play = sum(core.get(f"{c}.gap") for c in joints if core.kind(c) == "gap") / abs(down)
+    soft = sum(1.0 / core.get(f"{c}.stiffness") for c in joints if core.kind(c) != "rigid")
+    motor = f"motor_{n}"
+    if f"T_{n}" in trace:
+        torque = float(np.max(np.abs(trace[f"T_{n}"])))
+    elif f"I_{n}" in trace:
+        torque = abs(core.get(f"{motor}.K_d")) * float(np.max(np.abs(trace[f"I_{n}"])))
+    else:
+        torque = float(core.get(f"{motor}.T_max"))
+    if soft == 0.0:
+        return play, 0.0
+    return play, _RINGING * soft * torque * abs(ratio_to_table(core, motor)) / down**2
 
 
 def _swapped_drives(core: Any, trace: Trace) -> Iterator[Finding]:

@@ -111,8 +111,8 @@ class Contest:
             if self.grey.counter.stop():
                 break
             self.tell(f"score test of {s.variant.key} ({k} of {len(chosen)})")
-            gain = part_score(self.grey, leader.point, columns, s.variant, leader.noise)
-            if gain > threshold("hopeless"):
+            own = part_score(self.grey, leader.point, columns, s.variant, leader.noise)
+            if own.gain > threshold("hopeless"):
                 theta = refining(self.grey, settled, s)
                 found.append((replace(leader.point, variant=s.variant, theta=theta), leader.noise))
         return found

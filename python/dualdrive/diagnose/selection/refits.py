@@ -149,11 +149,15 @@ def refitted(
     point, variant, noise = leader.point, s.variant, leader.noise
     start, sheet = begin(point, s), grey.of_the_data_sheet(Variant(estimator.core))
     if is_part(variant):
-        if not part_score(grey, point, columns, variant, noise) > threshold("hopeless"):
+        own = part_score(grey, point, columns, variant, noise)
+        if not own.gain > threshold("hopeless"):
             return None
         # from the data sheet: the part may stand for what the numbers had stood for
         start[: grey.shared] = sheet
-        return part_refitted(estimator, grey, variant, start, point.variant, noise)
+        near = part_refitted(estimator, grey, variant, start, point.variant, noise)
+        if near is None and own.gain > threshold("gain"):
+            near = estimator.approach(grey, variant, own.start, noise)
+        return near
     shared = columns[: grey.shared]
     found = [fit(grey, variant, start, leader.gains, steps=5, shared_columns=shared, nearby=True)]
     if far:

@@ -105,7 +105,7 @@ class _Search:
         """Laws beside numbers that leave noise on stretches: all samples are needed to see them.
 
         Parts are tried where none is found, and joints where one is that comes with them, before a
-        second law; on stretches first, since each takes many replays.
+        second law; joints on stretches first, since each takes many replays.
         """
         whole, base = self.own.whole, self.base
         self._faint, self._quiet = True, self._says_all(everywhere)
@@ -113,10 +113,12 @@ class _Search:
         self._forward(everywhere, most=1)
         if self._simulated:
             return
-        parts = self._parts(self.on.leader())
-        if parts:
+        joints = self._joints(self.on.leader())
+        if not self.on.leader().variant.effects:
+            self.on.ranking.keep(self._other_parts(everywhere))
+        if joints:
             known = list(self.on.ranking)
-            self.on = Forward(self.own, base.grey, [base.there, *parts], faint=True)
+            self.on = Forward(self.own, base.grey, [base.there, *joints], faint=True)
             if base.grey is not whole:
                 self._on_all_samples(base)
             self.on.ranking.keep(known)
@@ -124,24 +126,36 @@ class _Search:
             self._forward(self.on.leader())
         self.on.backward.eliminated(self.on.ranking.best)
 
-    def _parts(self, leader: Fitted) -> list[Fitted]:
-        """Parts beside numbers that leave noise on stretches, as far as a leader leaves room.
+    def _joints(self, leader: Fitted) -> list[Fitted]:
+        """Joints beside numbers that leave noise, on stretches, as far as a leader leaves room.
 
         What a soft shaft does such numbers do nearly as well: it need not gain there.
         """
         there, grey = self.base.there, self.base.grey
-        variants = self.own.library.variants(there.variant, self.on.ranking.base.point)
-        parts = [Scored(v, float("nan"), {}) for v in variants if is_part(v)]
+        joints = [s for s in self._listed(there) if is_joint(s.variant)]
         if leader.variant.effects:
-            parts = [s for s in parts if brings(s.variant, leader.variant)]
-        if not parts or self.own.whole.counter.stop():
+            joints = [s for s in joints if brings(s.variant, leader.variant)]
+        if not joints or self.own.whole.counter.stop():
             return []
         columns = slopes(grey, there.point, range(len(there.point.theta)), there.gains)
-        joints = [s for s in parts if is_joint(s.variant)]
-        others = [s for s in parts if s not in joints]
-        contest = Forward(self.own, grey, [there]).contest
-        found = contest.refitted(there, joints, columns, least=0.0)
-        return found + contest.refitted(there, others, columns, threshold("gain"))
+        return Forward(self.own, grey, [there]).contest.refitted(there, joints, columns, least=0.0)
+
+    def _other_parts(self, everywhere: Fitted) -> list[Fitted]:
+        """Other parts beside numbers that leave noise, on all samples.
+
+        A limit may be met in a few of them only, which are on no stretch.
+        """
+        others = [s for s in self._listed(everywhere) if not is_joint(s.variant)]
+        if not others or self.own.whole.counter.stop():
+            return []
+        point = everywhere.point
+        columns = slopes(self.own.whole, point, range(len(point.theta)), everywhere.gains)
+        return self.on.contest.refitted(everywhere, others, columns, threshold("gain"))
+
+    def _listed(self, beside: Fitted) -> list[Scored]:
+        """Parts that a machine may lack, not scored yet."""
+        variants = self.own.library.variants(beside.variant, self.on.ranking.base.point)
+        return [Scored(v, float("nan"), {}) for v in variants if is_part(v)]
 
     def _keep_simulated(self, found: Fitted) -> None:
         """It beside the numbers alone, and what else is known on all samples."""
