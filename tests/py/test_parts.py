@@ -79,6 +79,29 @@ def test_only_a_part_with_which_the_data_sheet_is_likelier_is_followed(soft: boo
     assert (found is not None) == soft
 
 
+def limit_score(torque: float) -> float:
+    """Score of a torque limit beside the bench of the data sheet, on a record of one that has it."""
+    own = grey_box(
+        Machine.load("bench"), bench({"current_limit@motors": {"T_max": torque}}), 4000, seed=6
+    )
+    nothing, begin = Variant(own.core), first_noise(own.core, own.records, 1e-2)
+    found = maximum_likelihood(own, nothing, own.start(nothing), begin)
+    assert found is not None
+    point, noise, gains = found
+    columns = slopes(own, point, range(len(point.theta)), gains)
+    [variant] = [
+        v
+        for v in Library(own.core, own).variants(nothing, point)
+        if v.label == "current_limit@motors"
+    ]
+    return part_score(own, point, columns, variant, noise).gain
+
+
+def test_a_limit_that_is_met_in_a_few_samples_is_seen_by_its_score() -> None:
+    """Noise lifts what but half a per cent of the samples lie below beyond the limit itself."""
+    assert limit_score(0.07) > 4.0 * threshold("hopeless")
+
+
 def test_a_stretch_begins_with_its_shafts_wound_up() -> None:
     """The filter of a stiff machine knew no shaft: one that begins unwound and at rest is lost."""
     own, point, noise, gains = stiff(soft=True)

@@ -38,9 +38,9 @@ Array = NDArray[np.float64]
 _JOINT = tuple(1.5**k for k in range(-6, 7))
 _LIMIT = (0.3, 1.0)  # and that of a limit or a lag, whose likelihood has no valleys
 _TRIED = (3.0, 1.0, 0.3, 0.1)  # times its usual one: sizes at which a part is scored
-#: the same of a limit, times what but half a per cent of the samples lie below: that may be met in
-#: a few of them
-_ABOVE = (1.0, 1.15, 1.3, 1.5)
+#: the same of a limit, times what all but half a per cent of the samples lie below: it may be met
+#: in fewer, and noise goes beyond it
+_AT_A_LIMIT = (0.93, 1.0, 1.15, 1.3)
 
 
 def is_part(variant: Variant) -> bool:
@@ -63,7 +63,7 @@ class PartScore(NamedTuple):
     """Score of a part beside a leader.
 
     gain:  fall of -2 log L that it promises, over the leader's inflation; 0 where it promises none
-    start: the leader's numbers and the part's at the size that gains most, shape (unknowns,)
+    start: the leader's numbers and the part's, as its score has them, shape (unknowns,)
     """
 
     gain: float
@@ -94,7 +94,7 @@ def part_score(
     known, r = len(point.theta), flat(point.residuals)
     apart = residual_maker(grey, point, columns)
     rest, places = apart(r), []
-    for factor in _ABOVE if clips(variant.effects[-1][0]) else _TRIED:
+    for factor in _AT_A_LIMIT if clips(variant.effects[-1][0]) else _TRIED:
         there = np.r_[point.theta, coordinates(variant.extra[known - grey.shared :], {})]
         there[known] *= factor
         places.append((there, noise))
@@ -103,9 +103,12 @@ def part_score(
         if found is None:
             continue
         change = apart(flat(found[0].residuals) - r)
-        along = -float(change @ rest) / max(float(np.linalg.norm(change)), 1e-300)
+        size = max(float(np.linalg.norm(change)), 1e-300)
+        along = -float(change @ rest) / size
         if along > best:
             best, start = along, there
+            if variant.extra[known - grey.shared].strength:  # as much of it as the rest asks for
+                start[known] *= along / size
     return PartScore(best**2 / inflation(point), start)
 
 

@@ -155,8 +155,11 @@ def refitted(
         # from the data sheet: the part may stand for what the numbers had stood for
         start[: grey.shared] = sheet
         near = part_refitted(estimator, grey, variant, start, point.variant, noise)
-        if near is None and own.gain > threshold("gain"):
-            near = estimator.approach(grey, variant, own.start, noise)
+        stuck = near is None or near[0].minus_two_log > point.minus_two_log
+        if stuck and own.gain > threshold("gain"):
+            beside = estimator.approach(grey, variant, own.start, noise)
+            both = [place for place in (near, beside) if place]
+            near = min(both, key=lambda place: place[0].minus_two_log, default=None)
         return near
     shared = columns[: grey.shared]
     found = [fit(grey, variant, start, leader.gains, steps=5, shared_columns=shared, nearby=True)]
