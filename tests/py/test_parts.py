@@ -80,7 +80,7 @@ def test_only_a_part_with_which_the_data_sheet_is_likelier_is_followed(soft: boo
 
 
 def limit_score(torque: float) -> float:
-    """Score of a torque limit beside the bench of the data sheet, on a record of one that has it."""
+    """Of a torque limit beside the bench of the data sheet, on a record of one that has it."""
     own = grey_box(
         Machine.load("bench"), bench({"current_limit@motors": {"T_max": torque}}), 4000, seed=6
     )
