@@ -18,20 +18,27 @@ const EffectEntry& entry_of(const Machine& machine, const std::string& label) {
     throw std::invalid_argument("this machine has no effect " + label);
 }
 
-// The angle at which a law reads `said`, and the slope of what it reads there.
+// The angle at which a law reads `said`, and the slope of what it reads there. A step that would lead away is halved: what grows
+// with the angle is met from anywhere.
 Gradient angle_of(const Effect<Gradient>& law, double said, const std::string& label) {
-    double angle = said, slope = 1.0;
-    for (int k = 0; k < most_steps; ++k) {
-        const Gradient read = law.reading(Gradient::variable(angle, 0), {Gradient(0.0), Measures::angle});
-        slope = read.slope[0];
-        if (!(slope > 0.0)) break;
-        const double step = (read.value - said) / slope;
-        angle -= step;
-        if (std::abs(step) <= 4.0 * std::numeric_limits<double>::epsilon() * std::max(1.0, std::abs(angle))) {
-            Gradient found(angle);
-            found.slope[0] = slope;
+    const double enough = 4.0 * std::numeric_limits<double>::epsilon() * std::max(1.0, std::abs(said));
+    const auto left_at = [&](double angle) {
+        return law.reading(Gradient::variable(angle, 0), {Gradient(0.0), Measures::angle}) - said;
+    };
+    double angle = said;
+    Gradient left = left_at(angle);
+    for (int k = 0; k < most_steps && left.slope[0] > 0.0; ++k) {
+        double step = -left.value / left.slope[0];
+        if (std::abs(step) <= enough) {
+            Gradient found(angle + step);
+            found.slope[0] = left.slope[0];
             return found;
         }
+        Gradient next = left_at(angle + step);
+        for (int halved = 0; halved < most_steps && std::abs(next.value) > std::abs(left.value); ++halved)
+            next = left_at(angle + (step *= 0.5));
+        angle += step;
+        left = next;
     }
     throw std::invalid_argument("effect " + label + ": at a reading of " + std::to_string(said) +
                                 " rad what it reads does not grow with the angle, so that no reading tells the angle; "

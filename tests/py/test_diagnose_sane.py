@@ -235,16 +235,26 @@ def test_numbers_that_move_without_the_error_falling_are_not_off() -> None:
 
 @pytest.mark.long
 def test_laws_that_fail_on_what_was_held_out_are_taken_back() -> None:
-    """A robot axis: two laws close the half that was fitted and leave 69 % of the other."""
-    path = measured_file("kuka_kr300/derived_rec_B.csv")
-    record = read(path, EXAMPLES / "kuka_axis1.map.toml")
-    found = improve(Machine.load(EXAMPLES / "kuka.toml"), record, mode="balance", experiment=False)
+    """Friction closes what was fitted; where currents are 2.5 times as large it leaves 30 %."""
+    other = demo("held_out")
+    louder = with_changed(other, **{name: 2.5 * other[name] for name in ("I_1", "I_2")})
+    found = improve(sheet(), demo("fit"), held_out=louder, mode="closed_loop", experiment=False)
     assert [step.label for step in found.steps] == ["nominal", "refitted"]
     assert found.machine is found.steps[-1].machine
     assert "of what was held out: taken back, and nothing is named" in found.stopped
     assert [d.verdict for d in found.diagnoses] == ["unknown"]
     assert found.diagnoses[0].improved is None
     assert found.stopped in found.diagnoses[0].paragraph
+
+
+@pytest.mark.long
+def test_half_a_record_of_a_robot_axis_names_nothing() -> None:
+    """An encoder eccentric by 0.99 rad had been named, its reading taken back half of the way."""
+    path = measured_file("kuka_kr300/derived_rec_B.csv")
+    record = read(path, EXAMPLES / "kuka_axis1.map.toml")
+    found = improve(Machine.load(EXAMPLES / "kuka.toml"), record, mode="balance", experiment=False)
+    assert [step.label for step in found.steps] == ["nominal", "refitted"]
+    assert [d.verdict for d in found.diagnoses] == ["unknown"]
 
 
 @pytest.mark.parametrize(
