@@ -10,7 +10,7 @@ namespace dualdrive {
 
 namespace {
 
-constexpr int most_steps = 50;
+constexpr int most_steps = 100;
 
 const EffectEntry& entry_of(const Machine& machine, const std::string& label) {
     for (const EffectEntry& e : machine.effects())
@@ -18,27 +18,29 @@ const EffectEntry& entry_of(const Machine& machine, const std::string& label) {
     throw std::invalid_argument("this machine has no effect " + label);
 }
 
-// The angle at which a law reads `said`, and the slope of what it reads there. A step that would lead away is halved: what grows
-// with the angle is met from anywhere.
+// The angle at which a law reads `said`, and the slope of what it reads there: Newton's method, halving the bracket where that
+// leaves it (Press et al., Numerical Recipes, § 9.4).
 Gradient angle_of(const Effect<Gradient>& law, double said, const std::string& label) {
     const double enough = 4.0 * std::numeric_limits<double>::epsilon() * std::max(1.0, std::abs(said));
     const auto left_at = [&](double angle) {
         return law.reading(Gradient::variable(angle, 0), {Gradient(0.0), Measures::angle}) - said;
     };
-    double angle = said;
-    Gradient left = left_at(angle);
-    for (int k = 0; k < most_steps && left.slope[0] > 0.0; ++k) {
-        double step = -left.value / left.slope[0];
-        if (std::abs(step) <= enough) {
-            Gradient found(angle + step);
+    double reach = 1e-3, angle = said;
+    for (int k = 0; k < most_steps && left_at(said - reach).value * left_at(said + reach).value > 0.0; ++k)
+        reach *= 2.0;
+    double low = said - reach, high = said + reach;
+    for (int k = 0; k < most_steps; ++k) {
+        const Gradient left = left_at(angle);
+        if (!(left.slope[0] > 0.0)) break;
+        (left.value > 0.0 ? high : low) = angle;
+        double next = angle - left.value / left.slope[0];
+        if (std::abs(next - angle) <= enough || high - low <= enough) {
+            Gradient found(next);
             found.slope[0] = left.slope[0];
             return found;
         }
-        Gradient next = left_at(angle + step);
-        for (int halved = 0; halved < most_steps && std::abs(next.value) > std::abs(left.value); ++halved)
-            next = left_at(angle + (step *= 0.5));
-        angle += step;
-        left = next;
+        if (!(low < next && next < high)) next = 0.5 * (low + high);
+        angle = next;
     }
     throw std::invalid_argument("effect " + label + ": at a reading of " + std::to_string(said) +
                                 " rad what it reads does not grow with the angle, so that no reading tells the angle; "
