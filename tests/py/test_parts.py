@@ -10,9 +10,11 @@ import pytest
 
 from bench_record import grey_box
 from dualdrive import Machine
-from dualdrive.diagnose.screening import Library
+from dualdrive.diagnose.screening import Library, Scored
 from dualdrive.diagnose.selection.estimation import Estimator
+from dualdrive.diagnose.selection.fitted import Fitted
 from dualdrive.diagnose.selection.parts import is_joint, is_part, part_refitted, part_score
+from dualdrive.diagnose.selection.refits import refitted
 from dualdrive.estimation.thresholds import threshold
 from dualdrive.innovations import (
     GreyBox,
@@ -20,9 +22,11 @@ from dualdrive.innovations import (
     Point,
     Variant,
     first_noise,
+    inflation,
     maximum_likelihood,
     slopes,
     some,
+    values,
 )
 from test_innovations import bench
 
@@ -100,6 +104,31 @@ def limit_score(torque: float) -> float:
 def test_a_limit_that_is_met_in_a_few_samples_is_seen_by_its_score() -> None:
     """Noise lifts what but half a per cent of the samples lie below beyond the limit itself."""
     assert limit_score(0.07) > 4.0 * threshold("hopeless")
+
+
+BRISTLES = {"torque": 3e-4, "stiffness": 0.02, "speed": 1.0, "static_ratio": 1.0}  # at motors
+
+
+def test_bristles_that_the_data_sheet_does_not_speak_for_are_found_beside_the_leader() -> None:
+    """A first correction that bent them further than they slide had hidden them from any refit."""
+    own = grey_box(Machine.load("bench"), bench({"lugre@motors": BRISTLES}), 4000, seed=6)
+    nothing, begin = Variant(own.core), first_noise(own.core, own.records, 1e-2)
+    found = maximum_likelihood(own, nothing, own.start(nothing), begin)
+    assert found is not None
+    point, noise, gains = found
+    [variant] = [
+        v for v in Library(own.core, own).variants(nothing, point) if v.label == "lugre@motors"
+    ]
+    columns = slopes(own, point, range(len(point.theta)), gains)
+    leader = Fitted(point, noise, inflation(point), 0.0, gains)
+    near = refitted(
+        Estimator(own.core, own), own, leader, Scored(variant, float("nan"), {}), columns
+    )
+    assert near is not None
+    assert point.minus_two_log - near[0].minus_two_log > 1000.0
+    told = values(variant.extra, near[0].theta[own.shared :])
+    assert told["lugre@motors.torque"] == pytest.approx(BRISTLES["torque"], rel=0.01)
+    assert told["lugre@motors.stiffness"] == pytest.approx(BRISTLES["stiffness"], rel=0.01)
 
 
 def test_a_stretch_begins_with_its_shafts_wound_up() -> None:

@@ -342,6 +342,17 @@ KalmanGains kalman_gains(const Machine& machine, const SampledRecord& record, co
     for (const auto& [body, torque] : first.torque)
         if (wide.torque.contains(body)) wide.torque[body] = torque;
     gains.at_first = innovations::unknown * innovations::StateSpace(flow, record, wide, gains.carrying, speed).scale();
+    // What a law remembers of a motion before the record is no more than where the body slides on, ż = a ω − b z = 0: a bristle
+    // that a first correction bends further pulls as no friction does.
+    if (!flow.layout().memories.empty()) {
+        const innovations::Frozen slides = flow.tangent(gains.carrying, speed);
+        for (const auto& memory : flow.layout().memories) {
+            const int group = flow.layout().group_of[static_cast<std::size_t>(memory.body)];
+            const double relaxes = -slides.A(memory.state, memory.state);
+            const double most = std::abs(slides.A(memory.state, group) * speed);
+            if (gains.at_first(memory.state) * relaxes > most) gains.at_first(memory.state) = most / relaxes;
+        }
+    }
     for (const auto& [name, deviation] : first.deviation)
         if (const int k = flow.layout().state(name); k >= 0)
             gains.at_first(k) = std::hypot(gains.at_first(k), deviation);
