@@ -171,11 +171,12 @@ TEST_CASE("what an effect means as a hypothesis is said of effects, places and c
         for (std::size_t k = 0; k < simpler.size(); ++k) {
             // the nearest first: what comes later is in each that comes before
             const auto inner = split(effect_type(simpler[k]).text.hypothesis.contains);
-            CHECK(inner == std::vector<std::string>(simpler.begin() + static_cast<std::ptrdiff_t>(k) + 1, simpler.end()));
+            CHECK(inner ==
+                  std::vector<std::string>(simpler.begin() + static_cast<std::ptrdiff_t>(k) + 1, simpler.end()));
         }
         CHECK(h.lowest_order >= 1.0);
-        const bool counts = std::any_of(type.parameters.begin(), type.parameters.end(),
-                                        [](const Declaration& d) { return d.counted; });
+        const bool counts =
+            std::any_of(type.parameters.begin(), type.parameters.end(), [](const Declaration& d) { return d.counted; });
         CHECK((counts || h.lowest_order == 1.0));
     }
 }
