@@ -161,14 +161,17 @@ std::vector<std::string> names_read(const EffectEntry& effect) {
     return names;
 }
 
-void Machine::remove_effect(const std::string& label) {
-    const auto it =
-        std::find_if(effects_.begin(), effects_.end(), [&](const EffectEntry& e) { return e.label == label; });
-    if (it == effects_.end()) {
-        std::vector<std::string> known;
-        for (const auto& e : effects_) known.push_back(e.label);
-        refuse("effect " + label + ": not in this machine" + near_names(label, known));
+const EffectEntry& Machine::effect(const std::string& label) const {
+    std::vector<std::string> known;
+    for (const auto& e : effects_) {
+        if (e.label == label) return e;
+        known.push_back(e.label);
     }
+    refuse("effect " + label + ": not in this machine" + near_names(label, known));
+}
+
+void Machine::remove_effect(const std::string& label) {
+    const auto it = effects_.begin() + (&effect(label) - effects_.data());
     const EffectEntry removed = *it;
     const std::size_t first = it->first, count = it->count;
     const auto from = static_cast<std::ptrdiff_t>(first), to = static_cast<std::ptrdiff_t>(first + count);

@@ -1,4 +1,5 @@
 // The law of a sensor solved for the motion: the very lines of its reading, by Newton's method.
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -11,12 +12,6 @@ namespace dualdrive {
 namespace {
 
 constexpr int most_steps = 100;
-
-const EffectEntry& entry_of(const Machine& machine, const std::string& label) {
-    for (const EffectEntry& e : machine.effects())
-        if (e.label == label) return e;
-    throw std::invalid_argument("this machine has no effect " + label);
-}
 
 // The angle at which a law reads `said`, and the slope of what it reads there: Newton's method, halving the bracket where that
 // leaves it (Press et al., Numerical Recipes, § 9.4).
@@ -50,7 +45,7 @@ Gradient angle_of(const Effect<Gradient>& law, double said, const std::string& l
 }  // namespace
 
 double delay_of(const Machine& machine, const std::string& label) {
-    const EffectEntry& e = entry_of(machine, label);
+    const EffectEntry& e = machine.effect(label);
     return make_effect<double>(e.name, machine.values().data() + e.first)->delay();
 }
 
@@ -58,7 +53,7 @@ SensedMotion taken_back(const Machine& machine, const std::string& label, const 
     const std::size_t rows = said.angle.size();
     if (said.speed.size() != rows || said.acceleration.size() != rows)
         throw std::invalid_argument("effect " + label + ": angle, speed and acceleration must be of one length");
-    const EffectEntry& e = entry_of(machine, label);
+    const EffectEntry& e = machine.effect(label);
     if (!effect_type(e.name).invertible())
         throw std::invalid_argument("effect " + label + ": its readings can't be taken back");
     const std::vector<Gradient> values(machine.values().begin(), machine.values().end());

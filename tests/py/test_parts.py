@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import functools
-from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from bench_record import grey_box
 from dualdrive import Machine
@@ -18,8 +18,6 @@ from dualdrive.diagnose.selection.refits import refitted
 from dualdrive.estimation.thresholds import threshold
 from dualdrive.innovations import (
     GreyBox,
-    Noise,
-    Point,
     Variant,
     first_noise,
     inflation,
@@ -30,38 +28,48 @@ from dualdrive.innovations import (
 )
 from test_innovations import bench
 
-SOFT = {"shaft_compliance@gearboxes": {"stiffness": 260.0}}
+Array = NDArray[np.float64]
+
+SOFT = {"stiffness": 260.0}
+BRISTLES = {"torque": 3e-4, "stiffness": 0.02, "speed": 1.0, "static_ratio": 1.0}
 
 
 @functools.cache
-def stiff(soft: bool) -> tuple[GreyBox, Point, Noise, list[Any]]:
-    """The bench of the data sheet on a record of one whose shafts give, or do not."""
-    own = grey_box(Machine.load("bench"), bench(SOFT if soft else {}), 2000, seed=6)
-    nothing = Variant(own.core)
-    found = maximum_likelihood(
-        own, nothing, own.start(nothing), first_noise(own.core, own.records, 1e-2)
-    )
+def refitted_bench(law: str, samples: int, **numbers: float) -> tuple[GreyBox, Fitted]:
+    """The bench of the data sheet, its numbers likeliest on a record of one that has a law."""
+    real = bench({law: numbers} if numbers else {})
+    own = grey_box(Machine.load("bench"), real, samples, seed=6)
+    nothing, begin = Variant(own.core), first_noise(own.core, own.records, 1e-2)
+    found = maximum_likelihood(own, nothing, own.start(nothing), begin)
     assert found is not None
-    return own, *found
+    point, noise, gains = found
+    return own, Fitted(point, noise, inflation(point), 0.0, gains)
 
 
-def shaft(own: GreyBox, point: Point) -> Variant:
-    [variant] = [
-        v
-        for v in Library(own.core, own).variants(point.variant, point)
-        if v.effects[-1] == ("shaft_compliance", "gearboxes")
-    ]
+def stiff(soft: bool) -> tuple[GreyBox, Fitted]:
+    """A record of one whose shafts give, or do not."""
+    return refitted_bench("shaft_compliance@gearboxes", 2000, **(SOFT if soft else {}))
+
+
+def columns_of(own: GreyBox, leader: Fitted) -> list[Array]:
+    return slopes(own, leader.point, range(len(leader.point.theta)), leader.gains)
+
+
+def with_part(own: GreyBox, leader: Fitted, label: str) -> Variant:
+    variants = Library(own.core, own).variants(leader.variant, leader.point)
+    [variant] = [v for v in variants if v.label == label]
+    assert is_part(variant)
     return variant
+
+
+def gain_of(own: GreyBox, leader: Fitted, label: str) -> float:
+    variant, columns = with_part(own, leader, label), columns_of(own, leader)
+    return part_score(own, leader.point, columns, variant, leader.noise).gain
 
 
 @functools.cache
 def score(soft: bool) -> float:
-    own, point, noise, gains = stiff(soft)
-    columns = slopes(own, point, range(len(point.theta)), gains)
-    variant = shaft(own, point)
-    assert is_part(variant)
-    assert is_joint(variant)
-    return part_score(own, point, columns, variant, noise).gain
+    return gain_of(*stiff(soft), "shaft_compliance@gearboxes")
 
 
 def test_a_shaft_that_gives_is_seen_by_its_score() -> None:
@@ -75,70 +83,51 @@ def test_where_none_gives_there_is_less_to_see() -> None:
 
 @pytest.mark.parametrize("soft", [True, False])
 def test_only_a_part_with_which_the_data_sheet_is_likelier_is_followed(soft: bool) -> None:
-    own, point, noise, _ = stiff(soft)
-    variant = shaft(own, point)
+    own, leader = stiff(soft)
+    variant = with_part(own, leader, "shaft_compliance@gearboxes")
+    assert is_joint(variant)
+    start = own.start(variant)
     found = part_refitted(
-        Estimator(own.core, own), own, variant, own.start(variant), point.variant, noise
+        Estimator(own.core, own), own, variant, start, leader.variant, leader.noise
     )
     assert (found is not None) == soft
 
 
-def limit_score(torque: float) -> float:
-    """Of a torque limit beside the bench of the data sheet, on a record of one that has it."""
-    own = grey_box(
-        Machine.load("bench"), bench({"current_limit@motors": {"T_max": torque}}), 4000, seed=6
-    )
-    nothing, begin = Variant(own.core), first_noise(own.core, own.records, 1e-2)
-    found = maximum_likelihood(own, nothing, own.start(nothing), begin)
-    assert found is not None
-    point, noise, gains = found
-    columns = slopes(own, point, range(len(point.theta)), gains)
-    [variant] = [
-        v
-        for v in Library(own.core, own).variants(nothing, point)
-        if v.label == "current_limit@motors"
-    ]
-    return part_score(own, point, columns, variant, noise).gain
+def limit_score(**limit: float) -> float:
+    """Of a torque limit beside the data sheet, on a record of one that has it, or none."""
+    law = "current_limit@motors"
+    return gain_of(*refitted_bench(law, 4000, **limit), law)
 
 
 def test_a_limit_that_is_met_in_a_few_samples_is_seen_by_its_score() -> None:
     """Noise lifts what but half a per cent of the samples lie below beyond the limit itself."""
-    assert limit_score(0.07) > 4.0 * threshold("hopeless")
+    assert limit_score(T_max=0.07) > 4.0 * threshold("hopeless")
 
 
-BRISTLES = {"torque": 3e-4, "stiffness": 0.02, "speed": 1.0, "static_ratio": 1.0}  # at motors
+def test_no_limit_scores_where_none_is_met() -> None:
+    assert limit_score() < 2.0 * threshold("hopeless")
 
 
 def test_bristles_that_the_data_sheet_does_not_speak_for_are_found_beside_the_leader() -> None:
     """A first correction that bent them further than they slide had hidden them from any refit."""
-    own = grey_box(Machine.load("bench"), bench({"lugre@motors": BRISTLES}), 4000, seed=6)
-    nothing, begin = Variant(own.core), first_noise(own.core, own.records, 1e-2)
-    found = maximum_likelihood(own, nothing, own.start(nothing), begin)
-    assert found is not None
-    point, noise, gains = found
-    [variant] = [
-        v for v in Library(own.core, own).variants(nothing, point) if v.label == "lugre@motors"
-    ]
-    columns = slopes(own, point, range(len(point.theta)), gains)
-    leader = Fitted(point, noise, inflation(point), 0.0, gains)
-    near = refitted(
-        Estimator(own.core, own), own, leader, Scored(variant, float("nan"), {}), columns
-    )
+    own, leader = refitted_bench("lugre@motors", 4000, **BRISTLES)
+    scored = Scored(with_part(own, leader, "lugre@motors"), float("nan"), {})
+    near = refitted(Estimator(own.core, own), own, leader, scored, columns_of(own, leader))
     assert near is not None
-    assert point.minus_two_log - near[0].minus_two_log > 1000.0
-    told = values(variant.extra, near[0].theta[own.shared :])
+    assert leader.point.minus_two_log - near[0].minus_two_log > 1000.0
+    told = values(scored.variant.extra, near[0].theta[own.shared :])
     assert told["lugre@motors.torque"] == pytest.approx(BRISTLES["torque"], rel=0.01)
     assert told["lugre@motors.stiffness"] == pytest.approx(BRISTLES["stiffness"], rel=0.01)
 
 
 def test_a_stretch_begins_with_its_shafts_wound_up() -> None:
     """The filter of a stiff machine knew no shaft: one that begins unwound and at rest is lost."""
-    own, point, noise, gains = stiff(soft=True)
-    few = some(own, point, gains, 1000)
-    variant = shaft(own, point)
+    own, leader = stiff(soft=True)
+    few = some(own, leader.point, leader.gains, 1000)
+    variant = with_part(own, leader, "shaft_compliance@gearboxes")
     theta = few.start(variant)
     theta[few.shared] = variant.extra[0].coordinate(260.0)
-    [found] = few.likelihoods(variant, [(theta, noise)])
+    [found] = few.likelihoods(variant, [(theta, leader.noise)])
     assert found is not None
     [record] = few.records
     core = few.machine(variant, theta)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dualdrive import Machine
+from dualdrive import Machine, _core
 from dualdrive.diagnose import whitening
 from dualdrive.diagnose.equations import TorqueBalance
 from dualdrive.diagnose.evidence import evidence
@@ -36,7 +37,7 @@ def motion(t: Array) -> list[Array]:
     return [turn + part, rate, bend]
 
 
-def with_effect(effect: str, place: str, **values: float) -> object:
+def with_effect(effect: str, place: str, **values: float) -> Any:
     core = Machine.load("bench").core.copy()
     label = core.add_effect(effect, place)
     for name, value in values.items():
@@ -89,6 +90,12 @@ def test_a_disc_centred_off_its_track_is_refused() -> None:
     core = with_effect("encoder_eccentricity", "motor_1", amplitude=1.5)
     with pytest.raises(ValueError, match=r"@motor_1: .* does not grow with the angle"):
         before_sensors(core, dict(zip(NAMES, motion(T), strict=True)))
+
+
+def test_an_effect_that_is_not_there_is_refused_with_its_nearest() -> None:
+    core = with_effect("encoder_eccentricity", "motor_1", amplitude=0.01)
+    with pytest.raises(ValueError, match=r"not in this machine.*eccentricity@motor_1"):
+        _core.delay_of(core, "encoder_eccentricity@motor_2")
 
 
 def test_what_was_not_recorded_was_not_misread() -> None:

@@ -121,6 +121,7 @@ class Machine {
     const std::vector<ConnectionEntry>& connections() const { return connections_; }
     const std::vector<MotorEntry>& motors() const { return motors_; }
     const std::vector<EffectEntry>& effects() const { return effects_; }
+    const EffectEntry& effect(const std::string& label) const;  // throws std::invalid_argument with the nearest labels
     const ControllerOptions& controller() const { return controller_; }
     bool controlled() const { return controller_.kind != ControllerOptions::Kind::none; }
     std::size_t controller_first() const { return controller_first_; }

@@ -11,7 +11,7 @@ Long records are searched on stretches of them. What stands there is held agains
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -113,9 +113,11 @@ class _Search:
         self._forward(everywhere, most=1)
         if self._simulated:
             return
-        joints = self._joints(self.on.leader())
+        parts = self._listed(everywhere)
+        joints = self._joints(self.on.leader(), [s for s in parts if is_joint(s.variant)])
         if not self.on.leader().variant.effects:
-            self.on.ranking.keep(self._other_parts(everywhere))
+            others = [s for s in parts if not is_joint(s.variant)]
+            self.on.ranking.keep(self._other_parts(everywhere, others))
         if joints:
             known = list(self.on.ranking)
             self.on = Forward(self.own, base.grey, [base.there, *joints], faint=True)
@@ -126,13 +128,12 @@ class _Search:
             self._forward(self.on.leader())
         self.on.backward.eliminated(self.on.ranking.best)
 
-    def _joints(self, leader: Fitted) -> list[Fitted]:
+    def _joints(self, leader: Fitted, joints: Sequence[Scored]) -> list[Fitted]:
         """Joints beside numbers that leave noise, on stretches, as far as a leader leaves room.
 
         What a soft shaft does such numbers do nearly as well: it need not gain there.
         """
         there, grey = self.base.there, self.base.grey
-        joints = [s for s in self._listed(there) if is_joint(s.variant)]
         if leader.variant.effects:
             joints = [s for s in joints if brings(s.variant, leader.variant)]
         if not joints or self.own.whole.counter.stop():
@@ -140,12 +141,11 @@ class _Search:
         columns = slopes(grey, there.point, range(len(there.point.theta)), there.gains)
         return Forward(self.own, grey, [there]).contest.refitted(there, joints, columns, least=0.0)
 
-    def _other_parts(self, everywhere: Fitted) -> list[Fitted]:
+    def _other_parts(self, everywhere: Fitted, others: Sequence[Scored]) -> list[Fitted]:
         """Other parts beside numbers that leave noise, on all samples.
 
         A limit may be met in a few of them only, which are on no stretch.
         """
-        others = [s for s in self._listed(everywhere) if not is_joint(s.variant)]
         if not others or self.own.whole.counter.stop():
             return []
         point = everywhere.point
