@@ -61,7 +61,7 @@ def refitted_base(estimator: Estimator, whole: GreyBox) -> Base:
             break
         grey = _stretches(whole, found)
         found = _nearly(estimator, grey, found)
-    found = _to_the_end(estimator, grey, found)
+    found = _with_drifting_zeros(estimator, grey, _to_the_end(estimator, grey, found))
     if grey is whole:
         return Base(whole, found, found)
     if not (white(found) and suffices(estimator.core, grey, found)):
@@ -79,6 +79,20 @@ def _nearly(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted:
 
 def _to_the_end(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted:
     return estimator.likeliest(grey, f.variant, f.point.theta, f.noise) or f
+
+
+def _with_drifting_zeros(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted:
+    """The same, zeros drifting over times of their own, where nothing but that is left.
+
+    Where no equation lacks a torque and innovations have a colour all the same, what is missing
+    acts slowly, on sensors. Zeros that drift do, and so do eccentric encoders; and a noise that
+    has no room for them hides all that is faint. Laws are scored beside such a noise, and weighed
+    against it, before one is named or none.
+    """
+    if white(f) or not suffices(estimator.core, grey, f):
+        return f
+    found = estimator.drifting(grey, f)
+    return found if white(found) and suffices(estimator.core, grey, found) else f
 
 
 def _stretches(whole: GreyBox, f: Fitted) -> GreyBox:
