@@ -25,6 +25,7 @@ from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selecti
 from dualdrive.diagnose.selection.forward import Forward, Means
 from dualdrive.diagnose.selection.parts import brings, is_joint, is_part
 from dualdrive.diagnose.selection.residual_analysis import suffices, white
+from dualdrive.diagnose.selection.sandwich import forget_what_colour_gains
 from dualdrive.diagnose.simulated_errors import Simulation, noise_floor
 from dualdrive.estimation.thresholds import threshold
 from dualdrive.innovations import GreyBox, slopes, some
@@ -75,6 +76,7 @@ class _Search:
             self.on.backward.narrowed(self.on.ranking.best)
             self.on.forget_faint()
             weigh_drifting_zeros(own, self.on, self._stretches)
+            forget_what_colour_gains(own, self.on.ranking, self.on.grey)
         ranking = self.on.ranking
         fits = (replace(f, criterion=ranking.criterion(f)) for f in ranking)
         every = sorted(fits, key=lambda f: f.criterion)

@@ -1,0 +1,103 @@
+"""How far a law's gain may be believed where what is left is not white to it.
+
+Of a model that is not quite right the gain in -2 log L by numbers that are none is no chi-squared
+but a weighted sum of such, the weights being eigenvalues of I^-1 J: I is the information on these
+numbers, J the variance of their score, both at what the other numbers leave of them (White,
+Econometrica 50 (1982) 1-25; Kent, Biometrika 69 (1982) 19-27). The inflation tells of the first
+400 samples. A law that acts over minutes meets what residuals do over minutes, and a ripple what
+they do at its frequency: J is told by sums of the score over batches (Alexopoulos, Seila, in Banks
+(ed.), Handbook of Simulation, 1998, ch. 7).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive.diagnose.selection.fitted import Fitted
+from dualdrive.diagnose.selection.forward import Means
+from dualdrive.diagnose.selection.ranking import Ranking
+from dualdrive.estimation.thresholds import threshold
+from dualdrive.innovations import GreyBox, carried, flat, slopes
+
+Array = NDArray[np.float64]
+
+_BATCHES = 32  # of all records: what they tell of a variance is a quarter of it unsure
+
+
+def forget_what_colour_gains(own: Means, ranking: Ranking, grey: GreyBox) -> None:
+    """Leaders forgotten while one of their laws gains no more than the colour of what is left.
+
+    Args:
+        own: of the search.
+        ranking: what is known on these records; what is not believed is forgotten.
+        grey: the records.
+
+    """
+    while (best := ranking.best).variant.effects and not grey.counter.stop():
+        own.tell(f"what is left by {best.variant.key}, against each of its laws")
+        if all(_believed(own, ranking, grey, best, effect) for effect in best.variant.effects):
+            break
+        ranking.forget(best)
+
+
+def _believed(
+    own: Means, ranking: Ranking, grey: GreyBox, f: Fitted, effect: tuple[str, str]
+) -> bool:
+    """Whether one law of a fitted machine gains enough over its own inflation."""
+    rest = own.library.without(f.variant, effect)
+    if rest is None:
+        return True
+    mine = [k for k, p in enumerate(f.variant.extra) if p not in rest.extra]
+    times = own_inflation(grey, f, mine) / f.inflation
+    if times <= 1.0:
+        return True
+    least = times * threshold("gain")
+    if rest.key not in ranking:
+        theta = carried(f.point, rest, np.zeros(grey.shared + len(rest.extra)))
+        behind = f.point.minus_two_log + (least + len(mine) * ranking.price()) * f.inflation
+        fewer = own.estimator.likeliest(grey, rest, theta, f.noise, rival=behind)
+        if fewer is None:
+            return True
+        ranking.keep([fewer])
+    return ranking.criterion(ranking[rest.key]) - ranking.criterion(f) > least
+
+
+def own_inflation(grey: GreyBox, f: Fitted, numbers: Sequence[int]) -> float:
+    """By how much the gain of some of a machine's own numbers counts what is left, 1 if white.
+
+    The mean of the eigenvalues of I^-1 J: the gain over it has the mean of a chi-squared of as many
+    degrees of freedom (Rotnitzky, Jewell, Biometrika 77 (1990) 485-497).
+
+    Args:
+        grey: the records.
+        f: the machine, fitted.
+        numbers: which of `f.variant.extra`.
+
+    """
+    point, shared = f.point, grey.shared
+    columns = np.stack(slopes(grey, point, range(len(point.theta)), f.gains))
+    mine = [shared + k for k in numbers]
+    others = [k for k in range(len(columns)) if k not in mine]
+    weight = np.r_[1.0 / grey.sigma**2, np.zeros(len(columns) - shared)]
+    H = columns @ columns.T + np.diag(weight)
+    of_others = np.linalg.pinv(H[np.ix_(others, others)], hermitian=True) @ H[np.ix_(others, mine)]
+    own = columns[mine] - of_others.T @ columns[others]
+    batch = _batches(point.residuals)
+    score = own * flat(point.residuals)
+    sums = np.stack([np.bincount(batch, s) for s in score])
+    ratio = np.linalg.pinv(own @ own.T, hermitian=True) @ (sums @ sums.T)
+    return float(np.trace(ratio)) / len(mine)
+
+
+def _batches(residuals: Sequence[Array]) -> NDArray[np.intp]:
+    """Of every row, end to end: its batch, a share of one record's time."""
+    samples, found, first = sum(len(r) for r in residuals), [], 0
+    for r in residuals:
+        count = max(1, round(_BATCHES * len(r) / samples))
+        own = first + np.minimum(np.arange(len(r)) * count // len(r), count - 1)
+        found.append(np.repeat(own, r.shape[1]))
+        first += count
+    return np.concatenate(found)

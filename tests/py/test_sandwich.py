@@ -1,0 +1,88 @@
+"""What colour gains: a law's own inflation, and leaders that owe their gain to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from bench_record import grey_box
+from dualdrive import Machine
+from dualdrive.diagnose.screening import Library
+from dualdrive.diagnose.selection.estimation import Estimator
+from dualdrive.diagnose.selection.fitted import EFFORTS, Fitted
+from dualdrive.diagnose.selection.forward import Means
+from dualdrive.diagnose.selection.ranking import Ranking
+from dualdrive.diagnose.selection.sandwich import forget_what_colour_gains, own_inflation
+from dualdrive.innovations import GreyBox, Variant
+from test_innovations import bench
+
+Array = NDArray[np.float64]
+
+SAMPLES, MEMORY = 20000, 0.95
+SLOW = (1.0 + MEMORY) / (1.0 - MEMORY)  # spectrum of such residuals where a law changes slowly
+
+
+@pytest.fixture(scope="module")
+def grey() -> GreyBox:
+    return grey_box(Machine.load("bench"), bench({}), SAMPLES, seed=4)
+
+
+@pytest.fixture(scope="module")
+def alone(grey: GreyBox) -> Fitted:
+    """The machine, numbers and noise as they are."""
+    estimator, nothing = Estimator(grey.core, grey), Variant(grey.core)
+    theta = grey.start(nothing)
+    found = estimator.likeliest(grey, nothing, theta, estimator.wide, roughly=True)
+    assert found is not None
+    return found
+
+
+def with_law(grey: GreyBox, alone: Fitted, label: str, memory: float) -> Fitted:
+    """A law beside it, and residuals of variance 1 with a memory in place of its own."""
+    library = Library(grey.core, grey)
+    law = next(v for v in library.variants(alone.variant, alone.point) if label in (v.label, v.key))
+    theta = np.r_[alone.point.theta, np.full(len(law.extra), 1e-3)]
+    [there] = grey.likelihoods(law, [(theta, alone.noise)])
+    assert there is not None
+    [r] = there[0].residuals
+    white = np.random.default_rng(7).normal(size=r.shape)
+    coloured = lfilter([np.sqrt(1.0 - memory**2)], [1.0, -memory], white, axis=0)
+    point = replace(there[0], residuals=(np.ascontiguousarray(coloured),))
+    return replace(alone, point=point, gains=there[1])
+
+
+def own(grey: GreyBox, f: Fitted) -> float:
+    return own_inflation(grey, f, range(len(f.variant.extra)))
+
+
+@pytest.mark.parametrize(("memory", "spectrum"), [(0.0, 1.0), (MEMORY, SLOW)])
+def test_a_law_counts_residuals_by_their_spectrum_where_it_acts(
+    grey: GreyBox, alone: Fitted, memory: float, spectrum: float
+) -> None:
+    """Friction acts slowly: (1 + a) / (1 - a) of an autoregression, as far as 32 batches tell."""
+    found = own(grey, with_law(grey, alone, "viscous@motors", memory))
+    assert found == pytest.approx(spectrum, rel=3.0 * np.sqrt(2.0 / 32.0))
+
+
+def test_a_ripple_minds_slow_residuals_less(grey: GreyBox, alone: Fitted) -> None:
+    found = own(grey, with_law(grey, alone, "torque_ripple@motors (order 24)", MEMORY))
+    assert 0.3 < found < 0.2 * SLOW
+
+
+@pytest.mark.parametrize(("memory", "believed"), [(0.0, True), (MEMORY, False)])
+def test_a_leader_that_gains_by_colour_alone_is_forgotten(
+    grey: GreyBox, alone: Fitted, memory: float, believed: bool
+) -> None:
+    law = with_law(grey, alone, "viscous@motors", memory)
+    behind = law.point.minus_two_log - alone.point.minus_two_log
+    base = replace(alone, point=replace(alone.point, prior=alone.point.prior + behind + 100.0))
+    ranking = Ranking(grey.samples, [base, law])
+    assert ranking.best is law
+    forget_what_colour_gains(
+        Means(grey.core, grey, EFFORTS["normal"], lambda _: None), ranking, grey
+    )
+    assert (ranking.best is law) is believed
