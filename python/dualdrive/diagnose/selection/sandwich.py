@@ -68,26 +68,39 @@ def _believed(
 def own_inflation(grey: GreyBox, f: Fitted, numbers: Sequence[int]) -> float:
     """By how much the gain of some of a machine's own numbers counts what is left, 1 if white.
 
-    The mean of the eigenvalues of I^-1 J: the gain over it has the mean of a chi-squared of as many
-    degrees of freedom (Rotnitzky, Jewell, Biometrika 77 (1990) 485-497).
-
     Args:
         grey: the records.
         f: the machine, fitted.
         numbers: which of `f.variant.extra`.
 
     """
-    point, shared = f.point, grey.shared
-    columns = np.stack(slopes(grey, point, range(len(point.theta)), f.gains))
-    mine = [shared + k for k in numbers]
+    columns = np.stack(slopes(grey, f.point, range(len(f.point.theta)), f.gains))
+    believed = np.r_[1.0 / grey.sigma**2, np.zeros(len(columns) - grey.shared)]
+    mine = [grey.shared + k for k in numbers]
+    return score_inflation(columns, believed, f.point.residuals, mine)
+
+
+def score_inflation(
+    columns: Array, believed: Array, residuals: Sequence[Array], mine: Sequence[int]
+) -> float:
+    """Mean of the eigenvalues of I^-1 J.
+
+    The gain over it has the mean of a chi-squared of as many degrees of freedom (Rotnitzky, Jewell,
+    Biometrika 77 (1990) 485-497).
+
+    Args:
+        columns: derivatives of the whitened innovations, shape (unknowns, rows).
+        believed: information of the priors, shape (unknowns,).
+        residuals: the innovations, records end to end, shape (samples, channels) each.
+        mine: the unknowns that are asked about.
+
+    """
     others = [k for k in range(len(columns)) if k not in mine]
-    weight = np.r_[1.0 / grey.sigma**2, np.zeros(len(columns) - shared)]
-    H = columns @ columns.T + np.diag(weight)
+    H = columns @ columns.T + np.diag(believed)
     of_others = np.linalg.pinv(H[np.ix_(others, others)], hermitian=True) @ H[np.ix_(others, mine)]
-    own = columns[mine] - of_others.T @ columns[others]
-    batch = _batches(point.residuals)
-    score = own * flat(point.residuals)
-    sums = np.stack([np.bincount(batch, s) for s in score])
+    own = columns[list(mine)] - of_others.T @ columns[others]
+    batch = _batches(residuals)
+    sums = np.stack([np.bincount(batch, s) for s in own * flat(residuals)])
     ratio = np.linalg.pinv(own @ own.T, hermitian=True) @ (sums @ sums.T)
     return float(np.trace(ratio)) / len(mine)
 
