@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from dualdrive import Machine
+from dualdrive.compare import evened
 from dualdrive.replay import core_of, records
 from dualdrive.replay.record import with_settings
 from dualdrive.replay.run import play
@@ -57,7 +58,7 @@ def lines(case: Path, truth: Mapping[str, Any]) -> list[str]:
         make_true(core_of(machine), truth)
     except ValueError as error:
         return [f"{said}: {error}"]
-    traces = {Path(name).stem: read(case / name) for name in known["records"]}
+    traces = {Path(name).stem: evened(read(case / name))[0] for name in known["records"]}
     settings = {Path(name).stem: own for name, own in known.get("settings", {}).items()}
     found = [f"{said}"]
     for record in records(machine, traces, settings=settings):

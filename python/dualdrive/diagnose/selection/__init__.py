@@ -6,8 +6,8 @@ from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selecti
 from dualdrive.diagnose.selection.parts import is_joint
 from dualdrive.diagnose.selection.residual_analysis import (
     MissingTorque,
-    little,
     missing_torque,
+    suffices,
     white,
 )
 from dualdrive.diagnose.selection.search import select
@@ -19,8 +19,8 @@ __all__ = [
     "MissingTorque",
     "Selection",
     "is_joint",
-    "little",
     "missing_torque",
     "select",
+    "suffices",
     "white",
 ]

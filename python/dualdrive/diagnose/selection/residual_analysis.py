@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from dualdrive.diagnose.selection.fitted import Fitted
 from dualdrive.estimation.thresholds import threshold
-from dualdrive.innovations import GreyBox, drive_torque
+from dualdrive.innovations import GreyBox, drive_torque, least_noise
 
 _LONGEST = 400  # samples that the inflation sums over
 _SURE = 4.0  # standard deviations of a sum of squares
@@ -42,8 +43,38 @@ def missing_torque(core: Any, grey: GreyBox, f: Fitted) -> dict[str, MissingTorq
 
 
 def suffices(core: Any, grey: GreyBox, f: Fitted) -> bool:
-    """Whether a machine asks for hardly any torque of unknown course."""
-    return little(missing_torque(core, grey, f))
+    """Whether a machine asks for hardly any torque of unknown course, or for none beyond doubt."""
+    lacking = [
+        body
+        for body, missing in missing_torque(core, grey, f).items()
+        if missing.share > threshold("unexplained torque")
+    ]
+    return not lacking or lost_without(core, grey, f, lacking) < threshold("gain")
+
+
+def lost_without(core: Any, grey: GreyBox, f: Fitted, bodies: Sequence[str]) -> float:
+    """-2 log L over the inflation that a machine loses without torques that it asks for.
+
+    All else as it is, so that no less would do. Of a variance that is nought half a chi-squared of
+    one degree of freedom (Self, Liang, Journal of the American Statistical Association 82 (1987)
+    605-610). Infinite where innovations are so far from noise that they say nothing, or the filter
+    is lost.
+
+    Args:
+        core: the machine of the data sheet.
+        grey: the records.
+        f: the machine, fitted.
+        bodies: where the torques act.
+
+    """
+    if f.inflation > threshold("inflation"):
+        return math.inf
+    least = least_noise(core, grey.records, threshold("least torque")).torque
+    torque = {body: least[body] if body in bodies else s for body, s in f.noise.torque.items()}
+    [found] = grey.likelihoods(f.variant, [(f.point.theta, replace(f.noise, torque=torque))])
+    if found is None:
+        return math.inf
+    return (found[0].minus_two_log - f.point.minus_two_log) / f.inflation
 
 
 def white(f: Fitted) -> bool:
@@ -51,9 +82,3 @@ def white(f: Fitted) -> bool:
     values = sum(r.size for r in f.point.residuals)
     scatter = _SURE * math.sqrt(2.0 * _LONGEST / values)
     return f.inflation <= max(threshold("white"), 1.0 + scatter)
-
-
-def little(missing: dict[str, MissingTorque]) -> bool:
-    """Whether no equation lacks a torque worth a law."""
-    most = max((m.share for m in missing.values()), default=0.0)
-    return most <= threshold("unexplained torque")
