@@ -14,23 +14,30 @@ LIMIT = 12.0  # V, less than the motion would take
 ENCODERS = ("theta_1", "theta_2")
 
 
-def seen(names: tuple[str, ...]) -> Trace:
-    """The bench at its voltage's limit, voltages not recorded."""
+def seen(names: tuple[str, ...], step: float = 0.0) -> Trace:
+    """The bench at its voltage's limit, voltages not recorded; motors' angles to a step, rad."""
     machine = Machine.load("bench")
     machine.add("voltage_limit", "motors", U_max=LIMIT)
     run = simulate(machine, motion.sine(0.05, 4.0), end=2.0)
     t = np.arange(0.0, 2.0, 1e-3)
     columns = {c: np.interp(t, run.t, run[c]) for c in ("theta_ref", "theta_m", *names)}
+    for name in set(ENCODERS) & set(columns) if step else ():
+        columns[name] = step * np.round(columns[name] / step)
     return Trace(t, columns, name="record")
 
 
-# without encoders of their own the motors are taken to turn with the table, through soft meshes
-@pytest.mark.parametrize(("encoders", "error"), [(ENCODERS, 0.01), ((), 0.3)])
+# without encoders of their own, or with some that are too coarse for a speed, the motors are taken
+# to turn with the table, through soft meshes
+@pytest.mark.parametrize(
+    ("encoders", "step", "error"),
+    [(ENCODERS, 0.0, 0.01), (ENCODERS, 0.5, 0.3), ((), 0.0, 0.3)],
+    ids=("fine", "coarse", "none"),
+)
 def test_a_voltage_limit_begins_at_what_currents_need(
-    encoders: tuple[str, ...], error: float
+    encoders: tuple[str, ...], step: float, error: float
 ) -> None:
     machine = Machine.load("bench")
-    played = records(machine, {"record": seen(("I_1", "I_2", *encoders))})
+    played = records(machine, {"record": seen(("I_1", "I_2", *encoders), step)})
     grown = core_of(machine).copy()
     grown.add_effect("voltage_limit", "motors")
     [effect] = [e for e in grown.effects if e["effect"] == "voltage_limit"]

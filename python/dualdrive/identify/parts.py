@@ -17,6 +17,10 @@ _OF_MESH = 0.2
 #: share of the samples below what is taken for the peak: noise is above it
 _PEAK = 0.995
 
+#: of the steps from reading to reading, by which these may differ: more, and an encoder is too
+#: coarse, or too noisy, for a speed (of noise alone they differ by 1.7)
+_COARSE = 0.5
+
 
 def sizes_of_part(
     core: Any, effect: Mapping[str, Any], played: Sequence[Record]
@@ -79,7 +83,8 @@ def _voltages(core: Any, motor: str, record: Record) -> list[Array]:
     ratio = ratio_to_table(core, motor)
     known = {f"theta_{n}": 1.0, "theta_m": ratio}
     angles = [factor * trace[name] for name, factor in known.items() if name in trace]
-    angle = [*angles, ratio * record.reference][0]
+    fine = [x for x in angles if np.std(np.diff(x, 2)) < _COARSE * np.std(np.diff(x))]
+    angle = [*fine, ratio * record.reference][0]
     return [
         numbers["R"] * current
         + numbers["L"] * np.gradient(current, trace.t)
