@@ -55,10 +55,10 @@ def suffices(core: Any, grey: GreyBox, f: Fitted) -> bool:
 def lost_without(core: Any, grey: GreyBox, f: Fitted, bodies: Sequence[str]) -> float:
     """-2 log L over the inflation that a machine loses without torques that it asks for.
 
-    All else as it is, so that no less would do. Of a variance that is nought half a chi-squared of
-    one degree of freedom (Self, Liang, Journal of the American Statistical Association 82 (1987)
-    605-610). Infinite where innovations are so far from noise that they say nothing, or the filter
-    is lost.
+    All else as it is: refitted it would lose less. Where the torques are none the loss is half the
+    time nought, else a chi-squared of one degree of freedom each (Self, Liang, Journal of the
+    American Statistical Association 82 (1987) 605-610). Infinite where innovations are so far from
+    noise that they say nothing, or the filter is lost.
 
     Args:
         core: the machine of the data sheet.

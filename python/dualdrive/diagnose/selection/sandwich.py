@@ -48,9 +48,10 @@ def _believed(
 ) -> bool:
     """Whether one law of a fitted machine gains enough over its own inflation."""
     rest = own.library.without(f.variant, effect)
-    if rest is None:
+    others = {p.path for p in rest.extra} if rest else set()
+    mine = [k for k, p in enumerate(f.variant.extra) if p.path not in others]
+    if rest is None or not mine:
         return True
-    mine = [k for k, p in enumerate(f.variant.extra) if p not in rest.extra]
     times = own_inflation(grey, f, mine) / f.inflation
     if times <= 1.0:
         return True
