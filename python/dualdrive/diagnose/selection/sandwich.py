@@ -24,8 +24,6 @@ from dualdrive.innovations import GreyBox, carried, flat, slopes
 
 Array = NDArray[np.float64]
 
-_BATCHES = 32  # of all records: what they tell of a variance is a quarter of it unsure
-
 
 def forget_what_colour_gains(own: Means, ranking: Ranking, grey: GreyBox) -> None:
     """Leaders forgotten while one of their laws gains no more than the colour of what is left.
@@ -110,7 +108,7 @@ def _batches(residuals: Sequence[Array]) -> NDArray[np.intp]:
     """Of every row, end to end: its batch, a share of one record's time."""
     samples, found, first = sum(len(r) for r in residuals), [], 0
     for r in residuals:
-        count = max(1, round(_BATCHES * len(r) / samples))
+        count = max(1, round(threshold("batches") * len(r) / samples))
         own = first + np.minimum(np.arange(len(r)) * count // len(r), count - 1)
         found.append(np.repeat(own, r.shape[1]))
         first += count
