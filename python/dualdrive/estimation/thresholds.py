@@ -80,7 +80,8 @@ THRESHOLDS = {
     "batches": Threshold(
         32,
         "of all records, over which a law's score is summed for an inflation of its own: a quarter "
-        "of it is unsure then. By hand: of one law 16 and 64 told 22 and 8 where 32 told 13",
+        "of it is unsure then. By hand: by a script, of one law, 16 and 64 told 22 and 8 where "
+        "32 told 13",
     ),
     "hopeless": Threshold(
         3.0, "gain of a score test, over the inflation, below which no refit is worth its replays"

@@ -51,7 +51,7 @@ def decide(core: Any, grey: GreyBox, found: Selection, sure: Uncertainty) -> Dec
     left = missing_torque(core, grey, best)
     if not found.finished:
         return Decision("unfinished", ranked, (), missing, left)
-    if not suffices(core, grey, best) or best.inflation > threshold("inflation"):
+    if not suffices(core, grey, best, left) or best.inflation > threshold("inflation"):
         return Decision("unknown", ranked, (), missing, left)
     if not best.variant.effects:
         return Decision(_of_numbers(sure, best), ranked, (), missing, left)

@@ -106,7 +106,7 @@ def scores(
 
     """
     r = flat(base.residuals)
-    apart = residual_maker(grey, base, columns)
+    apart = residual_maker(grey, columns)
     left = apart(r)
 
     within = _WITHIN * min(x.sampled.step for x in grey.records)
@@ -166,17 +166,14 @@ def _larger(base: Point, job: _Job) -> list[_Job]:
     return found
 
 
-def residual_maker(
-    grey: GreyBox, base: Point, columns: Sequence[Array]
-) -> Callable[[Array], Array]:
-    """What the numbers of a base point, moved within their priors, leave of changes.
+def residual_maker(grey: GreyBox, columns: Sequence[Array]) -> Callable[[Array], Array]:
+    """What a machine's numbers, moved within their priors, leave of changes.
 
     The residual maker of a regression on its derivatives (Greene, Econometric Analysis, 3.2).
 
     Args:
         grey: records and shared unknowns.
-        base: the point.
-        columns: derivatives of its innovations by all its unknowns; none: these are held.
+        columns: derivatives of its innovations by them, the shared ones first; none: held.
 
     Returns:
         Of one change, shape (rows,), or of several, (changes, rows).
@@ -185,7 +182,7 @@ def residual_maker(
     if not columns:
         return lambda change: change
     J = np.stack(columns)
-    prior = np.zeros(len(base.theta))
+    prior = np.zeros(len(J))
     prior[: grey.shared] = 1.0 / grey.sigma**2
     H = J @ J.T + np.diag(prior + 1e-12 * np.max(np.abs(np.diag(J @ J.T))))
     factor = np.linalg.inv(H)

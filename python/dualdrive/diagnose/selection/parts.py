@@ -92,7 +92,7 @@ def part_score(
 
     """
     known, r = len(point.theta), flat(point.residuals)
-    apart = residual_maker(grey, point, columns)
+    apart = residual_maker(grey, columns)
     rest, places = apart(r), []
     for factor in _AT_A_LIMIT if clips(variant.effects[-1][0]) else _TRIED:
         there = np.r_[point.theta, coordinates(variant.extra[known - grey.shared :], {})]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -42,13 +42,15 @@ def missing_torque(core: Any, grey: GreyBox, f: Fitted) -> dict[str, MissingTorq
     return found
 
 
-def suffices(core: Any, grey: GreyBox, f: Fitted) -> bool:
-    """Whether a machine asks for hardly any torque of unknown course, or for none beyond doubt."""
-    lacking = [
-        body
-        for body, missing in missing_torque(core, grey, f).items()
-        if missing.share > threshold("unexplained torque")
-    ]
+def suffices(
+    core: Any, grey: GreyBox, f: Fitted, known: Mapping[str, MissingTorque] | None = None
+) -> bool:
+    """Whether a machine asks for hardly any torque of unknown course, or for none beyond doubt.
+
+    known: its missing torque, where that is
+    """
+    missing = known or missing_torque(core, grey, f)
+    lacking = [b for b, own in missing.items() if own.share > threshold("unexplained torque")]
     return not lacking or lost_without(core, grey, f, lacking) < threshold("gain")
 
 

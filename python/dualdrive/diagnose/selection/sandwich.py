@@ -3,7 +3,7 @@
 Of a model that is not quite right the gain in -2 log L by numbers that are none is no chi-squared
 but a weighted sum of such, the weights being eigenvalues of I^-1 J: I is the information on these
 numbers, J the variance of their score, both at what the other numbers leave of them (White,
-Econometrica 50 (1982) 1-25; Kent, Biometrika 69 (1982) 19-27). The inflation tells of the first
+Econometrica 50 (1982) 1-25; Kent, Biometrika 69 (1982) 19-27). The inflation tells of up to
 400 samples. A law that acts over minutes meets what residuals do over minutes, and a ripple what
 they do at its frequency: J is told by sums of the score over batches (Alexopoulos, Seila, in Banks
 (ed.), Handbook of Simulation, 1998, ch. 7).
@@ -16,6 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from dualdrive.diagnose.screening import residual_maker
 from dualdrive.diagnose.selection.fitted import Fitted
 from dualdrive.diagnose.selection.forward import Means
 from dualdrive.diagnose.selection.ranking import Ranking
@@ -36,21 +37,33 @@ def forget_what_colour_gains(own: Means, ranking: Ranking, grey: GreyBox) -> Non
     """
     while (best := ranking.best).variant.effects and not grey.counter.stop():
         own.tell(f"what is left by {best.variant.key}, against each of its laws")
-        if all(_believed(own, ranking, grey, best, effect) for effect in best.variant.effects):
+        columns = slopes(grey, best.point, range(len(best.point.theta)), best.gains)
+        effects = best.variant.effects
+        if all(_believed(own, ranking, grey, best, effect, columns) for effect in effects):
             break
         ranking.forget(best)
 
 
 def _believed(
-    own: Means, ranking: Ranking, grey: GreyBox, f: Fitted, effect: tuple[str, str]
+    own: Means,
+    ranking: Ranking,
+    grey: GreyBox,
+    f: Fitted,
+    effect: tuple[str, str],
+    columns: Sequence[Array],
 ) -> bool:
-    """Whether one law of a fitted machine gains enough over its own inflation."""
+    """Whether one law of a fitted machine gains enough over its own inflation.
+
+    columns: derivatives of its innovations by all its unknowns
+    """
     rest = own.library.without(f.variant, effect)
     others = {p.path for p in rest.extra} if rest else set()
-    mine = [k for k, p in enumerate(f.variant.extra) if p.path not in others]
+    mine = [grey.shared + k for k, p in enumerate(f.variant.extra) if p.path not in others]
     if rest is None or not mine:
         return True
-    times = own_inflation(grey, f, mine) / f.inflation
+    apart = residual_maker(grey, [c for k, c in enumerate(columns) if k not in mine])
+    alone = apart(np.stack([columns[k] for k in mine]))
+    times = score_inflation(alone, f.point.residuals) / f.inflation
     if times <= 1.0:
         return True
     least = times * threshold("gain")
@@ -64,44 +77,22 @@ def _believed(
     return ranking.criterion(ranking[rest.key]) - ranking.criterion(f) > least
 
 
-def own_inflation(grey: GreyBox, f: Fitted, numbers: Sequence[int]) -> float:
-    """By how much the gain of some of a machine's own numbers counts what is left, 1 if white.
+def score_inflation(columns: Array, residuals: Sequence[Array]) -> float:
+    """By how much the gain of some numbers counts what is left, 1 if white.
+
+    The mean of the eigenvalues of I^-1 J: the gain over it has the mean of a chi-squared of as many
+    degrees of freedom (Rotnitzky, Jewell, Biometrika 77 (1990) 485-497).
 
     Args:
-        grey: the records.
-        f: the machine, fitted.
-        numbers: which of `f.variant.extra`.
-
-    """
-    columns = np.stack(slopes(grey, f.point, range(len(f.point.theta)), f.gains))
-    believed = np.r_[1.0 / grey.sigma**2, np.zeros(len(columns) - grey.shared)]
-    mine = [grey.shared + k for k in numbers]
-    return score_inflation(columns, believed, f.point.residuals, mine)
-
-
-def score_inflation(
-    columns: Array, believed: Array, residuals: Sequence[Array], mine: Sequence[int]
-) -> float:
-    """Mean of the eigenvalues of I^-1 J.
-
-    The gain over it has the mean of a chi-squared of as many degrees of freedom (Rotnitzky, Jewell,
-    Biometrika 77 (1990) 485-497).
-
-    Args:
-        columns: derivatives of the whitened innovations, shape (unknowns, rows).
-        believed: information of the priors, shape (unknowns,).
+        columns: derivatives of the whitened innovations by these numbers, as far as no other number
+            does the same, shape (numbers, rows).
         residuals: the innovations, records end to end, shape (samples, channels) each.
-        mine: the unknowns that are asked about.
 
     """
-    others = [k for k in range(len(columns)) if k not in mine]
-    H = columns @ columns.T + np.diag(believed)
-    of_others = np.linalg.pinv(H[np.ix_(others, others)], hermitian=True) @ H[np.ix_(others, mine)]
-    own = columns[list(mine)] - of_others.T @ columns[others]
     batch = _batches(residuals)
-    sums = np.stack([np.bincount(batch, s) for s in own * flat(residuals)])
-    ratio = np.linalg.pinv(own @ own.T, hermitian=True) @ (sums @ sums.T)
-    return float(np.trace(ratio)) / len(mine)
+    sums = np.stack([np.bincount(batch, score) for score in columns * flat(residuals)])
+    ratio = np.linalg.pinv(columns @ columns.T, hermitian=True) @ (sums @ sums.T)
+    return float(np.trace(ratio)) / len(columns)
 
 
 def _batches(residuals: Sequence[Array]) -> NDArray[np.intp]:
