@@ -31,8 +31,9 @@ Array = NDArray[np.float64]
 
 #: one-sigma of a sensor's constant: of a motor's encoder at the pinion, rad; of a current, relative
 _ZERO_ANGLE, _ZERO_CURRENT = 1e-3, 0.02
-_FIRST = 0.1  # of the drives' torque: what may have acted before the first sample
-_FILTERED = 0.01  # the same where a filter had followed the record till then
+#: of the drives' torque: what may have acted before the first sample, and where a filter had
+#: followed the record till then; a search of the noise begins there
+_FIRST, _FILTERED = 0.1, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,13 +277,17 @@ class GreyBox:
                         there, r.sampled, noise.sensors(r), noise.torques(r), self.speed,
                         drifts=noise.drifts(r), second=noise.seconds(r),
                         creep=noise.creeps(r),
-                        first_torque=self.first_noise[r.filtered].torques(r),
+                        first_torque=self._initial(r, noise).torques(r),
                         first_deviation=r.unsure,
                     )  # fmt: skip
                 except ValueError:
                     return None
             own.append(steady[key].copy())
         return own
+
+    def _initial(self, record: Predictable, noise: Noise) -> Noise:
+        """Torques that may have acted before the first sample."""
+        return self.first_noise[record.filtered].with_torque(noise.initial)
 
     def points(
         self, variants: Sequence[Variant], thetas: Sequence[Array], gains: Sequence[Any]
