@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from dualdrive import Machine
 from dualdrive.diagnose.closed_loop import nominal_unknowns
@@ -49,10 +48,10 @@ def loss(grey: GreyBox, f: Fitted, initial: float) -> float:
 def test_of_a_machine_that_was_at_rest_it_is_known_beyond_doubt() -> None:
     grey, f = fitted(0)
     assert f.noise.initial < 1e-2
-    assert loss(grey, f, 1.0) > 10.0
+    assert loss(grey, f, 10.0) > 10.0
 
 
 def test_of_one_that_moved_already_it_is_not() -> None:
     grey, f = fitted(MOVING)
-    assert f.noise.initial == pytest.approx(1.0, rel=1.0)
+    assert f.noise.initial > 10.0
     assert loss(grey, f, 1e-2) > 1e4

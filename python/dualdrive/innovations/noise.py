@@ -26,7 +26,7 @@ _DRIFT = 0.3  # of what drives a sensor's noise: its zero's drift at first
 _SHORTEST, _LONGEST = 10.0, 1e6  # samples: over which a zero may drift, where that is sought
 _ALIKE = 1e-6  # of a sample: records' clocks that differ by rounding
 _FARTHEST = 14.0  # of a logarithm, from where the search began
-_INITIAL = (1e-4, 10.0)  # lowest and highest: beside them a first state is known, or not at all
+_INITIAL = (1e-3, 100.0)  # lowest and highest: beside them a first state is known, or not at all
 #: of what drives a sensor's noise at first: less is none, and the less the fainter the slope that
 #: leads back, since a likelihood knows a deviation by its square
 _FAINT = 1.0 / 30.0
