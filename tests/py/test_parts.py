@@ -13,7 +13,13 @@ from dualdrive import Machine, _core
 from dualdrive.diagnose.screening import Library, Scored
 from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.diagnose.selection.fitted import Fitted
-from dualdrive.diagnose.selection.parts import is_joint, is_part, part_refitted, part_score
+from dualdrive.diagnose.selection.parts import (
+    is_joint,
+    is_part,
+    may_be_missing,
+    part_refitted,
+    part_score,
+)
 from dualdrive.diagnose.selection.refits import refitted
 from dualdrive.estimation.thresholds import threshold
 from dualdrive.innovations import (
@@ -96,6 +102,20 @@ def test_only_a_part_with_which_the_data_sheet_is_likelier_is_followed(soft: boo
         Estimator(own.core, own), own, variant, start, leader.variant, leader.noise, 1.0
     )
     assert (found is not None) == soft
+
+
+def test_beside_laws_that_leave_noise_bristles_and_limits_have_their_turn_and_no_joint() -> None:
+    """A friction that changes with the angle had stood for bristles of 30 times its gain."""
+    own, leader = stiff(soft=False)
+    variants = {v.label: v for v in Library(own.core, own).variants(leader.variant, leader.point)}
+    parts = [v for v in variants.values() if is_part(v)]
+    friction = [variants["angle_dependent_friction@table"]]
+    tried = {v.label for v in parts if may_be_missing(v, friction)}
+    assert {"lugre@table", "current_limit@motors"} <= tried
+    assert "shaft_compliance@gearboxes" not in tried
+    assert all(may_be_missing(v, []) for v in parts)
+    damping = Variant(own.core, (), (("mesh_damping", "meshes"),))
+    assert may_be_missing(variants["shaft_compliance@gearboxes"], [*friction, damping])
 
 
 def limit_score(**limit: float) -> float:

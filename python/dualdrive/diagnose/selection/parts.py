@@ -62,6 +62,15 @@ def brings(joint: Variant, other: Variant) -> bool:
     return any(effect == own for effect, _ in other.effects)
 
 
+def may_be_missing(part: Variant, quiet: Sequence[Variant]) -> bool:
+    """Whether a part may be missing beside laws that leave noise, or where none does.
+
+    A joint would describe that noise, unless one of them comes with it. Bristles or a limit may be
+    what a law that leaves noise describes in part.
+    """
+    return not quiet or not is_joint(part) or any(brings(part, law) for law in quiet)
+
+
 class PartScore(NamedTuple):
     """Score of a part beside a leader.
 
