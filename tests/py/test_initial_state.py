@@ -4,33 +4,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
+from bench_record import grey_box
 from dualdrive import Machine
-from dualdrive.diagnose.closed_loop import nominal_unknowns
 from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.diagnose.selection.fitted import Fitted
-from dualdrive.innovations import GreyBox, Variant, predictable
-from dualdrive.replay import core_of, records
-from dualdrive.traces import Trace
-from test_innovations import CHANNELS, REVERSALS, STEP, bench, coloured, run
+from dualdrive.innovations import GreyBox, Variant
+from test_innovations import bench
 
 SAMPLES, MOVING = 3000, 700
 
 
 def fitted(first: int) -> tuple[GreyBox, Fitted]:
     """The bench on its record from a sample on, which is taken for one that begins at rest."""
-    t = STEP * np.arange(SAMPLES, dtype=np.float64)
-    seen = run(bench(), {"theta_ref": REVERSALS}, SAMPLES)
-    seen += coloured(np.random.default_rng(7), SAMPLES)
-    columns = dict(zip(CHANNELS, seen[first:].T, strict=True))
-    command = np.asarray(REVERSALS.value(t))[first:]
-    trace = Trace(t[: SAMPLES - first], {"theta_ref": command, **columns})
-    machine = Machine.load("bench")
-    core = core_of(machine)
-    played = predictable(core, records(machine, {"record": trace}, start="rest"))
-    grey = GreyBox(core, played, nominal_unknowns(core, None))
-    estimator, nothing = Estimator(core, grey), Variant(core)
+    grey = grey_box(Machine.load("bench"), bench(), SAMPLES, seed=7, first=first)
+    estimator, nothing = Estimator(grey.core, grey), Variant(grey.core)
     near = estimator.from_far(grey, nothing, grey.start(nothing))
     assert near is not None
     found = estimator.likeliest(grey, nothing, near.point.theta, near.noise)

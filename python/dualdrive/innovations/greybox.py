@@ -31,7 +31,8 @@ Array = NDArray[np.float64]
 
 #: one-sigma of a sensor's constant: of a motor's encoder at the pinion, rad; of a current, relative
 _ZERO_ANGLE, _ZERO_CURRENT = 1e-3, 0.02
-_BEFORE = 0.01  # of the drives' torque: what may have acted before a first sample, at first
+#: of the drives' torque: what may have acted before a first sample, where a search of it begins
+_BEFORE = 0.01
 
 
 @dataclass(frozen=True, eq=False)
