@@ -28,6 +28,7 @@ from dualdrive.innovations import (
 
 Array = NDArray[np.float64]
 
+_QUIET = 0.01  # of the wide torque, from which smooth noise is told from torques
 _SLOWER = 100.0  # times as slow: where times of drifting zeros are sought from once more
 
 
@@ -145,9 +146,16 @@ class Estimator:
         """The same under sensors' noise of order two where the Bayesian criterion asks for it.
 
         A converter's filter makes such noise; taken for one of order one it speaks for late
-        sensors, and for a torque of unknown course, which is as smooth.
+        sensors, and for a torque of unknown course, which is as smooth. Where that stands for it
+        already, the noise that is left tells nothing: from a first noise with little of that
+        torque, at the data sheet's numbers, the two part.
         """
-        return self._richer(grey, f, f.noise.of_order_two(), len(f.noise.drive))
+        count, n = len(f.noise.drive), len(grey.nominal)
+        found = self._richer(grey, f, f.noise.of_order_two(), count)
+        sheet = np.r_[grey.centre[:n], f.point.theta[n:]]
+        quiet = self.wide.with_torque(_QUIET).of_order_two()
+        paid = 0 if found is not f else count
+        return self._richer(grey, found, quiet, paid, found.point.minus_two_log, sheet)
 
     def drifting(self, grey: GreyBox, f: Fitted, rival: float = -np.inf) -> Fitted:
         """The same with zeros that drift over times of their own, where the criterion asks for it.
@@ -167,11 +175,16 @@ class Estimator:
         noise: Noise,
         numbers: int,
         rival: float = -np.inf,
+        theta: Array | None = None,
     ) -> Fitted:
-        """The same under this noise, of so many numbers more, or as it is."""
+        """The same under this noise, of so many numbers more, or as it is.
+
+        It begins at its own numbers unless others are given.
+        """
         if grey.counter.stop():
             return f
-        own = self.likeliest(grey, f.variant, f.point.theta, noise, rival, roughly=True)
+        begin = f.point.theta if theta is None else theta
+        own = self.likeliest(grey, f.variant, begin, noise, rival, roughly=True)
         if own is None:
             return f
         gained = (f.point.minus_two_log - own.point.minus_two_log) / own.inflation
