@@ -98,9 +98,6 @@ def maximum_likelihood(
             inward = np.where(x[n:] + _STEP > high[n:], -_STEP, _STEP)
             moved = at([x + np.r_[np.zeros(n), e] for e in np.diag(inward)])
             noisy, bend, information = _noise_slopes(now, moved, inward)
-            # of a first state's deviation, the last logarithm, what its states would tell if they
-            # were seen: cautious steps (Dempster, Laird, Rubin, J. Royal Stat. Soc. B 39, 1977)
-            information[-1, -1] += 2.0 * _first_states(grey, variant)
             derivatives = np.concatenate([columns, noisy]), bend, information
         J, bend, information = derivatives
         r = flat(point.residuals)
@@ -130,11 +127,6 @@ def maximum_likelihood(
                 break
             derivatives = None  # the chord, not the likelihood, may have come to its end
     return now[0], own.at(x[n:]), now[1]
-
-
-def _first_states(grey: GreyBox, variant: Variant) -> int:
-    """How many numbers a first state's deviation is told by, over all stretches."""
-    return len(variant.grown.states()) * sum(len(r.begins) for r in grey.records)
 
 
 def _noise_slopes(
