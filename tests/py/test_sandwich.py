@@ -17,7 +17,7 @@ from dualdrive.diagnose.selection.fitted import EFFORTS, Fitted
 from dualdrive.diagnose.selection.forward import Means
 from dualdrive.diagnose.selection.ranking import Ranking
 from dualdrive.diagnose.selection.sandwich import forget_what_colour_gains, score_inflation
-from dualdrive.innovations import GreyBox, Variant
+from dualdrive.innovations import GreyBox, Variant, slopes
 from test_innovations import bench
 
 Array = NDArray[np.float64]
@@ -81,11 +81,30 @@ def test_a_leader_that_gains_by_colour_alone_is_forgotten(
     grey: GreyBox, alone: Fitted, memory: float, believed: bool
 ) -> None:
     law = with_law(grey, alone, "viscous@motors", memory)
+    assert stands(grey, alone, law) is believed
+
+
+def test_colour_along_what_other_numbers_do_is_no_colour_of_a_law(
+    grey: GreyBox, alone: Fitted
+) -> None:
+    """What a current's zero does, up and down eight times, beside dry friction that slides."""
+    law = with_law(grey, alone, "coulomb@table", 0.0)
+    k = len(grey.nominal) + list(grey.offsets).index("I_1")
+    [column] = slopes(grey, law.point, [k], law.gains)
+    [r] = law.point.residuals
+    turns = np.where(np.arange(len(r)) * 8 // len(r) % 2, 1.0, -1.0)[:, None]
+    moved = r + 0.3 * turns * column.reshape(r.shape) / np.std(column)
+    law = replace(law, point=replace(law.point, residuals=(moved,)))
+    assert stands(grey, alone, law, gain=1000.0)
+
+
+def stands(grey: GreyBox, alone: Fitted, law: Fitted, gain: float = 100.0) -> bool:
+    """Whether a leader that gains so much beside the machine alone is not forgotten."""
     behind = law.point.minus_two_log - alone.point.minus_two_log
-    base = replace(alone, point=replace(alone.point, prior=alone.point.prior + behind + 100.0))
+    base = replace(alone, point=replace(alone.point, prior=alone.point.prior + behind + gain))
     ranking = Ranking(grey.samples, [base, law])
     assert ranking.best is law
     forget_what_colour_gains(
         Means(grey.core, grey, EFFORTS["normal"], lambda _: None), ranking, grey
     )
-    assert (ranking.best is law) is believed
+    return ranking.best is law
