@@ -27,12 +27,14 @@ def grey_box(
     late: float = 0.0,
     motion: Any = REVERSALS,
     rounding: Array | None = None,
+    first: int = 0,
 ) -> GreyBox:
     """The machine's, where the true one has been recorded on a motion.
 
     noise: of the sensors, (random, samples) -> shape (samples, channels)
     late:  of the first motor's encoder, s
     rounding: the smallest step of every channel, shape (channels,)
+    first: sample with which the record begins, as if the machine had been at rest there
     """
     clean = run(true, {"theta_ref": motion}, samples)
     seen = clean + noise(np.random.default_rng(seed), samples)
@@ -42,8 +44,8 @@ def grey_box(
     if rounding is not None:
         seen = rounding * np.round(seen / rounding)
     t = STEP * np.arange(samples, dtype=np.float64)
-    columns = dict(zip(CHANNELS, seen.T, strict=True))
-    trace = Trace(t, {"theta_ref": motion.value(t), **columns}, name="record")
+    columns = {"theta_ref": motion.value(t), **dict(zip(CHANNELS, seen.T, strict=True))}
+    trace = Trace(t[: samples - first], {c: y[first:] for c, y in columns.items()}, name="record")
     core = core_of(machine)
     played = predictable(core, records(machine, {"record": trace}, start="rest"))
     return GreyBox(core, played, nominal_unknowns(core, None))

@@ -35,7 +35,7 @@ def test_what_a_filter_leaves_of_noise_is_no_torque() -> None:
     wide = estimator.wide.torque["motor_1"]
     one = estimator.from_far(own, nothing, own.start(nothing))
     assert one is not None
-    assert one.noise.torque["motor_1"] > 0.03 * wide
+    assert one.noise.torque["motor_1"] > 3e-3 * wide
     two = estimator.of_order_two(own, one)
-    assert two.noise.torque["motor_1"] < 3e-3 * wide
-    assert two.point.minus_two_log < one.point.minus_two_log - 5000.0
+    assert two.noise.torque["motor_1"] < 3e-4 * wide
+    assert two.point.minus_two_log < one.point.minus_two_log - 3000.0

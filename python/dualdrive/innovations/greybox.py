@@ -31,8 +31,8 @@ Array = NDArray[np.float64]
 
 #: one-sigma of a sensor's constant: of a motor's encoder at the pinion, rad; of a current, relative
 _ZERO_ANGLE, _ZERO_CURRENT = 1e-3, 0.02
-_FIRST = 0.1  # of the drives' torque: what may have acted before the first sample
-_FILTERED = 0.01  # the same where a filter had followed the record till then
+#: of the drives' torque: what may have acted before a first sample, where a search of it begins
+_BEFORE = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,10 +87,7 @@ class GreyBox:
         self.pool = ThreadPoolExecutor(self.threads)
         self.counter = counter or Counter()
         self.steps: dict[str, float] = {}  # unknown -> last difference
-        self.first_noise = {
-            filtered: first_noise(core, self.records, share)
-            for filtered, share in ((False, _FIRST), (True, _FILTERED))
-        }
+        self._before = first_noise(core, self.records, _BEFORE)
         self.speed = max(
             float(np.sqrt(np.mean(np.gradient(r.record.reference, r.record.t) ** 2)))
             for r in records
@@ -242,7 +239,7 @@ class GreyBox:
         settings = tuple(sorted(record.record.settings.items()))
         unsure = tuple(sorted(record.unsure.items()))
         step, channels = record.sampled.step, record.channels
-        return settings, step, channels, record.steps, unsure, record.filtered
+        return settings, step, channels, record.steps, unsure
 
     def _point(self, variant: Variant, theta: Array, found: Sequence[Replayed]) -> Point:
         det, lost = sum(f.log_det for f in found), any(f.lost for f in found)
@@ -276,7 +273,7 @@ class GreyBox:
                         there, r.sampled, noise.sensors(r), noise.torques(r), self.speed,
                         drifts=noise.drifts(r), second=noise.seconds(r),
                         creep=noise.creeps(r),
-                        first_torque=self.first_noise[r.filtered].torques(r),
+                        first_torque=self._before.with_torque(noise.initial).torques(r),
                         first_deviation=r.unsure,
                     )  # fmt: skip
                 except ValueError:

@@ -3,12 +3,16 @@
 -2 log L = sum |r|^2 + sum log det S + priors falls by Gauss-Newton steps in the numbers and by
 Fisher scoring in the logarithms of the noise: the information of the two is block-diagonal where
 the model is right (Ljung, System Identification, 2nd ed., ch. 7 and 9), but not on the way there.
+
+A noise that is but guessed comes first, numbers held: residuals that it leaves correlated count
+themselves many times over, and would lead the numbers astray (feasible generalized least squares:
+Greene, Econometric Analysis, 7th ed., ch. 9).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +52,7 @@ def maximum_likelihood(
     floor: Noise | None = None,
     rival: float = -np.inf,
     roughly: bool = False,
+    guessed: bool = False,
     steps: int = 40,
 ) -> tuple[Point, Noise, list[Any]] | None:
     """Numbers and noise under which the records are likeliest, and the gains there.
@@ -63,70 +68,154 @@ def maximum_likelihood(
         rival: -2 log L of what leads: a search that would not come up to it at its present rate
             within the steps that it has left ends at once.
         roughly: whether coming near is enough.
+        guessed: whether the noise is no estimate yet, near these numbers or others.
         steps: most iterations.
 
     """
-    enough = _NEARLY if roughly else _ENOUGH
-    resting = grey.resting(variant) if noise.torque else {}
-    own = Logarithms(noise.creeping(resting), floor and floor.creeping(resting, LEAST_CREEP))
-    n, m = len(theta), len(own)
-    low, high = (np.r_[a, b] for a, b in zip(grey.bounds(variant), own.bounds(), strict=True))
-    reach = np.r_[np.full(n, np.inf), np.full(m, _LONGEST)]
-    weight = np.zeros(n + m)
-    weight[: grey.shared] = 1.0 / grey.sigma**2
-    centre = np.zeros(n + m)
-    centre[: grey.shared] = grey.centre
-
-    def at(places: Sequence[Array]) -> list[_Found | None]:
-        return grey.likelihoods(variant, [(x[:n], own.at(x[n:])) for x in places])
-
-    x = np.clip(np.r_[theta, np.zeros(m)], low, high)
-    [now] = at([x])
+    search = _Search(grey, variant, theta, noise, floor)
+    now = search.at([search.begin])[0]
     if now is None:
         return None
-    unit = np.r_[np.minimum(grey.sigma, 1.0), np.ones(n - grey.shared)]
-    near = np.r_[_NEAR[0] * unit, np.full(m, _NEAR[1])]
-    derivatives, taken = None, x
+    x, held = search.begin, guessed
+    enough = _NEARLY if roughly else _ENOUGH
+    derivatives: _Derivatives | None = None
     lately = [np.inf] * _LATELY
     for left in reversed(range(steps)):
         if grey.counter.stop():
             break
-        point, gains = now
-        fresh = derivatives is None or bool(np.any(np.abs(x - taken) > near))
+        point = now[0]
+        fresh = derivatives is None or search.is_far(x, derivatives)
         if derivatives is None or fresh:
-            columns, taken = np.stack(slopes(grey, point, range(n), gains)), x
-            inward = np.where(x[n:] + _STEP > high[n:], -_STEP, _STEP)
-            moved = at([x + np.r_[np.zeros(n), e] for e in np.diag(inward)])
-            noisy, bend, information = _noise_slopes(now, moved, inward)
-            derivatives = np.concatenate([columns, noisy]), bend, information
-        J, bend, information = derivatives
-        r = flat(point.residuals)
-        H = J @ J.T + np.diag(weight)
-        H[n:, n:] += information
-        g = J @ r + weight * (x - centre)
-        # of log det S: along a chord it bends as its information has it
-        g[n:] += 0.5 * bend + information @ (x - taken)[n:]
-        ends = np.maximum(low - x, -reach), np.minimum(high - x, reach)
+            derivatives = search.by_noise(x, now)
+            held = held and search.promised(x, derivatives, point) > _ENOUGH * inflation(point)
+            if not held:
+                derivatives = search.by_numbers(now, derivatives)
+        H, g = search.normal(x, point, derivatives)
         for damping in _DAMPINGS:
-            damped = H + damping * np.diag(np.diag(H)) + 1e-9 * np.eye(n + m)
-            d = step_within(damped, g, *ends)
+            d = search.step(x, H, g, damping)
             trials = [x + shorter * d for shorter in SHORTER]
-            tried = [(t, f) for t, f in zip(trials, at(trials), strict=True) if f]
+            tried = [(t, f) for t, f in zip(trials, search.at(trials), strict=True) if f]
             lowest = min(tried, key=lambda t: t[1][0].minus_two_log, default=None)
             if lowest and lowest[1][0].minus_two_log < point.minus_two_log:
                 x, now = lowest
                 break
         gained = point.minus_two_log - now[0].minus_two_log
-        if not as_foretold(gained, g, H, d):
+        if not as_foretold(gained, g, H, d[-len(g) :]):
             derivatives = None
+        little = gained < (_ENOUGH if held else enough) * inflation(now[0])
+        if held:
+            held, derivatives = not little, None if little else derivatives
+            continue
         lately = [*lately[1:], gained]
         if now[0].minus_two_log - left * max(lately) > rival > -np.inf:
             break
-        if gained < enough * inflation(now[0]):
+        if little:
             if roughly or fresh:
                 break
             derivatives = None  # the chord, not the likelihood, may have come to its end
-    return now[0], own.at(x[n:]), now[1]
+    return now[0], search.noise(x), now[1]
+
+
+class _Derivatives(NamedTuple):
+    """By the last of the unknowns: all, or the logarithms of the noise.
+
+    taken: where, shape (numbers + logarithms,)
+    J: of the residuals, shape (unknowns, rows)
+    bend: of sum log det S by the logarithms
+    information: what Gauss-Newton lacks of theirs
+    """
+
+    taken: Array
+    J: Array
+    bend: Array
+    information: Array
+
+
+class _Search:
+    """Numbers of a variant, and after them the logarithms of a noise, within their bounds.
+
+    Attributes:
+        begin: shape (numbers + logarithms,).
+
+    """
+
+    def __init__(
+        self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise, floor: Noise | None
+    ) -> None:
+        self._grey, self._variant = grey, variant
+        resting = grey.resting(variant) if noise.torque else {}
+        floor = floor and floor.creeping(resting, LEAST_CREEP)
+        self._logs = own = Logarithms(noise.creeping(resting), floor)
+        self._n = n = len(theta)
+        m = len(own)
+        ends = zip(grey.bounds(variant), own.bounds(), strict=True)
+        self._low, self._high = (np.r_[a, b] for a, b in ends)
+        self.begin = np.clip(np.r_[theta, np.zeros(m)], self._low, self._high)
+        self._reach = np.r_[np.full(n, np.inf), np.full(m, _LONGEST)]
+        self._weight, self._centre = np.zeros(n + m), np.zeros(n + m)
+        self._weight[: grey.shared] = 1.0 / grey.sigma**2
+        self._centre[: grey.shared] = grey.centre
+        unit = np.r_[np.minimum(grey.sigma, 1.0), np.ones(n - grey.shared)]
+        self._near = np.r_[_NEAR[0] * unit, np.full(m, _NEAR[1])]
+
+    def noise(self, x: Array) -> Noise:
+        return self._logs.at(x[self._n :])
+
+    def at(self, places: Sequence[Array]) -> list[_Found | None]:
+        return self._grey.likelihoods(
+            self._variant, [(x[: self._n], self.noise(x)) for x in places]
+        )
+
+    def is_far(self, x: Array, derivatives: _Derivatives) -> bool:
+        """Whether derivatives that were taken elsewhere serve no more."""
+        return bool(np.any(np.abs(x - derivatives.taken) > self._near))
+
+    def by_noise(self, x: Array, now: _Found) -> _Derivatives:
+        """Derivatives by the logarithms of the noise."""
+        n = self._n
+        inward = np.where(x[n:] + _STEP > self._high[n:], -_STEP, _STEP)
+        moved = self.at([x + np.r_[np.zeros(n), e] for e in np.diag(inward)])
+        J, bend, information = _noise_slopes(now, moved, inward)
+        # of a first state's deviation, the last logarithm, what its states would tell if they
+        # were seen: cautious steps (Dempster, Laird, Rubin, J. Royal Stat. Soc. B 39, 1977)
+        information[-1, -1] += 2.0 * _first_states(self._grey, self._variant)
+        return _Derivatives(x, J, bend, information)
+
+    def by_numbers(self, now: _Found, noisy: _Derivatives) -> _Derivatives:
+        """The same by numbers, too, of the same place."""
+        point, gains = now
+        columns = np.stack(slopes(self._grey, point, range(self._n), gains))
+        return noisy._replace(J=np.concatenate([columns, noisy.J]))
+
+    def normal(self, x: Array, point: Point, derivatives: _Derivatives) -> tuple[Array, Array]:
+        """Half the second derivatives of -2 log L and half its gradient, by the same unknowns."""
+        taken, J, bend, information = derivatives
+        own, m = slice(-len(J), None), len(bend)
+        H = J @ J.T + np.diag(self._weight[own])
+        H[-m:, -m:] += information
+        g = J @ flat(point.residuals) + (self._weight * (x - self._centre))[own]
+        # of log det S: along a chord it bends as its information has it
+        g[-m:] += 0.5 * bend + information @ (x - taken)[-m:]
+        return H, g
+
+    def step(self, x: Array, H: Array, g: Array, damping: float) -> Array:
+        """A damped step; what H knows nothing of is held."""
+        low, high = np.maximum(self._low - x, -self._reach), np.minimum(self._high - x, self._reach)
+        own, d = slice(-len(g), None), np.zeros(len(x))
+        damped = H + damping * np.diag(np.diag(H)) + 1e-9 * np.eye(len(g))
+        d[own] = step_within(damped, g, low[own], high[own])
+        return d
+
+    def promised(self, x: Array, derivatives: _Derivatives, point: Point) -> float:
+        """Of -2 log L, what a step would gain if that were as curved everywhere as it is here."""
+        H, g = self.normal(x, point, derivatives)
+        d = self.step(x, H, g, _DAMPINGS[0])[-len(g) :]
+        return -float(2.0 * (g @ d) + d @ H @ d)
+
+
+def _first_states(grey: GreyBox, variant: Variant) -> int:
+    """How many numbers a first state's deviation is told by, over all stretches."""
+    return len(variant.grown.states()) * sum(len(r.begins) for r in grey.records)
 
 
 def _noise_slopes(

@@ -26,6 +26,7 @@ _DRIFT = 0.3  # of what drives a sensor's noise: its zero's drift at first
 _SHORTEST, _LONGEST = 10.0, 1e6  # samples: over which a zero may drift, where that is sought
 _ALIKE = 1e-6  # of a sample: records' clocks that differ by rounding
 _FARTHEST = 14.0  # of a logarithm, from where the search began
+_INITIAL = (1e-3, 100.0)  # lowest and highest: beside them a first state is known, or not at all
 #: of what drives a sensor's noise at first: less is none, and the less the fainter the slope that
 #: leads back, since a likelihood knows a deviation by its square
 _FAINT = 1.0 / 30.0
@@ -50,6 +51,8 @@ class Noise:
     wander: kind of channel -> pole over a sample of that zero
     seeks: whether a search of the noise seeks these poles, too
     step: s; 0: a sample of any record
+    initial: of what is not known of a first state, its standard deviation over that of a first
+        guess; see `GreyBox.steady`
     """
 
     drive: Mapping[str, float]
@@ -62,6 +65,7 @@ class Noise:
     seeks: bool = False
     creep: Mapping[str, float] = field(default_factory=dict)
     step: float = 0.0
+    initial: float = 1.0
 
     def _over(self, record: Predictable, drive: float, memory: float) -> tuple[float, float]:
         """An autoregression of order one over the samples of a record, its variance the same."""
@@ -237,12 +241,12 @@ class Logarithms:
         """Whose logarithms come one after the other.
 
         Drives, memories, drifts, the times over which they change, second autocorrelations,
-        torques, and creep.
+        torques, creep, and what is not known of a first state.
         """
         drifting = tuple(sorted(self.noise.drift))
         sought = drifting if self.noise.seeks else ()
         second, creeping = tuple(sorted(self.noise.second)), tuple(self.creeping)
-        return self.kinds, self.kinds, drifting, sought, second, self.ties, creeping
+        return self.kinds, self.kinds, drifting, sought, second, self.ties, creeping, ("initial",)
 
     def _of(self, x: Array) -> list[dict[str, float]]:
         """Of every part, name -> logarithm."""
@@ -255,7 +259,7 @@ class Logarithms:
     def at(self, x: Array) -> Noise:
         """The noise at a vector; zero is the one it was begun with."""
         own = self.noise
-        grown, kept, far, slow, seconds, torques, creeps = self._of(x)
+        grown, kept, far, slow, seconds, torques, creeps, initial = self._of(x)
         drive = {**own.drive, **{k: float(own.drive[k] * np.exp(v)) for k, v in grown.items()}}
         memory = {**own.memory, **{k: _memory(_logit(own.memory[k]) + v) for k, v in kept.items()}}
         wander = {k: float(pole ** np.exp(-slow.get(k, 0.0))) for k, pole in own.wander.items()}
@@ -269,7 +273,7 @@ class Logarithms:
         creep = {body: float(s * np.exp(creeps[_tie(body)])) for body, s in own.creep.items()}
         found = replace(
             own, drive=drive, memory=memory, torque=torque, drift=drift, wander=wander,
-            second=second, creep=creep,
+            second=second, creep=creep, initial=float(own.initial * np.exp(initial["initial"])),
         )  # fmt: skip
         return found.at_least(self.floor)
 
@@ -291,6 +295,8 @@ class Logarithms:
         ends += [(-_FARTHEST, _FARTHEST)] * len(self.ties)
         first = {body: own.creep[body] for body in self.creeping.values()}
         ends += _above(first, floor.creep if floor else {})
+        least, most = _INITIAL
+        ends.append((float(np.log(least / own.initial)), float(np.log(most / own.initial))))
         low, high = np.array(ends).T
         return np.minimum(low, 0.0), np.maximum(high, 0.0)
 

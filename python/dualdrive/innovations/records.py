@@ -47,11 +47,6 @@ class Predictable:
     settled: Mapping[str, float] = field(default_factory=dict)
     unsure: Mapping[str, float] = field(default_factory=dict)
 
-    @property
-    def filtered(self) -> bool:
-        """Whether a filter had followed the record to where its stretches begin."""
-        return any(self.begins)
-
     @functools.cached_property
     def turn(self) -> float:
         """How far the table turns from one sample to the next at most, as commanded, rad."""

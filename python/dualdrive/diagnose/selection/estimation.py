@@ -56,15 +56,17 @@ class Estimator:
         rival: float = -np.inf,
         *,
         roughly: bool = False,
+        guessed: bool = False,
     ) -> Fitted | None:
         """Numbers and noise together, from a point; None where it can't be followed.
 
         What would not come up to a rival's -2 log L is not followed to its end; nor is any, if
-        coming near is enough.
+        coming near is enough. A noise that is but guessed is estimated first.
         """
         found = maximum_likelihood(
-            grey, variant, theta, noise, floor=self.floor, rival=rival, roughly=roughly
-        )
+            grey, variant, theta, noise, floor=self.floor, rival=rival, roughly=roughly,
+            guessed=guessed,
+        )  # fmt: skip
         if found is None:
             return None
         point, own, gains = found
@@ -78,20 +80,15 @@ class Estimator:
 
     def from_far(self, grey: GreyBox, variant: Variant, theta: Array) -> Fitted | None:
         """A variant near its best, from under much unknown torque; None where it is lost."""
-        return self._approached(grey, variant, theta, self.wide, roughly=True)
+        return self.likeliest(grey, variant, theta, self.wide, roughly=True, guessed=True)
 
     def anew(self, grey: GreyBox, f: Fitted) -> Fitted | None:
         """What was found on other records, on these; None where it can't be followed."""
-        return self._approached(grey, f.variant, f.point.theta, f.noise, roughly=False)
-
-    def _approached(
-        self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise, *, roughly: bool
-    ) -> Fitted | None:
-        found = self.approach(grey, variant, theta, noise)
+        found = self.approach(grey, f.variant, f.point.theta, f.noise)
         if found is None:
             return None
         point, near = found
-        return self.likeliest(grey, variant, point.theta, near, roughly=roughly)
+        return self.likeliest(grey, f.variant, point.theta, near)
 
     def approach(
         self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise, *, fitted: bool = False
@@ -184,7 +181,7 @@ class Estimator:
         if grey.counter.stop():
             return f
         begin = f.point.theta if theta is None else theta
-        own = self.likeliest(grey, f.variant, begin, noise, rival, roughly=True)
+        own = self.likeliest(grey, f.variant, begin, noise, rival, roughly=True, guessed=True)
         if own is None:
             return f
         gained = (f.point.minus_two_log - own.point.minus_two_log) / own.inflation

@@ -18,7 +18,7 @@ from dualdrive.diagnose.selection.elimination import Elimination
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import Effort, Fitted
 from dualdrive.diagnose.selection.output_error import opens, without_unknown_torque
-from dualdrive.diagnose.selection.parts import brings, is_joint, is_part
+from dualdrive.diagnose.selection.parts import is_joint, is_part, may_be_missing
 from dualdrive.diagnose.selection.ranking import Ranking
 from dualdrive.diagnose.selection.refits import worth_refitting
 from dualdrive.diagnose.work import Leader
@@ -197,8 +197,8 @@ class Forward:
         """Every law beside the leader: the best scores refitted, and their noise estimated.
 
         The best beside the data sheet's numbers (key -> score), too, where those are given.
-        Parts, too, if asked for, where no law leaves noise, and joints where one does that comes
-        with them: whatever their scores, since these say little of what they do at their size.
+        Parts, too, if asked for, whatever their scores, since these say little of what they do at
+        their size; of joints, where a law leaves noise, those alone that it comes with.
         """
         scores, columns = scored
         contest = self.contest
@@ -215,10 +215,8 @@ class Forward:
 
         def more(found: Sequence[Fitted]) -> list[Scored]:
             rest = [s for s in scores if parts and is_part(s.variant) and s not in best]
-            noise = [f for f in found if contest.leaves_noise(f)]
-            if noise:
-                rest = [s for s in rest if any(brings(s.variant, f.variant) for f in noise)]
-            return rest
+            quiet = [f.variant for f in found if contest.leaves_noise(f)]
+            return [s for s in rest if may_be_missing(s.variant, quiet)]
 
         return contest.refitted(leader, best, columns, least, more, sheet)
 

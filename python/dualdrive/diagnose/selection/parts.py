@@ -37,10 +37,13 @@ Array = NDArray[np.float64]
 #: where the first number of a joint begins, times its usual one: a valley of a play is half as wide
 _JOINT = tuple(1.5**k for k in range(-6, 7))
 _LIMIT = (0.3, 1.0)  # and that of a limit or a lag, whose likelihood has no valleys
+#: times its score's size: a limit that is too low is met where the machine went on, and no filter
+#: follows; from above it is approached
+_FROM_ABOVE = (1.0, 1.1, 1.2, 1.3)
 _TRIED = (3.0, 1.0, 0.3, 0.1)  # times its usual one: sizes at which a part is scored
 #: the same of a limit, times what all but half a per cent of the samples lie below: it may be met
 #: in fewer, and noise goes beyond it
-_AT_A_LIMIT = (0.93, 1.0, 1.15, 1.3)
+_AT_A_LIMIT = (0.93, 0.965, 1.0, 1.04, 1.08, 1.15, 1.22, 1.3, 1.5, 1.75, 2.0)
 
 
 def is_part(variant: Variant) -> bool:
@@ -57,6 +60,15 @@ def brings(joint: Variant, other: Variant) -> bool:
     """Whether a joint comes with a law that the other one has: a shaft damps as it gives."""
     own = str(_core.effect_type(joint.effects[-1][0]).brings)
     return any(effect == own for effect, _ in other.effects)
+
+
+def may_be_missing(part: Variant, quiet: Sequence[Variant]) -> bool:
+    """Whether a part may be missing beside laws that leave noise, or where none does.
+
+    A joint would describe that noise, unless one of them comes with it. Bristles or a limit may be
+    what a law that leaves noise describes in part.
+    """
+    return not quiet or not is_joint(part) or any(brings(part, law) for law in quiet)
 
 
 class PartScore(NamedTuple):
@@ -119,6 +131,7 @@ def part_refitted(
     start: Array,
     rest: Variant,
     noise: Noise,
+    scored: float,
 ) -> Place | None:
     """Where a part comes near its best; None where no replay follows, or nothing speaks for it.
 
@@ -132,12 +145,17 @@ def part_refitted(
         start: its numbers, those of the data sheet as they are there, shape (unknowns,).
         rest: the machine without it, whose numbers come first.
         noise: under which the leader stands.
+        scored: the part's first number, as its score has it.
 
     """
     begins, known = list[Array](), grey.shared + len(rest.extra)
-    for factor in _JOINT if is_joint(variant) else _LIMIT:
+    sizes = [factor * start[known] for factor in (_JOINT if is_joint(variant) else _LIMIT)]
+    if clips(variant.effects[-1][0]):
+        sizes += [factor * scored for factor in _FROM_ABOVE]
+    sizes = sorted(sizes)
+    for size in sizes:
         there = start.copy()
-        there[known] *= factor
+        there[known] = size
         begins.append(there)
     wide = replace(noise, torque=estimator.wide.torque)
     seen = grey.likelihoods(variant, [(x, wide) for x in begins])

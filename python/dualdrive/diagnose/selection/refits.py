@@ -154,7 +154,8 @@ def refitted(
             return None
         # from the data sheet: the part may stand for what the numbers had stood for
         start[: grey.shared] = sheet
-        near = part_refitted(estimator, grey, variant, start, point.variant, noise)
+        scored = float(own.start[len(point.theta)])
+        near = part_refitted(estimator, grey, variant, start, point.variant, noise, scored)
         stuck = near is None or near[0].minus_two_log > point.minus_two_log
         if stuck and own.gain > threshold("gain"):
             beside = estimator.approach(grey, variant, own.start, noise)

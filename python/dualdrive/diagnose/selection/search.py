@@ -106,8 +106,9 @@ class _Search:
     def _on_all_samples_at_once(self, everywhere: Fitted) -> None:
         """Laws beside numbers that leave noise on stretches: all samples are needed to see them.
 
-        Parts are tried where none is found, and joints where one is that comes with them, before a
-        second law; joints on stretches first, since each takes many replays.
+        Parts are tried whatever is found, since a law that describes a little of what bristles do
+        is likelier than none; joints where a law is that comes with them, before a second one, on
+        stretches first, since each takes many replays.
         """
         whole, base = self.own.whole, self.base
         self._faint, self._quiet = True, self._says_all(everywhere)
@@ -117,9 +118,8 @@ class _Search:
             return
         parts = self._listed(everywhere)
         joints = self._joints(self.on.leader(), [s for s in parts if is_joint(s.variant)])
-        if not self.on.leader().variant.effects:
-            others = [s for s in parts if not is_joint(s.variant)]
-            self.on.ranking.keep(self._other_parts(everywhere, others))
+        others = [s for s in parts if not is_joint(s.variant)]
+        self.on.ranking.keep(self._other_parts(everywhere, others))
         if joints:
             known = list(self.on.ranking)
             self.on = Forward(self.own, base.grey, [base.there, *joints], faint=True)
