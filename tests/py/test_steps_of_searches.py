@@ -15,7 +15,12 @@ from dualdrive.diagnose.selection import Fitted, Selection
 from dualdrive.diagnose.selection.parts import brings
 from dualdrive.diagnose.selection.refits import with_rivals
 from dualdrive.innovations import GreyBox, Point, Variant, carried, first_noise
-from dualdrive.innovations.levenberg_marquardt import as_foretold, curvature, gentle
+from dualdrive.innovations.levenberg_marquardt import (
+    as_foretold,
+    curvature,
+    gentle,
+    promised,
+)
 from dualdrive.innovations.prediction import substeps
 from dualdrive.replay import ratio_to_table
 from test_innovations import bench
@@ -51,9 +56,10 @@ def test_a_chord_serves_while_steps_gain_what_it_promises() -> None:
     d = -np.linalg.solve(H, g)
     left = r + d @ J
     gained = float(r @ r - left @ left)
-    assert as_foretold(gained, g, H, d)
-    assert not as_foretold(0.5 * gained, g, H, d)
-    assert not as_foretold(1.5 * gained, g, H, d)
+    gain = promised(g, H, d)
+    assert as_foretold(gained, gain)
+    assert not as_foretold(0.5 * gained, gain)
+    assert not as_foretold(1.5 * gained, gain)
 
 
 def test_laws_that_pass_fast_are_integrated_in_small_steps() -> None:

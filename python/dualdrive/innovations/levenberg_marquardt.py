@@ -103,7 +103,7 @@ def fit(
             continue
         gained = now.chi2 + now.prior - best[0].chi2 - best[0].prior
         now, cost = best
-        shared.kept(as_foretold(objective - cost, g, H, d))
+        shared.kept(as_foretold(objective - cost, promised(g, H, d)))
         behind = now.chi2 + now.prior - left * gained > rival > -np.inf
         if objective - cost < _ENOUGH or behind:
             break
@@ -166,18 +166,21 @@ def curvature(r: Array, there: Array, along: Array, share: float) -> Array:
     return bent
 
 
-def as_foretold(gained: float, g: Array, H: Array, d: Array) -> bool:
-    """Whether a step gains what its derivatives promised: they serve once more as a chord.
+def promised(g: Array, H: Array, d: Array) -> float:
+    """What a step would gain of an objective that bends everywhere as it does here.
 
     Args:
-        gained: by the step, of the objective.
         g: half the gradient.
         H: half its derivatives.
         d: the step.
 
     """
-    promised = -float(2.0 * (g @ d) + d @ H @ d)
-    return abs(gained - promised) < _FORETOLD * promised
+    return -float(2.0 * (g @ d) + d @ H @ d)
+
+
+def as_foretold(gained: float, gain: float) -> bool:
+    """Whether a step gains what its derivatives promised: they serve once more as a chord."""
+    return abs(gained - gain) < _FORETOLD * gain
 
 
 def gentle(turn: Array, along: Array) -> bool:

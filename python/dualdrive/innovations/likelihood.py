@@ -23,6 +23,7 @@ from dualdrive.innovations.levenberg_marquardt import (
     SHORTER,
     as_foretold,
     inflation,
+    promised,
     step_within,
 )
 from dualdrive.innovations.noise import LEAST_CREEP, Logarithms, Noise
@@ -87,7 +88,7 @@ def maximum_likelihood(
         fresh = derivatives is None or search.is_far(x, derivatives)
         if derivatives is None or fresh:
             derivatives = search.by_noise(x, now)
-            held = held and search.promised(x, derivatives, point) > _ENOUGH * inflation(point)
+            held = held and search.promises(x, derivatives, point) > _ENOUGH * inflation(point)
             if not held:
                 derivatives = search.by_numbers(now, derivatives)
         H, g = search.normal(x, point, derivatives)
@@ -100,7 +101,7 @@ def maximum_likelihood(
                 x, now = lowest
                 break
         gained = point.minus_two_log - now[0].minus_two_log
-        if not as_foretold(gained, g, H, d[-len(g) :]):
+        if not as_foretold(gained, promised(g, H, d[-len(g) :])):
             derivatives = None
         little = gained < (_ENOUGH if held else enough) * inflation(now[0])
         if held:
@@ -206,11 +207,10 @@ class _Search:
         d[own] = step_within(damped, g, low[own], high[own])
         return d
 
-    def promised(self, x: Array, derivatives: _Derivatives, point: Point) -> float:
-        """Of -2 log L, what a step would gain if that were as curved everywhere as it is here."""
+    def promises(self, x: Array, derivatives: _Derivatives, point: Point) -> float:
+        """What a step would gain of -2 log L."""
         H, g = self.normal(x, point, derivatives)
-        d = self.step(x, H, g, _DAMPINGS[0])[-len(g) :]
-        return -float(2.0 * (g @ d) + d @ H @ d)
+        return promised(g, H, self.step(x, H, g, _DAMPINGS[0])[-len(g) :])
 
 
 def _first_states(grey: GreyBox, variant: Variant) -> int:
