@@ -79,7 +79,10 @@ class Estimator:
         return Fitted(found[0], self.wide, inflation(found[0]), 0.0, found[1]) if found else None
 
     def from_far(self, grey: GreyBox, variant: Variant, theta: Array) -> Fitted | None:
-        """A variant near its best, from under much unknown torque; None where it is lost."""
+        """A variant near its best, from under much unknown torque; None where it is lost.
+
+        The noise comes first, then it and the numbers together.
+        """
         return self.likeliest(grey, variant, theta, self.wide, roughly=True, guessed=True)
 
     def anew(self, grey: GreyBox, f: Fitted) -> Fitted | None:
