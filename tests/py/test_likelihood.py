@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
+from scipy.stats import chi2
 
 from bench_record import grey_box
 from dualdrive import Machine
@@ -29,6 +30,7 @@ from dualdrive.innovations import (
     inflation,
     least_noise,
     maximum_likelihood,
+    score_of_order_two,
     simulated,
     slopes,
 )
@@ -201,13 +203,27 @@ def test_noise_of_order_two_is_recovered() -> None:
     floor = least_noise(own.core, own.records, 1e-5)
     one = maximum_likelihood(own, nothing, own.start(nothing), wide, floor=floor, steps=30)
     assert one is not None
+    score = score_of_order_two(own, nothing, one[0].theta, one[1], floor)
     two = maximum_likelihood(own, nothing, one[0].theta, one[1].of_order_two(), floor=floor)
     assert two is not None
+    # a parabola tells of a likelihood that is none, far from its top, what it is worth at least
+    assert score > 0.1 * (one[0].minus_two_log - two[0].minus_two_log)
     point, noise, _ = two
     assert point.minus_two_log < one[0].minus_two_log - 1000.0
     for kind in TRUTH:
         assert noise.memory[kind] == pytest.approx(FIRST, abs=0.05), kind
         assert noise.second[kind] == pytest.approx(SECOND, abs=0.05), kind
+
+
+@pytest.mark.parametrize("seed", [5, 6, 7, 8])
+def test_the_score_of_noise_that_is_not_there_is_chi_squared(seed: int) -> None:
+    own = grey_box(Machine.load("bench"), bench({}), SAMPLES, seed)
+    nothing, floor = Variant(own.core), least_noise(own.core, own.records, 1e-5)
+    wide = first_noise(own.core, own.records, 0.1)
+    one = maximum_likelihood(own, nothing, own.start(nothing), wide, floor=floor, guessed=True)
+    assert one is not None
+    score = score_of_order_two(own, nothing, one[0].theta, one[1], floor)
+    assert score < chi2.isf(1e-3, len(TRUTH))
 
 
 def test_a_record_simulated_whole_leaves_its_sensors_noise() -> None:

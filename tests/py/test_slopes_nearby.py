@@ -63,9 +63,7 @@ def test_under_unknown_torque_they_are_near_those_at_the_point(law: str) -> None
     assert np.median(apart[: own.shared]) < 0.15
 
 
-#: of Stribeck's friction neither ends where the other does, nor where it ended after another step
-#: of a difference: from the data sheet that likelihood is rugged
-@pytest.mark.parametrize("law", [law for law in LAWS if not law.startswith("stribeck")])
+@pytest.mark.parametrize("law", LAWS)
 def test_a_fit_with_them_comes_as_near(law: str) -> None:
     own, variant, _ = variant_of(law)
     wide = first_noise(own.core, own.records, 0.1)
@@ -76,3 +74,13 @@ def test_a_fit_with_them_comes_as_near(law: str) -> None:
     gained = begun.minus_two_log - exact.minus_two_log
     assert gained > 100.0
     assert found.minus_two_log - exact.minus_two_log < 0.02 * gained
+
+
+def test_differences_remember_nothing() -> None:
+    own, variant, true = variant_of("stribeck@table")
+    gains = own.gains(variant, true, first_noise(own.core, own.records, 1e-3))
+    [point, elsewhere] = own.points([variant] * 2, [true, own.start(variant)], gains)
+    first = slopes(own, point, range(len(true)), gains)
+    slopes(own, elsewhere, range(len(true)), gains)
+    again = slopes(own, point, range(len(true)), gains)
+    assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))

@@ -39,3 +39,13 @@ def test_what_a_filter_leaves_of_noise_is_no_torque() -> None:
     two = estimator.of_order_two(own, one)
     assert two.noise.torque["motor_1"] < 3e-4 * wide
     assert two.point.minus_two_log < one.point.minus_two_log - 3000.0
+
+
+def test_where_no_torque_is_asked_for_none_stands_for_noise() -> None:
+    own = grey_box(Machine.load("bench"), bench({}), SAMPLES, 5)
+    estimator, nothing = Estimator(own.core, own), Variant(own.core)
+    one = estimator.from_far(own, nothing, own.start(nothing))
+    assert one is not None
+    before = own.counter.replays
+    assert estimator.of_order_two(own, one) is one
+    assert own.counter.replays - before < 20, "a score and a look at the torque, no search"

@@ -12,7 +12,7 @@ from dualdrive.innovations.greybox import Counter, Filtered, GreyBox
 from dualdrive.innovations.harmonics import coordinates, deviations, values, waves
 from dualdrive.innovations.homotopy import Place, followed, levels
 from dualdrive.innovations.levenberg_marquardt import fit, inflation, step_within
-from dualdrive.innovations.likelihood import maximum_likelihood
+from dualdrive.innovations.likelihood import maximum_likelihood, score_of_order_two
 from dualdrive.innovations.noise import Noise, drive_torque, first_noise, least_noise
 from dualdrive.innovations.records import Predictable, predictable
 from dualdrive.innovations.stretches import some
@@ -44,6 +44,7 @@ __all__ = [
     "levels",
     "maximum_likelihood",
     "predictable",
+    "score_of_order_two",
     "simulated",
     "slopes",
     "some",

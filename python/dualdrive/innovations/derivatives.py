@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 _Parts = list[Array | None]  # of every record; None where the first order can't tell
 
 #: of a unit of an unknown: a difference at most, and at least; how far it moves all residuals
-#: together, and how often that before it is taken anew
+#: together, and how often that before a shorter one is taken
 _DIFFERENCE, _LEAST, _SCATTER, _TOO_LONG = 1e-3, 1e-8, 1.0, 3.0
 _TOGETHER = 8  # neighbours of one replay
 _FEW = 2  # numbers whose slopes two replays tell as soon
@@ -212,14 +212,12 @@ def _by_differences(
     A step moves the residuals by their own scatter and no further: numbers that a record tells
     only together would seem to be told apart by the error of the differences.
     """
-    names = {k: _name(grey, point.variant, k) for k in which}
-    steps = {k: grey.steps.get(name, _longest(grey, k)) for k, name in names.items()}
+    steps = {k: _longest(grey, k) for k in which}
     found = _differences(grey, point, steps, gains)
     again = {}
     for k, column in found.items():
         length = float(np.linalg.norm(column))
         known = min(_longest(grey, k), max(_SCATTER / max(length, 1e-300), _LEAST))
-        grey.steps[names[k]] = known
         if _TOO_LONG * known < steps[k]:
             again[k] = known
     return found | _differences(grey, point, again, gains)
@@ -255,9 +253,3 @@ def _longest(grey: GreyBox, k: int) -> float:
     """Of a difference: a share of what is believed of the unknown."""
     known = k < grey.shared and np.isfinite(grey.sigma[k])
     return _DIFFERENCE * (float(grey.sigma[k]) if known else 1.0)
-
-
-def _name(grey: GreyBox, variant: Variant, k: int) -> str:
-    if k < grey.shared:
-        return [*(p.path for p in grey.nominal), *grey.offsets][k]
-    return variant.extra[k - grey.shared].path

@@ -86,7 +86,6 @@ class GreyBox:
         self.threads = threads or os.cpu_count() or 1
         self.pool = ThreadPoolExecutor(self.threads)
         self.counter = counter or Counter()
-        self.steps: dict[str, float] = {}  # unknown -> last difference
         self._before = first_noise(core, self.records, _BEFORE)
         self.speed = max(
             float(np.sqrt(np.mean(np.gradient(r.record.reference, r.record.t) ** 2)))
@@ -118,7 +117,6 @@ class GreyBox:
         own = copy(self)
         own.sigma = self.sigma.copy()
         own.sigma[: len(self.nominal)] = _HELD
-        own.steps = {}
         return own
 
     @property

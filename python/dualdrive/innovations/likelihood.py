@@ -117,6 +117,34 @@ def maximum_likelihood(
     return now[0], search.noise(x), now[1]
 
 
+def score_of_order_two(
+    grey: GreyBox, variant: Variant, theta: Array, noise: Noise, floor: Noise | None = None
+) -> float:
+    """The score test of sensors' noise of order two against one of order one that was fitted.
+
+    What fitting it would take off -2 log L, were that a parabola: chi-squared of as many degrees
+    of freedom as there are kinds of channels where the noise is of order one (Rao, Mathematical
+    Proceedings of the Cambridge Philosophical Society 44 (1948) 50-57). What has been fitted has
+    no slope left, or presses against its bound. Infinite where the filter is lost.
+
+    Args:
+        grey: records and shared unknowns.
+        variant: what was fitted.
+        theta: its numbers, shape (unknowns,).
+        noise: the noise that was fitted, of order one.
+        floor: less drives nothing; see `least_noise`.
+
+    """
+    search = _Search(grey, variant, theta, noise.of_order_two(), floor)
+    now = search.at([search.begin])[0]
+    if now is None:
+        return np.inf
+    H, g = search.normal(search.begin, now[0], search.by_noise(search.begin, now))
+    two = search.second
+    covariance = np.linalg.inv(H)[np.ix_(two, two)]
+    return float(g[two] @ covariance @ g[two])
+
+
 class _Derivatives(NamedTuple):
     """By the last of the unknowns: all, or the logarithms of the noise.
 
@@ -137,6 +165,7 @@ class _Search:
 
     Attributes:
         begin: shape (numbers + logarithms,).
+        second: places of the second partial autocorrelations among the logarithms.
 
     """
 
@@ -148,7 +177,7 @@ class _Search:
         floor = floor and floor.creeping(resting, LEAST_CREEP)
         self._logs = own = Logarithms(noise.creeping(resting), floor)
         self._n = n = len(theta)
-        m = len(own)
+        m, self.second = len(own), own.second
         ends = zip(grey.bounds(variant), own.bounds(), strict=True)
         self._low, self._high = (np.r_[a, b] for a, b in ends)
         self.begin = np.clip(np.r_[theta, np.zeros(m)], self._low, self._high)

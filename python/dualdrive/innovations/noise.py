@@ -30,6 +30,7 @@ _INITIAL = (1e-3, 100.0)  # lowest and highest: beside them a first state is kno
 #: of what drives a sensor's noise at first: less is none, and the less the fainter the slope that
 #: leads back, since a likelihood knows a deviation by its square
 _FAINT = 1.0 / 30.0
+_SECOND = 4  # place among `Logarithms._parts`
 
 
 @dataclass(frozen=True)
@@ -247,6 +248,12 @@ class Logarithms:
         sought = drifting if self.noise.seeks else ()
         second, creeping = tuple(sorted(self.noise.second)), tuple(self.creeping)
         return self.kinds, self.kinds, drifting, sought, second, self.ties, creeping, ("initial",)
+
+    @property
+    def second(self) -> range:
+        """Places of the second partial autocorrelations."""
+        before, own = (sum(map(len, self._parts()[:k])) for k in (_SECOND, _SECOND + 1))
+        return range(before, own)
 
     def _of(self, x: Array) -> list[dict[str, float]]:
         """Of every part, name -> logarithm."""

@@ -66,7 +66,7 @@ def refitted_base(estimator: Estimator, whole: GreyBox) -> Base:
         return Base(whole, found, found)
     if not (white(found) and suffices(estimator.core, grey, found)):
         return Base(grey, found, None)
-    everywhere = estimator.anew(whole, found) or on_all_samples(whole, found)
+    everywhere = _to_the_end(estimator, whole, on_all_samples(whole, found))
     if not white(everywhere):
         grey = some(whole, everywhere.point, everywhere.gains, int(threshold("stretches")))
         found = _to_the_end(estimator, grey, everywhere)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.selection.fitted import Fitted
+from dualdrive.diagnose.selection.residual_analysis import lost_without
 from dualdrive.estimation.thresholds import threshold
 from dualdrive.identify import FitError
 from dualdrive.innovations import (
@@ -24,6 +25,7 @@ from dualdrive.innovations import (
     least_noise,
     levels,
     maximum_likelihood,
+    score_of_order_two,
 )
 
 Array = NDArray[np.float64]
@@ -85,14 +87,6 @@ class Estimator:
         """
         return self.likeliest(grey, variant, theta, self.wide, roughly=True, guessed=True)
 
-    def anew(self, grey: GreyBox, f: Fitted) -> Fitted | None:
-        """What was found on other records, on these; None where it can't be followed."""
-        found = self.approach(grey, f.variant, f.point.theta, f.noise)
-        if found is None:
-            return None
-        point, near = found
-        return self.likeliest(grey, f.variant, point.theta, near)
-
     def approach(
         self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise, *, fitted: bool = False
     ) -> Place | None:
@@ -148,10 +142,15 @@ class Estimator:
         A converter's filter makes such noise; taken for one of order one it speaks for late
         sensors, and for a torque of unknown course, which is as smooth. Where that stands for it
         already, the noise that is left tells nothing: from a first noise with little of that
-        torque, at the data sheet's numbers, the two part.
+        torque, at the data sheet's numbers, the two part. Where no torque is asked for none stands
+        for anything.
         """
-        count, n = len(f.noise.drive), len(grey.nominal)
-        found = self._richer(grey, f, f.noise.of_order_two(), count)
+        count, n, found = len(f.noise.drive), len(grey.nominal), f
+        score = score_of_order_two(grey, f.variant, f.point.theta, f.noise, self.floor)
+        if score > count * float(np.log(grey.samples)) * f.inflation:
+            found = self._richer(grey, f, f.noise.of_order_two(), count)
+        if lost_without(self.core, grey, found, list(found.noise.torque)) < threshold("gain"):
+            return found
         sheet = np.r_[grey.centre[:n], f.point.theta[n:]]
         quiet = self.wide.with_torque(_QUIET).of_order_two()
         paid = 0 if found is not f else count

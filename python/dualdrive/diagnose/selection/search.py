@@ -213,5 +213,5 @@ class _Search:
         if beaten:
             found = estimator.under(whole, base.variant, [base.point.theta], base.noise)
         else:
-            found = estimator.anew(whole, base)
+            found = estimator.likeliest(whole, base.variant, base.point.theta, base.noise)
         return found or on_all_samples(whole, base)
