@@ -107,8 +107,11 @@ def _other_valleys(estimator: Estimator, grey: GreyBox, found: Fitted) -> Point 
     From under less unknown torque: a record that begins within the play has a valley for each
     flank that may be meant. And from the data sheet's numbers, held at first: those that are
     told only together wander off while much torque is unknown, and may end worse than where
-    they began. All end under one noise, where they can be compared.
+    they began. All end under one noise, where they can be compared. What leaves noise and asks for
+    no torque is in the right one.
     """
+    if white(found) and suffices(estimator.core, grey, found):
+        return None
     n = len(grey.nominal)
     sheet = found.point.theta.copy()
     sheet[:n] = grey.centre[:n]
