@@ -206,7 +206,7 @@ def test_noise_of_order_two_is_recovered() -> None:
     score = score_of_order_two(own, nothing, one[0].theta, one[1], floor)
     two = maximum_likelihood(own, nothing, one[0].theta, one[1].of_order_two(), floor=floor)
     assert two is not None
-    # a parabola tells of a likelihood that is none, far from its top, what it is worth at least
+    # far from its top the likelihood is no parabola: the score tells an order of magnitude
     assert score > 0.1 * (one[0].minus_two_log - two[0].minus_two_log)
     point, noise, _ = two
     assert point.minus_two_log < one[0].minus_two_log - 1000.0
