@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import Fitted
-from dualdrive.diagnose.selection.residual_analysis import suffices, white
+from dualdrive.diagnose.selection.residual_analysis import needs_no_torque, suffices, white
 from dualdrive.estimation.thresholds import threshold
 from dualdrive.identify import FitError
 from dualdrive.innovations import GreyBox, Point, Variant, fit, some
@@ -107,10 +107,10 @@ def _other_valleys(estimator: Estimator, grey: GreyBox, found: Fitted) -> Point 
     From under less unknown torque: a record that begins within the play has a valley for each
     flank that may be meant. And from the data sheet's numbers, held at first: those that are
     told only together wander off while much torque is unknown, and may end worse than where
-    they began. All end under one noise, where they can be compared. What leaves noise and asks for
-    no torque is in the right one.
+    they began. All end under one noise, where they can be compared. What needs no torque is in the
+    right one.
     """
-    if white(found) and suffices(estimator.core, grey, found):
+    if needs_no_torque(estimator.core, grey, found):
         return None
     n = len(grey.nominal)
     sheet = found.point.theta.copy()

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.selection.fitted import Fitted
-from dualdrive.diagnose.selection.residual_analysis import lost_without
+from dualdrive.diagnose.selection.residual_analysis import needs_no_torque
 from dualdrive.estimation.thresholds import threshold
 from dualdrive.identify import FitError
 from dualdrive.innovations import (
@@ -149,7 +149,7 @@ class Estimator:
         score = score_of_order_two(grey, f.variant, f.point.theta, f.noise, self.floor)
         if score > count * float(np.log(grey.samples)) * f.inflation:
             found = self._richer(grey, f, f.noise.of_order_two(), count)
-        if lost_without(self.core, grey, found, list(found.noise.torque)) < threshold("gain"):
+        if needs_no_torque(self.core, grey, found):
             return found
         sheet = np.r_[grey.centre[:n], f.point.theta[n:]]
         quiet = self.wide.with_torque(_QUIET).of_order_two()

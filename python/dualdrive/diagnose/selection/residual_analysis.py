@@ -79,6 +79,11 @@ def lost_without(core: Any, grey: GreyBox, f: Fitted, bodies: Sequence[str]) -> 
     return (found[0].minus_two_log - f.point.minus_two_log) / f.inflation
 
 
+def needs_no_torque(core: Any, grey: GreyBox, f: Fitted) -> bool:
+    """Whether a machine follows the records as well without any torque of unknown course."""
+    return lost_without(core, grey, f, list(f.noise.torque)) < threshold("gain")
+
+
 def white(f: Fitted) -> bool:
     """Whether the inflation is that of white innovations, as many as there are."""
     values = sum(r.size for r in f.point.residuals)
