@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,6 @@ _INITIAL = (1e-3, 100.0)  # lowest and highest: beside them a first state is kno
 #: of what drives a sensor's noise at first: less is none, and the less the fainter the slope that
 #: leads back, since a likelihood knows a deviation by its square
 _FAINT = 1.0 / 30.0
-_SECOND = 4  # place among `Logarithms._parts`
 
 
 @dataclass(frozen=True)
@@ -222,6 +221,19 @@ def _rated(core: Any) -> float:
     return 0.1 * float(np.mean(finite)) if finite else 1.0
 
 
+class _Parts(NamedTuple):
+    """Whose logarithms come one after the other; `wander` of those drifts whose time is sought."""
+
+    drive: tuple[str, ...]
+    memory: tuple[str, ...]
+    drift: tuple[str, ...]
+    wander: tuple[str, ...]
+    second: tuple[str, ...]
+    torque: tuple[str, ...]
+    creep: tuple[str, ...]
+    initial: tuple[str, ...] = ("initial",)
+
+
 class Logarithms:
     """A noise as a vector of logarithms, torques and creep of the motors tied.
 
@@ -238,22 +250,18 @@ class Logarithms:
     def __len__(self) -> int:
         return sum(map(len, self._parts()))
 
-    def _parts(self) -> tuple[tuple[str, ...], ...]:
-        """Whose logarithms come one after the other.
-
-        Drives, memories, drifts, the times over which they change, second autocorrelations,
-        torques, creep, and what is not known of a first state.
-        """
+    def _parts(self) -> _Parts:
         drifting = tuple(sorted(self.noise.drift))
         sought = drifting if self.noise.seeks else ()
         second, creeping = tuple(sorted(self.noise.second)), tuple(self.creeping)
-        return self.kinds, self.kinds, drifting, sought, second, self.ties, creeping, ("initial",)
+        return _Parts(self.kinds, self.kinds, drifting, sought, second, self.ties, creeping)
 
     @property
     def second(self) -> range:
         """Places of the second partial autocorrelations."""
-        before, own = (sum(map(len, self._parts()[:k])) for k in (_SECOND, _SECOND + 1))
-        return range(before, own)
+        parts = self._parts()
+        first = sum(map(len, parts[: _Parts._fields.index("second")]))
+        return range(first, first + len(parts.second))
 
     def _of(self, x: Array) -> list[dict[str, float]]:
         """Of every part, name -> logarithm."""

@@ -147,7 +147,7 @@ class Estimator:
         """
         count, n, found = len(f.noise.drive), len(grey.nominal), f
         score = score_of_order_two(grey, f.variant, f.point.theta, f.noise, self.floor)
-        if score > count * float(np.log(grey.samples)) * f.inflation:
+        if score > _price(grey, count) * f.inflation:
             found = self._richer(grey, f, f.noise.of_order_two(), count)
         if needs_no_torque(self.core, grey, found):
             return found
@@ -187,7 +187,12 @@ class Estimator:
         if own is None:
             return f
         gained = (f.point.minus_two_log - own.point.minus_two_log) / own.inflation
-        return own if gained > numbers * float(np.log(grey.samples)) else f
+        return own if gained > _price(grey, numbers) else f
+
+
+def _price(grey: GreyBox, numbers: int) -> float:
+    """What so many numbers of the noise more have to gain, by the Bayesian criterion."""
+    return numbers * float(np.log(grey.samples))
 
 
 def on_all_samples(whole: GreyBox, f: Fitted) -> Fitted:
