@@ -26,10 +26,11 @@ def objection(verdict: Verdict, error: Mapping[str, float]) -> str:
                 f"with the best candidate the error is {of('best'):.3g}, without it "
                 f"{of('refitted'):.3g}"
             )
-        # where refitted numbers alone do no better, it is not the law that fails there; and where
-        # the sensors' noise is most of both errors it is what tells them apart
+        # where refitted numbers alone do no better, it is not the law that fails there; and what is
+        # less than a share of the sensors' noise, where that is known, tells no errors apart
         fails = not of("held_out_best") <= of("held_out_refitted")
-        apart = threshold("beyond noise") * of("noise_floor")
+        floor = of("noise_floor")
+        apart = 0.0 if math.isnan(floor) else threshold("beyond noise") * floor
         if of("held_out_best") > of("nominal") + apart and fails:
             return (
                 f"cross-validated, the best candidate leaves {of('held_out_best'):.1%}, the data "
