@@ -123,6 +123,17 @@ void bind_innovations(nb::module_& m) {
         "channel, the second partial autocorrelation of its noise, none for order one; memory is the first. creep: "
         "body -> (drive, memory) of its speed while dry friction holds it, rad/s. Raises ValueError.");
 
+    m.def(
+        "linear_filter",
+        [](const Machine& machine, const SampledRecord& record, const KalmanGains& gains) {
+            LinearFilter own = linear_filter(machine, record, gains);
+            return std::tuple(std::move(own.F), std::move(own.C), own.states);
+        },
+        nb::arg("machine"), nb::arg("record"), nb::arg("gains"),
+        "(F by phase, C, states of the machine) of x' = F (x + K e), y = C x + e: its tangent where all meshes carry, "
+        "nothing rests and no limit is met, with torques of unknown course and what sensors remember behind its own "
+        "states. Raises ValueError.");
+
     m.def("held_by_friction", &held_by_friction, nb::arg("machine"),
           "Bodies that dry friction may hold, one of each that turn together.");
 

@@ -806,6 +806,11 @@ def kalman_gains(machine: Machine, record: SampledRecord, sensors: Sequence[tupl
     sensors: (drive, memory, white) per channel: n' = memory n + drive w, and a white part. torque: body -> (drive, memory) of a torque of unknown course, constant over a sample, d' = memory d + drive w, N*m. speed: table speed, rad/s, about which laws that are not affine are linearised. drifts: (drive, memory) per channel of a zero that drifts, or none. What is not known of the first state is where torques like first_torque (those of torque unless told) would take it, and first_deviation besides, state -> standard deviation. second: per channel, the second partial autocorrelation of its noise, none for order one; memory is the first. creep: body -> (drive, memory) of its speed while dry friction holds it, rad/s. Raises ValueError.
     """
 
+def linear_filter(machine: Machine, record: SampledRecord, gains: KalmanGains) -> tuple[list[Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]], Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')], int]:
+    """
+    (F by phase, C, states of the machine) of x' = F (x + K e), y = C x + e: its tangent where all meshes carry, nothing rests and no limit is met, with torques of unknown course and what sensors remember behind its own states. Raises ValueError.
+    """
+
 def held_by_friction(machine: Machine) -> list[str]:
     """Bodies that dry friction may hold, one of each that turn together."""
 

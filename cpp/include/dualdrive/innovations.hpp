@@ -172,6 +172,17 @@ struct FirstState {
 KalmanGains kalman_gains(const Machine& machine, const SampledRecord& record, const NoiseModel& noise, double speed,
                          const FirstState& first = {});
 
+// x_{k+1} = F x_k + K e_k before a measurement, y_k = C x_k + e_k, e_k = S^(1/2) r_k: the machine's tangent where all meshes
+// carry, nothing rests and no limit is met, its sensors' noise and torques of unknown course included.
+struct LinearFilter {
+    std::vector<Eigen::MatrixXd> F;  // by phase of the ticks of sampled loops
+    Eigen::MatrixXd C;               // channels × (states, disturbances, and what sensors remember)
+    Eigen::Index states;             // of the machine: first of those
+};
+
+// About the same motion as the gains, of whose machine it is.
+LinearFilter linear_filter(const Machine& machine, const SampledRecord& record, const KalmanGains& gains);
+
 struct PredictionOptions {
     // per stretch: state name -> value at its first sample; all others 0, and those of stretches without an entry
     std::vector<std::map<std::string, double>> initial;

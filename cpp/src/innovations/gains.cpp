@@ -359,4 +359,10 @@ KalmanGains kalman_gains(const Machine& machine, const SampledRecord& record, co
     return gains;
 }
 
+LinearFilter linear_filter(const Machine& machine, const SampledRecord& record, const KalmanGains& gains) {
+    innovations::Flow flow(machine, record, 1, gains.noise);
+    const innovations::StateSpace space(flow, record, gains.noise, gains.carrying, gains.speed);
+    return {space.F(), space.C(), Eigen::Index{flow.states()}};
+}
+
 }  // namespace dualdrive

@@ -23,6 +23,8 @@ class StateSpace {
 
     std::size_t phases() const { return F_.size(); }
     Eigen::Index outputs() const { return C_.rows(); }
+    const std::vector<Eigen::MatrixXd>& F() const { return F_; }
+    const Eigen::MatrixXd& C() const { return C_; }
     const Eigen::VectorXd& scale();                   // typical size of each state within a short while
     KalmanGains::Set gain(const Eigen::MatrixXd& P);  // from the covariance before a measurement
     // From a covariance at a phase: of that phase and those which follow it, by phase.

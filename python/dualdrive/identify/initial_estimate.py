@@ -21,9 +21,8 @@ from dualdrive.innovations import (
     GreyBox,
     Variant,
     first_noise,
-    followed,
     least_noise,
-    levels,
+    maximum_likelihood,
     predictable,
     some,
 )
@@ -32,12 +31,12 @@ from dualdrive.replay import Record
 Array = NDArray[np.float64]
 
 
-def initial_estimates(
+def initial_estimate(
     core: Any, played: Sequence[Record], parameters: Sequence[Unknown]
-) -> list[Array]:
-    """Numbers under less and less torque of unknown course, shape (parameters,) each.
+) -> Array | None:
+    """Numbers that predict the records best a sample ahead, shape (parameters,).
 
-    Empty where no filter follows the records.
+    None where no filter follows the records.
 
     Args:
         core: the machine.
@@ -54,8 +53,8 @@ def initial_estimates(
         theta = whole.start(nothing)
         gains = whole.gains(nothing, theta, wide)
     except ValueError:
-        return []
+        return None
     [point] = whole.points([nothing], [theta], gains)
     grey = some(whole, point, gains, int(threshold("stretches")))
-    found = followed(grey, nothing, theta, levels(wide, floor))
-    return [place.theta[: len(parameters)] for place, _ in found]
+    found = maximum_likelihood(grey, nothing, theta, wide, floor=floor, roughly=True, guessed=True)
+    return found[0].theta[: len(parameters)] if found else None

@@ -216,7 +216,7 @@ class GreyBox:
         The first of the records whose gains are alike learns, others begin as it does.
         """
         found: dict[tuple[int, int], Replayed] = {}
-        first = [[_first_alike(gains, r) for r in range(len(gains))] for _, _, gains in jobs]
+        first = [[first_alike(gains, r) for r in range(len(gains))] for _, _, gains in jobs]
         for leading in (True, False):
             batch, owners = [], []
             for k, (core, offsets, gains) in enumerate(jobs):
@@ -321,7 +321,8 @@ class GreyBox:
         return float(off @ off)
 
 
-def _first_alike(gains: Sequence[Any], r: int) -> int:
+def first_alike(gains: Sequence[Any], r: int) -> int:
+    """Place of the first record whose gains are those of one."""
     return next(k for k in range(r + 1) if k == r or gains[k].alike(gains[r]))
 
 

@@ -28,14 +28,18 @@ from dualdrive.innovations.levenberg_marquardt import (
 )
 from dualdrive.innovations.noise import LEAST_CREEP, Logarithms, Noise
 from dualdrive.innovations.variant import Point, Variant, flat
+from dualdrive.innovations.whittle import WhittleLikelihood
 
 Array = NDArray[np.float64]
 
+#: numbers of a variant and what they leave, under a noise
+Place = tuple[Point, Noise]
 _Found = tuple[Point, list[Any]]
 
 _STEP = 1e-3  # of a logarithm, for finite differences
 _LONGEST = 1.5  # step of a logarithm
 _DAMPINGS = (1e-4, 0.03, 1.0, 30.0)
+_FAIR = 0.2  # of what a step promises: one that brings less is tried at a share of its length, too
 _LATELY = 3  # steps, whose best is the present rate of a search
 #: of -2 log L over the inflation: a step that brings less ends the search; one that only comes near
 _ENOUGH, _NEARLY = 2.0, 50.0
@@ -77,7 +81,7 @@ def maximum_likelihood(
     now = search.at([search.begin])[0]
     if now is None:
         return None
-    x, held = search.begin, guessed
+    x, held, exact = search.begin, guessed, False
     enough = _NEARLY if roughly else _ENOUGH
     derivatives: _Derivatives | None = None
     lately = [np.inf] * _LATELY
@@ -85,34 +89,36 @@ def maximum_likelihood(
         if grey.counter.stop():
             break
         point = now[0]
+        least = (_ENOUGH if held else enough) * inflation(point)
         fresh = derivatives is None or search.is_far(x, derivatives)
         if derivatives is None or fresh:
-            derivatives = search.by_noise(x, now)
-            held = held and search.promises(x, derivatives, point) > _ENOUGH * inflation(point)
-            if not held:
-                derivatives = search.by_numbers(now, derivatives)
-        H, g = search.normal(x, point, derivatives)
+            derivatives = search.derivatives(x, now, numbers=not held, exact=exact)
+        spectra = None if exact else search.spectra(now)
+        gain = 0.0
         for damping in _DAMPINGS:
-            d = search.step(x, H, g, damping)
-            trials = [x + shorter * d for shorter in SHORTER]
-            tried = [(t, f) for t, f in zip(trials, search.at(trials), strict=True) if f]
-            lowest = min(tried, key=lambda t: t[1][0].minus_two_log, default=None)
-            if lowest and lowest[1][0].minus_two_log < point.minus_two_log:
-                x, now = lowest
+            step = search.step(x, point, derivatives, damping, spectra)
+            gain = step.gain
+            if gain < least and damping == _DAMPINGS[0]:
+                break
+            lower = search.lower(x, point, step)
+            if lower is not None:
+                x, now = lower
                 break
         gained = point.minus_two_log - now[0].minus_two_log
-        if not as_foretold(gained, promised(g, H, d[-len(g) :])):
+        little, failed = gained < least, gain > least and gained < _FAIR * gain
+        if not as_foretold(gained, gain):
             derivatives = None
-        little = gained < (_ENOUGH if held else enough) * inflation(now[0])
-        if held:
+        if held and not failed:
             held, derivatives = not little, None if little else derivatives
             continue
+        held, exact = False, exact or failed
         lately = [*lately[1:], gained]
         if now[0].minus_two_log - left * max(lately) > rival > -np.inf:
             break
         if little:
-            if roughly or fresh:
+            if fresh and (exact or (roughly and not failed)):
                 break
+            exact = exact or fresh
             derivatives = None  # the chord, not the likelihood, may have come to its end
     return now[0], search.noise(x), now[1]
 
@@ -146,18 +152,28 @@ def score_of_order_two(
 
 
 class _Derivatives(NamedTuple):
-    """By the last of the unknowns: all, or the logarithms of the noise.
+    """By some of the unknowns, logarithms of the noise the last of them.
 
     taken: where, shape (numbers + logarithms,)
+    by: places of those unknowns
     J: of the residuals, shape (unknowns, rows)
     bend: of sum log det S by the logarithms
     information: what Gauss-Newton lacks of theirs
     """
 
     taken: Array
+    by: NDArray[np.intp]
     J: Array
     bend: Array
     information: Array
+
+
+class _Step(NamedTuple):
+    """A step of all unknowns, and of those alone that derivatives know; what it promises."""
+
+    all: Array
+    known: Array
+    gain: float
 
 
 class _Search:
@@ -200,46 +216,85 @@ class _Search:
         """Whether derivatives that were taken elsewhere serve no more."""
         return bool(np.any(np.abs(x - derivatives.taken) > self._near))
 
-    def by_noise(self, x: Array, now: _Found) -> _Derivatives:
-        """Derivatives by the logarithms of the noise."""
+    def spectra(self, now: _Found) -> WhittleLikelihood:
+        """What one replay tells of the likelihood of all noises."""
+        return WhittleLikelihood(self._grey, *now, self._logs)
+
+    def derivatives(self, x: Array, now: _Found, *, numbers: bool, exact: bool) -> _Derivatives:
+        """By numbers, and by all logarithms of the noise or those that no spectrum tells."""
+        found = self.by_noise(x, now, self._logs.everything if exact else self._logs.unheard)
+        if not numbers:
+            return found
+        columns = slopes(self._grey, now[0], range(self._n), now[1])
+        by = np.r_[np.arange(self._n), found.by]
+        return found._replace(by=by, J=np.concatenate([np.stack(columns), found.J]))
+
+    def by_noise(
+        self, x: Array, now: _Found, logarithms: Sequence[int] | None = None
+    ) -> _Derivatives:
+        """Derivatives by logarithms of the noise, all of them unless told."""
         n = self._n
-        inward = np.where(x[n:] + _STEP > self._high[n:], -_STEP, _STEP)
-        moved = self.at([x + np.r_[np.zeros(n), e] for e in np.diag(inward)])
-        J, bend, information = _noise_slopes(now, moved, inward)
+        by = n + np.array(self._logs.everything if logarithms is None else logarithms, dtype=int)
+        inward = np.where(x[by] + _STEP > self._high[by], -_STEP, _STEP)
+        trials = np.repeat(x[None, :], len(by), axis=0)
+        trials[np.arange(len(by)), by] += inward
+        J, bend, information = _noise_slopes(now, self.at(list(trials)), inward)
         # of a first state's deviation, the last logarithm, what its states would tell if they
         # were seen: cautious steps (Dempster, Laird, Rubin, J. Royal Stat. Soc. B 39, 1977)
         information[-1, -1] += 2.0 * _first_states(self._grey, self._variant)
-        return _Derivatives(x, J, bend, information)
-
-    def by_numbers(self, now: _Found, noisy: _Derivatives) -> _Derivatives:
-        """The same by numbers, too, of the same place."""
-        point, gains = now
-        columns = np.stack(slopes(self._grey, point, range(self._n), gains))
-        return noisy._replace(J=np.concatenate([columns, noisy.J]))
+        return _Derivatives(x, by, J, bend, information)
 
     def normal(self, x: Array, point: Point, derivatives: _Derivatives) -> tuple[Array, Array]:
         """Half the second derivatives of -2 log L and half its gradient, by the same unknowns."""
-        taken, J, bend, information = derivatives
-        own, m = slice(-len(J), None), len(bend)
-        H = J @ J.T + np.diag(self._weight[own])
+        taken, by, J, bend, information = derivatives
+        m = len(bend)
+        H = J @ J.T + np.diag(self._weight[by])
         H[-m:, -m:] += information
-        g = J @ flat(point.residuals) + (self._weight * (x - self._centre))[own]
+        g = J @ flat(point.residuals) + (self._weight * (x - self._centre))[by]
         # of log det S: along a chord it bends as its information has it
-        g[-m:] += 0.5 * bend + information @ (x - taken)[-m:]
+        g[-m:] += 0.5 * bend + information @ (x - taken)[by[-m:]]
         return H, g
 
-    def step(self, x: Array, H: Array, g: Array, damping: float) -> Array:
-        """A damped step; what H knows nothing of is held."""
-        low, high = np.maximum(self._low - x, -self._reach), np.minimum(self._high - x, self._reach)
-        own, d = slice(-len(g), None), np.zeros(len(x))
-        damped = H + damping * np.diag(np.diag(H)) + 1e-9 * np.eye(len(g))
-        d[own] = step_within(damped, g, low[own], high[own])
-        return d
-
-    def promises(self, x: Array, derivatives: _Derivatives, point: Point) -> float:
-        """What a step would gain of -2 log L."""
+    def step(
+        self,
+        x: Array,
+        point: Point,
+        derivatives: _Derivatives,
+        damping: float,
+        spectra: WhittleLikelihood | None,
+    ) -> _Step:
+        """A damped step; what derivatives know nothing of goes where spectra have it likeliest."""
+        by, n = derivatives.by, self._n
         H, g = self.normal(x, point, derivatives)
-        return promised(g, H, self.step(x, H, g, _DAMPINGS[0])[-len(g) :])
+        low, high = np.maximum(self._low - x, -self._reach), np.minimum(self._high - x, self._reach)
+        known = np.zeros(len(x))
+        damped = H + damping * np.diag(np.diag(H)) + 1e-9 * np.eye(len(g))
+        known[by] = step_within(damped, g, low[by], high[by])
+        d, gain = known.copy(), promised(g, H, known[by])
+        if spectra is not None:
+            free = np.ones(len(x), dtype=bool)
+            free[by] = False
+            ends = (np.where(free, end, x)[n:] for end in (self._low, self._high))
+            there = spectra.minimum(x[n:], *ends, held=damping)
+            d[n:] += there - x[n:]
+            gain += spectra(x[n:]) - spectra(there)
+        return _Step(d, known, gain)
+
+    def lower(self, x: Array, point: Point, step: _Step) -> tuple[Array, _Found] | None:
+        """Where a step leads to what is likelier, if it does: all of it, or less."""
+        places = [x + step.all]
+        found = self.at(places)
+        if found[0] is None or point.minus_two_log - found[0][0].minus_two_log < _FAIR * step.gain:
+            less = [x + SHORTER[-1] * step.all]
+            if np.any(step.known != step.all):
+                less += [x + step.known, x + step.all - step.known]
+            places, found = places + less, found + self.at(less)
+        lowest: tuple[Array, _Found] | None = None
+        least = point.minus_two_log
+        for place, own in zip(places, found, strict=True):
+            if own is not None and own[0].minus_two_log < least:
+                lowest, least = (place, own), own[0].minus_two_log
+        return lowest
 
 
 def _first_states(grey: GreyBox, variant: Variant) -> int:

@@ -116,6 +116,27 @@ class Noise:
         """Second partial autocorrelation per channel of a record; empty where of order one."""
         return [self.second[kind] for kind in record.kinds] if self.second else []
 
+    def densities(self, record: Predictable, frequency: Array) -> Array:
+        """Spectral densities of torques of unknown course, by body, and of the sensors' noise.
+
+        Args:
+            record: over whose samples.
+            frequency: rad a sample, shape (n,).
+
+        Returns:
+            Shape (bodies + channels, n), 1 of white noise of unit variance.
+
+        """
+        z, torques = np.exp(-1j * frequency), self.torques(record)
+        rows = [torques[body][0] ** 2 * _density(z, torques[body][1]) for body in sorted(torques)]
+        drifts = self.drifts(record) or [(0.0, 0.0)] * len(record.channels)
+        seconds = self.seconds(record) or [0.0] * len(record.channels)
+        sensors = zip(self.sensors(record), drifts, seconds, strict=True)
+        for (drive, memory, white), (drift, wander), second in sensors:
+            own = drive**2 * _density(z, memory * (1.0 - second), second)
+            rows.append(own + drift**2 * _density(z, wander) + white**2)
+        return np.stack(rows)
+
     def of_order_two(self) -> Noise:
         """The same, its sensors' noise free to be of order two."""
         return replace(self, second=dict.fromkeys(self.drive, 0.0))
@@ -263,6 +284,17 @@ class Logarithms:
         first = sum(map(len, parts[: _Parts._fields.index("second")]))
         return range(first, first + len(parts.second))
 
+    @property
+    def everything(self) -> range:
+        """Places of all."""
+        return range(len(self))
+
+    @property
+    def unheard(self) -> range:
+        """Places of those that no spectrum tells: of bodies at rest, and of first states."""
+        parts = self._parts()
+        return range(len(self) - len(parts.creep) - len(parts.initial), len(self))
+
     def _of(self, x: Array) -> list[dict[str, float]]:
         """Of every part, name -> logarithm."""
         found, first = [], 0
@@ -322,6 +354,11 @@ def _above(own: Mapping[str, float], least: Mapping[str, float]) -> list[tuple[f
         (float(np.log(least[kind] / own[kind])) if kind in least else -_FARTHEST, _FARTHEST)
         for kind in sorted(own)
     ]
+
+
+def _density(z: NDArray[np.complex128], first: float, second: float = 0.0) -> Array:
+    """Of an autoregression that white noise of unit variance drives, z the delay by a sample."""
+    return np.asarray(np.abs(1.0 - first * z - second * z**2) ** -2.0)
 
 
 def _variance(drive: float, memory: float) -> float:

@@ -89,7 +89,7 @@ def _with_drifting_zeros(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitt
     has no room for them hides all that is faint. Laws are scored beside such a noise, and weighed
     against it, before one is named or none.
     """
-    if white(f) or not suffices(estimator.core, grey, f):
+    if white(f) or not needs_no_torque(estimator.core, grey, f):
         return f
     found = estimator.drifting(grey, f)
     return found if white(found) and suffices(estimator.core, grey, found) else f

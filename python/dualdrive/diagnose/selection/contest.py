@@ -12,7 +12,7 @@ from dualdrive.diagnose.screening import Library, Scored
 from dualdrive.diagnose.selection.begins import begins_beside, in_its_place
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import Effort, Fitted
-from dualdrive.diagnose.selection.parts import is_joint, is_part, part_score
+from dualdrive.diagnose.selection.parts import is_joint, part_score
 from dualdrive.diagnose.selection.refits import confused, refining, refitted, with_rivals
 from dualdrive.diagnose.selection.residual_analysis import suffices, white
 from dualdrive.diagnose.work import Leader
@@ -90,17 +90,17 @@ class Contest:
 
         """
         tied, rest = _tied(self._ranked(leader, chosen, columns, least, sheet or {}))
-        found = self.compared(tied, approached=False)
+        found = self.compared(tied)
         settled, more = next(filter(self.suffices, found), None), list(parts(found))
         refine = [s for s in more if settled and not is_joint(s.variant)]
         joins = [s for s in more if s not in refine]
         if joined := self._ranked(leader, joins, columns, least, {}):
             tied, rest = _tied([*joined, *rest])
-            found += self.compared(tied, found, approached=False)
+            found += self.compared(tied, found)
         others = [place for _, place in rest]
         if settled:
             others += self._refining(settled, leader, refine, columns)
-        return found + self.compared(others, found, approached=False)
+        return found + self.compared(others, found)
 
     def _refining(
         self, settled: Fitted, leader: Fitted, chosen: Sequence[Scored], columns: Sequence[Array]
@@ -176,22 +176,7 @@ class Contest:
             places.append((there.point, there.noise))
         return self.compared(places)
 
-    def _approached(self, place: Place) -> Place | None:
-        """Where a law comes near its best, under less unknown torque than it begins with.
-
-        From the leader's noise, since no law, of size nought at first, can come out less likely
-        than it; and on under less torque of unknown course, which had stood for what the law does.
-        A part has come near already.
-        """
-        point, noise = place
-        if is_part(point.variant):
-            return place
-        self.tell(f"{point.variant.key} under less unknown torque")
-        return self.estimator.approach(self.grey, point.variant, point.theta, noise, fitted=True)
-
-    def compared(
-        self, places: Sequence[Place], known: Sequence[Fitted] = (), *, approached: bool = True
-    ) -> list[Fitted]:
+    def compared(self, places: Sequence[Place], known: Sequence[Fitted] = ()) -> list[Fitted]:
         """Laws at their best, each under the noise that it leaves itself.
 
         Once one suffices, the others are fitted under its noise: what is far from it there does not
@@ -201,7 +186,6 @@ class Contest:
         Args:
             places: of every law, where it stands.
             known: laws that they are compared with.
-            approached: whether they are near their best there; else they come near first.
 
         """
         found, behind = list[Fitted](), list[Fitted]()  # all, and those before one sufficed
@@ -227,11 +211,6 @@ class Contest:
                 elif there is not None and not confused(settled.variant, point.variant):
                     far_off.append(point)
                     continue
-            elif not approached:
-                near = self._approached((point, noise))
-                if near is None:
-                    continue
-                theta, noise = near[0].theta, near[1]
             self.tell(f"the noise beside {point.variant.key}")
             lead = min((f.point.minus_two_log for f in [*known, *found]), default=-np.inf)
             own = self.estimator.likeliest(self.grey, point.variant, theta, noise, rival=lead)

@@ -16,14 +16,11 @@ from dualdrive.identify import FitError
 from dualdrive.innovations import (
     GreyBox,
     Noise,
-    Place,
     Variant,
     first_noise,
     fit,
-    followed,
     inflation,
     least_noise,
-    levels,
     maximum_likelihood,
     score_of_order_two,
 )
@@ -86,26 +83,6 @@ class Estimator:
         The noise comes first, then it and the numbers together.
         """
         return self.likeliest(grey, variant, theta, self.wide, roughly=True, guessed=True)
-
-    def approach(
-        self, grey: GreyBox, variant: Variant, theta: Array, noise: Noise, *, fitted: bool = False
-    ) -> Place | None:
-        """Where a variant comes near its best; None where it can't be followed.
-
-        By a homotopy in the unknown torque (`innovations.homotopy`); the likeliest of all levels
-        is returned, with the noise there.
-
-        Args:
-            grey: the records.
-            variant: what is fitted.
-            theta: where its numbers begin, shape (unknowns,).
-            noise: with which it begins.
-            fitted: whether they are fitted under that noise already.
-
-        """
-        apart = levels(noise, self.floor)
-        found = followed(grey, variant, theta, apart[1:] or apart if fitted else apart)
-        return min(found, key=lambda f: f[0].minus_two_log, default=None)
 
     def under(
         self,

@@ -135,8 +135,8 @@ def part_refitted(
 ) -> Place | None:
     """Where a part comes near its best; None where no replay follows, or nothing speaks for it.
 
-    From the sizes that are likeliest under much unknown torque, each on under less, if the data
-    sheet's machine is likelier with the part than without it there.
+    From the sizes that are likeliest under much unknown torque, if the data sheet's machine is
+    likelier with the part than without it there.
 
     Args:
         estimator: of the machine.
@@ -163,8 +163,9 @@ def part_refitted(
     [without] = grey.likelihoods(rest, [(start[:known], wide)])
     least = without[0].minus_two_log if without else np.inf
     near = [k for k in _valleys(heights) if heights[k] < least][: int(threshold("valleys"))]
-    found = (estimator.approach(grey, variant, begins[k], noise) for k in near)
-    return min((f for f in found if f), key=lambda f: f[0].minus_two_log, default=None)
+    found = (estimator.likeliest(grey, variant, begins[k], noise, roughly=True) for k in near)
+    best = min((f for f in found if f), key=lambda f: f.point.minus_two_log, default=None)
+    return (best.point, best.noise) if best else None
 
 
 def _valleys(heights: Sequence[float]) -> list[int]:

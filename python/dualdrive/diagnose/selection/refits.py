@@ -158,9 +158,9 @@ def refitted(
         near = part_refitted(estimator, grey, variant, start, point.variant, noise, scored)
         stuck = near is None or near[0].minus_two_log > point.minus_two_log
         if stuck and own.gain > threshold("gain"):
-            beside = estimator.approach(grey, variant, own.start, noise)
-            both = [place for place in (near, beside) if place]
-            near = min(both, key=lambda place: place[0].minus_two_log, default=None)
+            beside = estimator.likeliest(grey, variant, own.start, noise, roughly=True)
+            if beside and (near is None or beside.point.minus_two_log < near[0].minus_two_log):
+                near = beside.point, beside.noise
         return near
     shared = columns[: grey.shared]
     found = [fit(grey, variant, start, leader.gains, steps=5, shared_columns=shared, nearby=True)]

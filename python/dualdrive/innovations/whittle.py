@@ -1,0 +1,247 @@
+"""The likelihood of a noise by the spectra of what a filter leaves.
+
+-2 log L = sum over frequencies of log det Phi + tr(Phi^-1 I), I the periodograms of the innovations
+and Phi their spectral density under a noise (Whittle, Arkiv foer Matematik 2 (1953) 423-434;
+several channels: Dunsmuir, Annals of Statistics 7 (1979) 490-506). A filter that is held passes
+each source of noise on by a response of its own, V; only their densities depend on the noise:
+
+    Phi = sum of V V* a,   V = S^(-1/2) (1 - C (z - F (1 - K C))^-1 F K) (C (z - F)^-1 B, 1)
+
+One replay thus tells the likelihood of all noises, as far as the machine keeps to the pattern of
+modes in which all meshes carry. Of what ticks in sampled loops the responses by which a frequency
+is heard at its aliases are counted, not how these are correlated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualdrive import _core
+from dualdrive.innovations.greybox import GreyBox, first_alike
+from dualdrive.innovations.levenberg_marquardt import step_within
+from dualdrive.innovations.noise import Logarithms, Noise
+from dualdrive.innovations.prediction import GIVEN
+from dualdrive.innovations.records import Predictable
+from dualdrive.innovations.variant import Point
+from dualdrive.replay.record import with_settings
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complexfloating]
+
+_PER_OCTAVE = 4  # bands, over which periodograms are averaged
+_STEP = 1e-4  # of a logarithm, for differences of densities
+_ITERATIONS = 60
+_LITTLE = 0.1  # of -2 log L: a step that brings less ends a search
+_DAMPING, _LESS, _MORE, _MOST = 1e-3, 0.2, 8.0, 1e8  # of a step: at first, after a good one, a bad
+
+
+class Band(NamedTuple):
+    """Averages over bands of frequencies.
+
+    frequency: rad a sample, shape (bands,)
+    values: how many are averaged, shape (bands,)
+    power: of whitened innovations, shape (bands, channels, channels)
+    """
+
+    frequency: Array
+    values: Array
+    power: Complex
+
+
+class _Heard(NamedTuple):
+    """What is heard of sources of noise, of records whose filters are alike.
+
+    record: one of them
+    band: their periodograms
+    source: frequencies at which sources act that are heard there, shape (aliases, bands)
+    response: to each source, shape (bands, channels, aliases * sources)
+    """
+
+    record: Predictable
+    band: Band
+    source: Array
+    response: Complex
+
+
+class WhittleLikelihood:
+    """Of a noise, as a vector of logarithms, beside a machine at a point.
+
+    What they say of a first state, or of a body at rest, no spectrum tells: no derivatives there.
+    """
+
+    def __init__(
+        self, grey: GreyBox, point: Point, gains: Sequence[Any], logarithms: Logarithms
+    ) -> None:
+        self._logs = logarithms
+        core = grey.machine(point.variant, point.theta)
+        alike: dict[int, list[int]] = {}
+        for r in range(len(gains)):
+            alike.setdefault(first_alike(gains, r), []).append(r)
+        self._heard = []
+        for first, records in alike.items():
+            record, own = grey.records[first], gains[first]
+            pieces = [
+                piece
+                for r in records
+                for piece in _stretches(point.residuals[r], grey.records[r].sampled.starts)
+            ]
+            if not pieces:
+                continue
+            band = averaged(pieces)
+            there = with_settings(core, record.record.settings)
+            bodies = len(logarithms.noise.torque)
+            source, response = _responses(there, record, own, bodies, band.frequency)
+            self._heard.append(_Heard(record, band, source, response))
+
+    def __call__(self, x: Array) -> float:
+        """-2 log L, constants left out."""
+        noise = self._logs.at(x)
+        total = 0.0
+        for heard in self._heard:
+            density = _densities(noise, heard)
+            total += _likelihood(heard, density)[0]
+        return total
+
+    def normal(self, x: Array) -> tuple[Array, Array]:
+        """Half the expected second derivatives and half the gradient, by the logarithms."""
+        noise, m = self._logs.at(x), len(x)
+        moved = [self._logs.at(x + e) for e in np.diag(np.full(m, _STEP))]
+        H, g = np.zeros((m, m)), np.zeros(m)
+        for heard in self._heard:
+            density = _densities(noise, heard)
+            by = np.stack([_densities(own, heard) - density for own in moved]) / _STEP
+            _, inverse = _likelihood(heard, density)
+            V, power = heard.response, heard.band.power
+            U = inverse @ V
+            excess = np.einsum("qic,qic->qc", V.conj(), U).real  # of what is expected
+            excess -= np.einsum("qic,qij,qjc->qc", U.conj(), power, U).real
+            weighed = heard.band.values[:, None] * excess
+            g += 0.5 * np.einsum("mqc,qc->m", by, weighed)
+            both = np.abs(V.conj().swapaxes(1, 2) @ U) ** 2
+            told = np.einsum("mqc,qcd->mqd", by * heard.band.values[:, None], both)
+            H += 0.5 * np.einsum("mqd,kqd->mk", told, by)
+        return H, g
+
+    def minimum(self, x: Array, low: Array, high: Array, *, held: float) -> Array:
+        """Where it is likeliest within bounds, from a point.
+
+        Args:
+            x: the point.
+            low: bounds.
+            high: bounds.
+            held: how much it counts to stay there, over the information (one, where there is
+                less): a damped step.
+
+        """
+        begin, cost, damping = x, self(x), _DAMPING
+        H, g = self.normal(x)
+        stay = held * np.maximum(np.diag(H), 1.0)
+        for _ in range(_ITERATIONS):
+            away = x - begin
+            bent = H + np.diag(stay) + damping * np.diag(np.diag(H)) + 1e-9 * np.eye(len(x))
+            d = step_within(bent, g + stay * away, low - x, high - x)
+            gone = away + d
+            other = self(x + d) + float(stay @ gone**2)
+            if other < cost:
+                gained, x, cost = cost - other, x + d, other
+                damping = max(damping * _LESS, 1e-6)
+                if gained < _LITTLE:
+                    break
+                H, g = self.normal(x)
+            elif damping > _MOST:
+                break
+            else:
+                damping *= _MORE
+        return x
+
+
+def _stretches(residuals: Array, starts: Sequence[int]) -> list[Array]:
+    """Whitened innovations by stretch, without those that the likelihood is conditioned on."""
+    ends = [*starts[1:], len(residuals)]
+    return [residuals[a + GIVEN : b] for a, b in zip(starts, ends, strict=True) if b > a + GIVEN]
+
+
+def averaged(pieces: Sequence[Array]) -> Band:
+    """Periodograms of several series, shape (n, channels) each, averaged over bands."""
+    total: dict[int, list[Any]] = {}
+    for x in pieces:
+        n = len(x)
+        spectrum = np.fft.rfft(x, axis=0) / np.sqrt(n)
+        frequency = 2.0 * np.pi * np.arange(len(spectrum)) / n
+        frequency[0] = 0.5 * frequency[1] if n > 1 else np.pi  # of a mean: below all others
+        signs = np.full(len(spectrum), 2.0)
+        signs[0] = 1.0
+        if n % 2 == 0:
+            signs[-1] = 1.0
+        place = np.floor(_PER_OCTAVE * np.log2(frequency / np.pi) + 1e-9).astype(int)
+        for k in np.unique(place):
+            own = place == k
+            f, v = spectrum[own], signs[own]
+            sums = total.setdefault(int(k), [0.0, 0.0, 0.0])
+            sums[0] += float(v.sum())
+            sums[1] += float(v @ np.log(frequency[own]))
+            sums[2] = sums[2] + (f.T * v) @ f.conj()
+    found = [total[k] for k in sorted(total)]
+    values = np.array([s[0] for s in found])
+    return Band(
+        np.exp(np.array([s[1] for s in found]) / values),
+        values,
+        np.stack([s[2] / s[0] for s in found]),
+    )
+
+
+def _responses(
+    core: Any, record: Predictable, gains: Any, bodies: int, frequency: Array
+) -> tuple[Array, Complex]:
+    """Frequencies of sources that are heard at others, and the responses to them; see `_Heard`."""
+    F, C, states = _core.linear_filter(core, record.sampled, gains)
+    phases, m = len(F), len(C)
+    source = frequency - 2.0 * np.pi / phases * np.arange(phases)[:, None]
+    lots = []
+    for alias in range(phases):
+        z = np.exp(1j * source[alias])[:, None, None]
+        driven = [f[:states, states : states + bodies].astype(complex) for f in F]
+        seen = [C[:, :states] @ s for s in _periodic([f[:states, :states] for f in F], driven, z)]
+        one = np.broadcast_to(np.eye(m, dtype=complex), (len(frequency), m, m))
+        given = [np.concatenate([s, one], axis=2) for s in seen]
+        K = [gains.K(phase) for phase in range(phases)]
+        A = [f @ (np.eye(len(f)) - k @ C) for f, k in zip(F, K, strict=True)]
+        B = [f @ k @ y for f, k, y in zip(F, K, given, strict=True)]
+        predicted = _periodic(A, B, z)
+        heard = np.zeros_like(given[0])
+        for phase in range(phases):
+            left = gains.whitening(phase) @ (given[phase] - C @ predicted[phase])
+            heard += left * np.exp(-2j * np.pi * alias * phase / phases) / phases
+        lots.append(heard)
+    return source, np.concatenate(lots, axis=2)
+
+
+def _periodic(A: Sequence[Array], B: Sequence[Complex], z: Complex) -> list[Complex]:
+    """Solve z x[k+1] = A[k] x[k] + B[k] for what repeats, shape (frequencies, states, inputs)."""
+    over, add = np.eye(len(A[0]), dtype=complex), np.zeros_like(B[0])
+    for a, b in zip(A, B, strict=True):
+        over, add = a @ over / z, (a @ add + b) / z
+    x = np.linalg.solve(np.eye(len(A[0])) - over, add)
+    found = [x]
+    for a, b in zip(A[:-1], B[:-1], strict=True):
+        found.append((a @ found[-1] + b) / z)
+    return found
+
+
+def _densities(noise: Noise, heard: _Heard) -> Array:
+    """Of all sources at the frequencies at which they act, shape (bands, aliases * sources)."""
+    return np.concatenate([noise.densities(heard.record, w) for w in heard.source]).T
+
+
+def _likelihood(heard: _Heard, density: Array) -> tuple[float, Complex]:
+    """-2 log L, and the inverse of the spectral density, shape (bands, channels, channels)."""
+    V, band = heard.response, heard.band
+    Phi = (V * density[:, None, :]) @ V.conj().swapaxes(1, 2)
+    _, log_det = np.linalg.slogdet(Phi)
+    inverse = np.linalg.inv(Phi)
+    trace = np.einsum("qij,qji->q", inverse, band.power).real
+    return float(band.values @ (log_det + trace)), inverse
