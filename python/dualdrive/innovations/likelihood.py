@@ -82,14 +82,13 @@ def maximum_likelihood(
     if now is None:
         return None
     x, held, exact = search.begin, guessed, False
-    enough = _NEARLY if roughly else _ENOUGH
     derivatives: _Derivatives | None = None
     lately = [np.inf] * _LATELY
     for left in reversed(range(steps)):
         if grey.counter.stop():
             break
         point = now[0]
-        least = (_ENOUGH if held else enough) * inflation(point)
+        least = (_NEARLY if roughly and exact else _ENOUGH) * inflation(point)
         fresh = derivatives is None or search.is_far(x, derivatives)
         if derivatives is None or fresh:
             derivatives = search.derivatives(x, now, numbers=not held, exact=exact)
@@ -98,11 +97,12 @@ def maximum_likelihood(
         for damping in _DAMPINGS:
             step = search.step(x, point, derivatives, damping, spectra)
             gain = step.gain
-            if gain < least and damping == _DAMPINGS[0]:
+            if gain < least and not exact:
                 break
             lower = search.lower(x, point, step)
             if lower is not None:
                 x, now = lower
+            if lower is not None or gain < least:
                 break
         gained = point.minus_two_log - now[0].minus_two_log
         little, failed = gained < least, gain > least and gained < _FAIR * gain

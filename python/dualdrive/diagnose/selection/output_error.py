@@ -87,7 +87,7 @@ def by_simulation(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted | No
         theta[grey.shared :] = coordinates(
             variant.extra, {p.path: found[p.path] for p in variant.extra}
         )
-        own = estimator.likeliest(grey, variant, theta, noise, roughly=True)
+        own = estimator.likeliest(grey, variant, theta, noise, roughly=True, guessed=True)
         if own is None or (best and own.point.minus_two_log > best.point.minus_two_log):
             break
         best, noise = own, own.noise
