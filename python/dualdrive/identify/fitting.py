@@ -20,7 +20,7 @@ from dualdrive.identify.closed_loop import Problem, channels_to_fit
 from dualdrive.identify.evaluation import state_unknowns
 from dualdrive.identify.filtering import Processing
 from dualdrive.identify.fit_summary import summary
-from dualdrive.identify.initial_estimate import initial_estimate
+from dualdrive.identify.initial_estimate import initial_estimates
 from dualdrive.identify.parts import sizes_of_part
 from dualdrive.identify.passivity import torque_notes, torque_warnings
 from dualdrive.identify.search import Progress, Search
@@ -157,7 +157,7 @@ def fit(
             mapper=mapper,
         )
         search = Search(problem, max_simulations, progress)
-        search.begin_near(initial_estimate(core, played, problem.parameters))
+        search.begin_near(initial_estimates(core, played, problem.parameters))
         search.run(starts, seed)
         return summary(machine, problem, search, confidence)
 

@@ -21,8 +21,9 @@ from dualdrive.innovations import (
     GreyBox,
     Variant,
     first_noise,
+    followed,
     least_noise,
-    maximum_likelihood,
+    levels,
     predictable,
     some,
 )
@@ -31,12 +32,12 @@ from dualdrive.replay import Record
 Array = NDArray[np.float64]
 
 
-def initial_estimate(
+def initial_estimates(
     core: Any, played: Sequence[Record], parameters: Sequence[Unknown]
-) -> Array | None:
-    """Numbers that predict the records best a sample ahead, shape (parameters,).
+) -> list[Array]:
+    """Numbers under less and less torque of unknown course, shape (parameters,) each.
 
-    None where no filter follows the records.
+    Empty where no filter follows the records.
 
     Args:
         core: the machine.
@@ -53,8 +54,8 @@ def initial_estimate(
         theta = whole.start(nothing)
         gains = whole.gains(nothing, theta, wide)
     except ValueError:
-        return None
+        return []
     [point] = whole.points([nothing], [theta], gains)
     grey = some(whole, point, gains, int(threshold("stretches")))
-    found = maximum_likelihood(grey, nothing, theta, wide, floor=floor, roughly=True, guessed=True)
-    return found[0].theta[: len(parameters)] if found else None
+    found = followed(grey, nothing, theta, levels(wide, floor))
+    return [place.theta[: len(parameters)] for place, _ in found]

@@ -44,19 +44,17 @@ class Search:
         self.first = self.best = problem.start
         self.status, self.message = "success", ""
 
-    def begin_near(self, estimate: Array | None) -> None:
-        """Begin at an estimate if its simulation misses the records less than at first.
+    def begin_near(self, estimates: Sequence[Array]) -> None:
+        """Begin at the estimate whose simulation misses the records least, if less than at first.
 
         Args:
-            estimate: of the parameters, shape (parameters,); None: there is none.
+            estimates: of the parameters, shape (parameters,) each.
 
         """
-        if estimate is None:
-            return
         problem, least = self.problem, math.inf
         low, high = problem.bounds
         rest = problem.start[len(problem.parameters) :]
-        for u in (self.first, np.clip(np.r_[estimate, rest], low, high)):
+        for u in [self.first, *(np.clip(np.r_[own, rest], low, high) for own in estimates)]:
             try:
                 missed = size(problem, problem.levelled(u))
             except FitError:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dualdrive.innovations.derivatives import changes, has_sensitivities, slopes
 from dualdrive.innovations.greybox import Counter, Filtered, GreyBox
 from dualdrive.innovations.harmonics import coordinates, deviations, values, waves
+from dualdrive.innovations.homotopy import followed, levels
 from dualdrive.innovations.levenberg_marquardt import fit, inflation, step_within
 from dualdrive.innovations.likelihood import Place, maximum_likelihood, score_of_order_two
 from dualdrive.innovations.noise import Noise, drive_torque, first_noise, least_noise
@@ -36,9 +37,11 @@ __all__ = [
     "first_noise",
     "fit",
     "flat",
+    "followed",
     "has_sensitivities",
     "inflation",
     "least_noise",
+    "levels",
     "maximum_likelihood",
     "predictable",
     "score_of_order_two",
