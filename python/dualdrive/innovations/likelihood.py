@@ -1,8 +1,10 @@
 """Numbers and noise by maximum likelihood, together.
 
--2 log L = sum |r|^2 + sum log det S + priors falls by Gauss-Newton steps in the numbers and by
-Fisher scoring in the logarithms of the noise: the information of the two is block-diagonal where
-the model is right (Ljung, System Identification, 2nd ed., ch. 7 and 9), but not on the way there.
+-2 log L = sum |r|^2 + sum log det S + priors falls by Gauss-Newton steps in the numbers. The
+logarithms of the noise go where the spectra of what is left have them likeliest (`whittle`), and
+where spectra promise more than they hold, and at the end, by Fisher scoring together with the
+numbers: the information of the two is block-diagonal where the model is right (Ljung, System
+Identification, 2nd ed., ch. 7 and 9), but not on the way there.
 
 A noise that is but guessed comes first, numbers held: residuals that it leaves correlated count
 themselves many times over, and would lead the numbers astray (feasible generalized least squares:
@@ -81,7 +83,8 @@ def maximum_likelihood(
     now = search.at([search.begin])[0]
     if now is None:
         return None
-    x, held, exact = search.begin, guessed, False
+    x, held = search.begin, guessed
+    exact = False  # whether the noise goes by differences of replays, and no more by spectra
     derivatives: _Derivatives | None = None
     lately = [np.inf] * _LATELY
     for left in reversed(range(steps)):
