@@ -127,15 +127,20 @@ class Noise:
             Shape (bodies + channels, n), 1 of white noise of unit variance.
 
         """
-        z, torques = np.exp(-1j * frequency), self.torques(record)
-        rows = [torques[body][0] ** 2 * _density(z, torques[body][1]) for body in sorted(torques)]
-        drifts = self.drifts(record) or [(0.0, 0.0)] * len(record.channels)
-        seconds = self.seconds(record) or [0.0] * len(record.channels)
-        sensors = zip(self.sensors(record), drifts, seconds, strict=True)
-        for (drive, memory, white), (drift, wander), second in sensors:
-            own = drive**2 * _density(z, memory * (1.0 - second), second)
-            rows.append(own + drift**2 * _density(z, wander) + white**2)
-        return np.stack(rows)
+        torques, channels = self.torques(record), len(record.channels)
+        sensors = self.sensors(record)
+        seconds = self.seconds(record) or [0.0] * channels
+        own = [
+            (drive, memory * (1.0 - second), second)
+            for (drive, memory, _), second in zip(sensors, seconds, strict=True)
+        ]
+        own += [(drive, memory, 0.0) for drive, memory in self.drifts(record)]
+        own += [(*torques[body], 0.0) for body in sorted(torques)]
+        found = _densities(np.array(own), frequency)
+        heard = found[:channels] + np.array([[white**2] for _, _, white in sensors])
+        if self.drift:
+            heard += found[channels : 2 * channels]
+        return np.concatenate([found[len(own) - len(torques) :], heard])
 
     def of_order_two(self) -> Noise:
         """The same, its sensors' noise free to be of order two."""
@@ -356,9 +361,18 @@ def _above(own: Mapping[str, float], least: Mapping[str, float]) -> list[tuple[f
     ]
 
 
-def _density(z: NDArray[np.complex128], first: float, second: float = 0.0) -> Array:
-    """Of an autoregression that white noise of unit variance drives, z the delay by a sample."""
-    return np.asarray(np.abs(1.0 - first * z - second * z**2) ** -2.0)
+def _densities(own: Array, frequency: Array) -> Array:
+    """Of autoregressions of order two, shape (autoregressions, frequencies).
+
+    |1 - a z - b z^2|^-2, z the delay by a sample, without cancelling where a is nearly 1.
+
+    own: what drives each, and its coefficients a and b, shape (autoregressions, 3)
+    """
+    drive, first, second = own.T[:, :, None]
+    slow, fast = np.sin(0.5 * frequency) ** 2, np.sin(frequency) ** 2
+    left = (1.0 - first - second) ** 2
+    found: Array = drive**2 / (left + 4.0 * (first * (1.0 - second) * slow + second * fast))
+    return found
 
 
 def _variance(drive: float, memory: float) -> float:

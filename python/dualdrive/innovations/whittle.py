@@ -35,7 +35,7 @@ Complex = NDArray[np.complexfloating]
 _PER_OCTAVE = 4  # bands, over which periodograms are averaged
 _STEP = 1e-4  # of a logarithm, for differences of densities
 _ITERATIONS = 60
-_LITTLE = 0.1  # of -2 log L: a step that brings less ends a search
+_LITTLE = 0.5  # of -2 log L: a step that brings less ends a search
 _DAMPING, _LESS, _MORE, _MOST = 1e-3, 0.2, 8.0, 1e8  # of a step: at first, after a good one, a bad
 
 
@@ -200,33 +200,40 @@ def _responses(
     """Frequencies of sources that are heard at others, and the responses to them; see `_Heard`."""
     F, C, states = _core.linear_filter(core, record.sampled, gains)
     phases, m = len(F), len(C)
-    source = frequency - 2.0 * np.pi / phases * np.arange(phases)[:, None]
-    lots = []
-    for alias in range(phases):
-        z = np.exp(1j * source[alias])[:, None, None]
-        driven = [f[:states, states : states + bodies].astype(complex) for f in F]
-        seen = [C[:, :states] @ s for s in _periodic([f[:states, :states] for f in F], driven, z)]
-        one = np.broadcast_to(np.eye(m, dtype=complex), (len(frequency), m, m))
-        given = [np.concatenate([s, one], axis=2) for s in seen]
-        K = [gains.K(phase) for phase in range(phases)]
-        A = [f @ (np.eye(len(f)) - k @ C) for f, k in zip(F, K, strict=True)]
-        B = [f @ k @ y for f, k, y in zip(F, K, given, strict=True)]
-        predicted = _periodic(A, B, z)
-        heard = np.zeros_like(given[0])
-        for phase in range(phases):
-            left = gains.whitening(phase) @ (given[phase] - C @ predicted[phase])
-            heard += left * np.exp(-2j * np.pi * alias * phase / phases) / phases
-        lots.append(heard)
-    return source, np.concatenate(lots, axis=2)
+    aliases = 2.0 * np.pi / phases * np.arange(phases)
+    source = frequency - aliases[:, None]
+
+    def turns(columns: int) -> Complex:
+        """What a sample turns each source by, shape (bands, 1, aliases * columns)."""
+        return np.repeat(np.exp(1j * source.T), columns, axis=1)[:, None, :]
+
+    pushed = [np.tile(f[:states, states : states + bodies], phases) for f in F]
+    moved = _periodic([f[:states, :states] for f in F], pushed, turns(bodies))
+    sensed = np.broadcast_to(np.eye(m), (len(frequency), phases, m, m)).swapaxes(1, 2)
+    given = []
+    for x in moved:
+        seen = (C[:, :states] @ x).reshape(len(frequency), m, phases, bodies)
+        given.append(np.concatenate([seen, sensed], axis=3).reshape(len(frequency), m, -1))
+    K, z = [gains.K(phase) for phase in range(phases)], turns(bodies + m)
+    A = [f @ (np.eye(len(f)) - k @ C) for f, k in zip(F, K, strict=True)]
+    predicted = _periodic(A, [f @ k @ y for f, k, y in zip(F, K, given, strict=True)], z)
+    heard = np.zeros_like(given[0])
+    for phase, (y, x) in enumerate(zip(given, predicted, strict=True)):
+        back = np.repeat(np.exp(-1j * aliases * phase), bodies + m) / phases
+        heard += gains.whitening(phase) @ (y - C @ x) * back
+    return source, heard
 
 
-def _periodic(A: Sequence[Array], B: Sequence[Complex], z: Complex) -> list[Complex]:
-    """Solve z x[k+1] = A[k] x[k] + B[k] for what repeats, shape (frequencies, states, inputs)."""
-    over, add = np.eye(len(A[0]), dtype=complex), np.zeros_like(B[0])
-    for a, b in zip(A, B, strict=True):
-        over, add = a @ over / z, (a @ add + b) / z
-    x = np.linalg.solve(np.eye(len(A[0])) - over, add)
-    found = [x]
+def _periodic(A: Sequence[Array], B: Sequence[Array | Complex], z: Complex) -> list[Complex]:
+    """Solve z x[k+1] = A[k] x[k] + B[k] for what repeats, shape (bands, states, inputs) each.
+
+    z: of each input, shape (bands, 1, inputs); over a period all of a band turn alike
+    """
+    over, add = np.eye(len(A[0])), np.zeros((len(z), len(A[0]), z.shape[2]), dtype=complex)
+    for k, (a, b) in enumerate(zip(A, B, strict=True)):
+        over, add = a @ over, a @ add + z**k * b
+    turned = z[:, :, :1] ** len(A)
+    found = [np.linalg.solve(turned * np.eye(len(over)) - over, add)]
     for a, b in zip(A[:-1], B[:-1], strict=True):
         found.append((a @ found[-1] + b) / z)
     return found
@@ -234,7 +241,9 @@ def _periodic(A: Sequence[Array], B: Sequence[Complex], z: Complex) -> list[Comp
 
 def _densities(noise: Noise, heard: _Heard) -> Array:
     """Of all sources at the frequencies at which they act, shape (bands, aliases * sources)."""
-    return np.concatenate([noise.densities(heard.record, w) for w in heard.source]).T
+    aliases, bands = heard.source.shape
+    found = noise.densities(heard.record, heard.source.ravel()).reshape(-1, aliases, bands)
+    return found.transpose(2, 1, 0).reshape(bands, -1)
 
 
 def _likelihood(heard: _Heard, density: Array) -> tuple[float, Complex]:
