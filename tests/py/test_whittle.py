@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -34,10 +35,12 @@ def grey(ticks: str) -> GreyBox:
 
 
 @functools.cache
-def beside(ticks: str) -> tuple[Logarithms, Point, list[Any]]:
+def beside(ticks: str, torque: bool = True) -> tuple[Logarithms, Point, list[Any]]:
     """A machine whose table is heavier, under a noise that has not been fitted."""
     own = grey(ticks)
     noise = first_noise(own.core, own.records, 0.02)
+    if not torque:
+        noise = replace(noise, torque={}, creep={})
     [found] = own.likelihoods(Variant(own.core), [(own.start(Variant(own.core)), noise)])
     assert found is not None
     floor = least_noise(own.core, own.records, 1e-5)
@@ -52,9 +55,10 @@ def replayed(ticks: str, noise: Noise) -> float:
     return found[0].minus_two_log
 
 
+@pytest.mark.parametrize("torque", [True, False], ids=["", "sensors alone"])
 @pytest.mark.parametrize("ticks", list(TICKS))
-def test_slopes_are_those_of_replays_under_every_noise(ticks: str) -> None:
-    logs, point, gains = beside(ticks)
+def test_slopes_are_those_of_replays_under_every_noise(ticks: str, torque: bool) -> None:
+    logs, point, gains = beside(ticks, torque)
     assert gains[0].phases == (4 if ticks else 1)
     H, g = WhittleLikelihood(grey(ticks), point, gains, logs).normal(np.zeros(len(logs)))
     heard = len(logs) - len(logs.unheard)
@@ -63,8 +67,10 @@ def test_slopes_are_those_of_replays_under_every_noise(ticks: str) -> None:
     for k, e in enumerate(np.eye(len(logs))[:heard]):
         ahead, back = (replayed(ticks, logs.at(s * STEP * e)) for s in (1.0, -1.0))
         slope = (ahead - back) / (4.0 * STEP)
-        # a thirtieth of itself, or what its own scatter makes of it
-        assert g[k] == pytest.approx(slope, rel=0.03, abs=0.6 * sizes[k] + 3.0), k
+        # a part of itself, or what its own scatter makes of it; what a simulation leaves ends
+        # elsewhere than it began, which leaks into its periodogram
+        part = 0.03 if torque else 0.05
+        assert g[k] == pytest.approx(slope, rel=part, abs=0.6 * sizes[k] + 3.0), k
 
 
 @pytest.mark.parametrize("ticks", list(TICKS))

@@ -207,8 +207,9 @@ def _responses(
         """What a sample turns each source by, shape (bands, 1, aliases * columns)."""
         return np.repeat(np.exp(1j * source.T), columns, axis=1)[:, None, :]
 
+    period = np.exp(1j * phases * frequency)[:, None, None]
     pushed = [np.tile(f[:states, states : states + bodies], phases) for f in F]
-    moved = _periodic([f[:states, :states] for f in F], pushed, turns(bodies))
+    moved = _periodic([f[:states, :states] for f in F], pushed, turns(bodies), period)
     sensed = np.broadcast_to(np.eye(m), (len(frequency), phases, m, m)).swapaxes(1, 2)
     given = []
     for x in moved:
@@ -216,7 +217,7 @@ def _responses(
         given.append(np.concatenate([seen, sensed], axis=3).reshape(len(frequency), m, -1))
     K, z = [gains.K(phase) for phase in range(phases)], turns(bodies + m)
     A = [f @ (np.eye(len(f)) - k @ C) for f, k in zip(F, K, strict=True)]
-    predicted = _periodic(A, [f @ k @ y for f, k, y in zip(F, K, given, strict=True)], z)
+    predicted = _periodic(A, [f @ k @ y for f, k, y in zip(F, K, given, strict=True)], z, period)
     heard = np.zeros_like(given[0])
     for phase, (y, x) in enumerate(zip(given, predicted, strict=True)):
         back = np.repeat(np.exp(-1j * aliases * phase), bodies + m) / phases
@@ -224,16 +225,18 @@ def _responses(
     return source, heard
 
 
-def _periodic(A: Sequence[Array], B: Sequence[Array | Complex], z: Complex) -> list[Complex]:
+def _periodic(
+    A: Sequence[Array], B: Sequence[Array | Complex], z: Complex, period: Complex
+) -> list[Complex]:
     """Solve z x[k+1] = A[k] x[k] + B[k] for what repeats, shape (bands, states, inputs) each.
 
-    z: of each input, shape (bands, 1, inputs); over a period all of a band turn alike
+    z: of each input, shape (bands, 1, inputs), of which there may be none
+    period: what all inputs of a band turn by over a period, shape (bands, 1, 1)
     """
     over, add = np.eye(len(A[0])), np.zeros((len(z), len(A[0]), z.shape[2]), dtype=complex)
     for k, (a, b) in enumerate(zip(A, B, strict=True)):
         over, add = a @ over, a @ add + z**k * b
-    turned = z[:, :, :1] ** len(A)
-    found = [np.linalg.solve(turned * np.eye(len(over)) - over, add)]
+    found = [np.linalg.solve(period * np.eye(len(over)) - over, add)]
     for a, b in zip(A[:-1], B[:-1], strict=True):
         found.append((a @ found[-1] + b) / z)
     return found
