@@ -113,6 +113,9 @@ class Descent:
 
         u = self.problem.levelled(u)
         self.problem.reweigh(u)
+        # Constants and first states are told apart: a few products with the tall Jacobian do. A
+        # machine's numbers may hardly be, and want its singular values.
+        solver = "exact" if self.problem.parameters else "lsmr"
         for _ in range(self.rules.rounds):
             self._cost = math.inf  # costs under other weights do not compare
             found = least_squares(
@@ -121,6 +124,7 @@ class Descent:
                 self.problem.jacobian,
                 bounds=self.problem.bounds,
                 method="trf",
+                tr_solver=solver,
                 x_scale=self.problem.scale,
                 ftol=self.rules.precision,
                 xtol=self.rules.precision,
