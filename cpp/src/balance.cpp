@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <type_traits>
 
 #include "dualdrive/effects.hpp"
 #include "dualdrive/model.hpp"
@@ -13,6 +14,8 @@ namespace {
 
 using Channels = std::map<std::string, std::vector<double>>;
 
+// S: double, or Gradient where slopes by parameters are asked for, `directions` of them at a time.
+template <class S>
 class Replay {
   public:
     Replay(const Machine& machine, const Channels& channels, const std::vector<std::string>& parameters,
@@ -27,8 +30,14 @@ class Replay {
             members_.push_back(machine_.resolve(p));
             check_seen(p);
         }
-        build_models();
         find_sources();
+        find_ways();
+        find_inputs();
+        build_models();
+        speed_.resize(source_.size());
+        angle_ = rate_ = speed_;
+        torque_.resize(torques_.size());
+        z_.resize(static_cast<std::size_t>(layout_.size()));
         const auto& effects = machine_.effects();
         by_load_ = std::any_of(effects.begin(), effects.end(),
                                [](const EffectEntry& e) { return effect_type(e.name).text.by_load; });
@@ -45,23 +54,46 @@ class Replay {
         out.jacobian.assign(eq * rows_ * np, 0.0);
         out.standstill.assign(eq * rows_, 0);
         out.effects.assign(machine_.effects().size() * rows_, 0.0);
-        for (std::size_t c = 0; c < models_.size(); ++c)
+        for (std::size_t c = 0; c < models_.size(); ++c) {
+            weight_ = kinematic_weights(*models_[c]);
             for (std::size_t row = 0; row < rows_; ++row) evaluate(c, row, out, np);
+        }
         return out;
     }
 
   private:
+    using Recorded = const std::vector<double>*;
+    // What is recorded of a group: of the body that stands for it; null: it moves with a neighbour.
+    struct Source {
+        int body = -1;
+        Recorded speed = nullptr, angle = nullptr, rate = nullptr;
+    };
+    // From a group whose motion is known to one that moves with it.
+    struct Way {
+        std::size_t from, to;
+        int connection;
+        bool to_driver;
+    };
+
     const Machine& machine_;
     const Channels& channels_;
     const double standstill_;
     const Layout layout_;
-    const Inputs inputs_;
+    Inputs inputs_;  // of the present row
     std::size_t rows_ = 0;
     std::vector<std::vector<std::size_t>> members_;
-    std::vector<std::unique_ptr<Model<Gradient>>> models_;
-    std::vector<int> source_;                            // per group: the recorded body, -1: moves with a neighbour
+    std::vector<std::unique_ptr<Model<S>>> models_;
+    std::vector<Source> source_;     // per group
+    std::vector<Way> ways_;          // in the order in which groups become known
+    std::vector<Recorded> torques_;  // per motor
+    Recorded time_ = nullptr;
+    std::vector<std::pair<Waveform*, Recorded>> read_;   // inputs
     bool by_load_ = false;                               // some effect's losses go by the load of a connection
     std::vector<std::vector<std::size_t>> driver_side_;  // per connection, where they do
+    // Ω_g per table speed, were every connection rigid: the weights under which inner torques cancel
+    std::vector<S> weight_;
+    std::vector<S> speed_, angle_, rate_, torque_, z_;  // of the present row
+    Modes modes_;
 
     static Inputs extra_inputs(const Channels& channels) {
         Inputs in;
@@ -115,129 +147,139 @@ class Replay {
     void build_models() {
         const std::size_t np = members_.size();
         for (std::size_t first = 0; first == 0 || first < np; first += directions) {
-            models_.push_back(std::make_unique<Model<Gradient>>(machine_, inputs_, layout_));
-            std::vector<Gradient> values(machine_.values().begin(), machine_.values().end());
-            for (std::size_t d = 0; d < directions && first + d < np; ++d)
-                for (const auto slot : members_[first + d]) values[slot].slope[d] = 1.0;
+            models_.push_back(std::make_unique<Model<S>>(machine_, inputs_, layout_));
+            std::vector<S> values(machine_.values().begin(), machine_.values().end());
+            if constexpr (!std::is_same_v<S, double>)
+                for (std::size_t d = 0; d < directions && first + d < np; ++d)
+                    for (const auto slot : members_[first + d]) values[slot].slope[d] = 1.0;
             models_.back()->set_parameters(values.data());
+            models_.back()->set_inputs(inputs_);
         }
     }
 
     void find_sources() {
-        source_.assign(static_cast<std::size_t>(layout_.groups), -1);
+        source_.resize(static_cast<std::size_t>(layout_.groups));
         for (std::size_t b = 0; b < machine_.bodies().size(); ++b) {
-            const auto s = channel_suffix(machine_.bodies()[b].name);
+            const auto name = channel_suffix(machine_.bodies()[b].name);
             auto& source = source_[static_cast<std::size_t>(layout_.group_of[b])];
-            if (source < 0 && channel("theta_" + s) && channel("omega_" + s) && channel("alpha_" + s))
-                source = static_cast<int>(b);
+            const Source own{static_cast<int>(b), channel("omega_" + name), channel("theta_" + name),
+                             channel("alpha_" + name)};
+            if (source.body < 0 && own.speed && own.angle && own.rate) source = own;
         }
-        if (std::all_of(source_.begin(), source_.end(), [](int s) { return s < 0; }))
+        if (std::all_of(source_.begin(), source_.end(), [](const Source& s) { return s.body < 0; }))
             throw std::invalid_argument(
                 "torque balance: no body has theta_, omega_ and alpha_ channels (theta_m for the table, theta_c1 for a "
                 "pinion, theta_1 for a motor)");
     }
 
+    void find_ways() {
+        std::vector<bool> known;
+        for (const Source& s : source_) known.push_back(s.body >= 0);
+        for (std::size_t pass = 0; pass < known.size(); ++pass)
+            for (std::size_t c = 0; c < machine_.connections().size(); ++c) {
+                const auto& k = machine_.connections()[c];
+                const auto driver = static_cast<std::size_t>(layout_.group_of[static_cast<std::size_t>(k.driver)]);
+                const auto driven = static_cast<std::size_t>(layout_.group_of[static_cast<std::size_t>(k.driven)]);
+                if (known[driver] == known[driven]) continue;
+                const bool to_driver = known[driven];
+                ways_.push_back(
+                    {to_driver ? driven : driver, to_driver ? driver : driven, static_cast<int>(c), to_driver});
+                known[driver] = known[driven] = true;
+            }
+    }
+
+    void find_inputs() {
+        time_ = channel("t");
+        for (const auto& m : machine_.motors()) torques_.push_back(channel("T_" + channel_suffix(m.name)));
+        // any may stand in a formula; else the torques that motors give are recorded, and the loop's inputs move no body
+        const auto& effects = machine_.effects();
+        const bool formulas =
+            std::any_of(effects.begin(), effects.end(), [](const EffectEntry& e) { return e.of_user(); });
+        for (auto& [name, waveform] : inputs_)
+            if (formulas || name == "T_load") read_.emplace_back(&waveform, channel(name));
+    }
+
     std::string reference_name(int g) const { return layout_.state_names[static_cast<std::size_t>(g)].substr(6); }
 
     // A recorded quantity as every group sees it: its own channel, or its neighbour's through the ratio between them.
-    std::vector<Gradient> group_values(const Model<Gradient>& model, const char* kind, std::size_t row) const {
-        std::vector<Gradient> v(static_cast<std::size_t>(layout_.groups), Gradient(0.0));
-        std::vector<bool> known(v.size(), false);
-        for (std::size_t g = 0; g < v.size(); ++g) {
-            if (source_[g] < 0) continue;
-            const auto& name = machine_.bodies()[static_cast<std::size_t>(source_[g])].name;
-            v[g] = Gradient((*channel(kind + channel_suffix(name)))[row]) / model.ratio(source_[g]);
-            known[g] = true;
+    void read_groups(const Model<S>& model, Recorded Source::* kind, std::size_t row, std::vector<S>& v) const {
+        for (std::size_t g = 0; g < v.size(); ++g)
+            v[g] = source_[g].body < 0 ? S(0.0) : S((*(source_[g].*kind))[row]) / model.ratio(source_[g].body);
+        for (const Way& way : ways_) {
+            const auto& k = machine_.connections()[static_cast<std::size_t>(way.connection)];
+            const S step = model.connection_ratio(way.connection) * model.ratio(k.driven) /
+                           model.ratio(k.driver);  // Ω of the driver's group over that of the driven one
+            v[way.to] = way.to_driver ? v[way.from] * step : v[way.from] / step;
         }
-        for (std::size_t pass = 0; pass < v.size(); ++pass)
-            for (std::size_t c = 0; c < machine_.connections().size(); ++c) {
-                const auto& k = machine_.connections()[c];
-                const auto a = static_cast<std::size_t>(layout_.group_of[static_cast<std::size_t>(k.driver)]);
-                const auto b = static_cast<std::size_t>(layout_.group_of[static_cast<std::size_t>(k.driven)]);
-                if (known[a] == known[b]) continue;
-                const Gradient step = model.connection_ratio(static_cast<int>(c)) * model.ratio(k.driven) /
-                                      model.ratio(k.driver);  // Ω_a / Ω_b
-                if (known[b])
-                    v[a] = v[b] * step;
-                else
-                    v[b] = v[a] / step;
-                known[a] = known[b] = true;
-            }
-        return v;
     }
 
     // Flanks and signs start anywhere and are then settled by the model's own guards.
-    Modes first_modes(const std::vector<Gradient>& speed) const {
-        Modes modes(layout_.switches.size(), 0);
-        for (std::size_t e = 0; e < modes.size(); ++e) {
+    void begin_modes() {
+        modes_.assign(layout_.switches.size(), 0);
+        for (std::size_t e = 0; e < modes_.size(); ++e) {
             const Switch& s = layout_.switches[e];
             if (s.kind == SwitchKind::stick)
-                modes[e] = value_of(speed[static_cast<std::size_t>(s.index)]) >= 0 ? stick::forward : stick::backward;
-            if (s.kind == SwitchKind::branch) modes[e] = branch::positive;
+                modes_[e] = value_of(speed_[static_cast<std::size_t>(s.index)]) >= 0 ? stick::forward : stick::backward;
+            if (s.kind == SwitchKind::branch) modes_[e] = branch::positive;
         }
-        return modes;
     }
 
     void evaluate(std::size_t chunk, std::size_t row, Balance& out, std::size_t np) {
-        Model<Gradient>& model = *models_[chunk];
-        const auto speed = group_values(model, "omega_", row), angle = group_values(model, "theta_", row),
-                   rate = group_values(model, "alpha_", row);
-        std::vector<Gradient> z(static_cast<std::size_t>(layout_.size()), Gradient(0.0));
-        std::copy(speed.begin(), speed.end(), z.begin());
+        Model<S>& model = *models_[chunk];
+        read_groups(model, &Source::speed, row, speed_);
+        read_groups(model, &Source::angle, row, angle_);
+        read_groups(model, &Source::rate, row, rate_);
+        std::fill(z_.begin(), z_.end(), S(0.0));
+        std::copy(speed_.begin(), speed_.end(), z_.begin());
         for (std::size_t r = 0; r < layout_.roots.size(); ++r)
-            z[static_cast<std::size_t>(layout_.root_angle[r])] =
-                angle[static_cast<std::size_t>(layout_.group_of[static_cast<std::size_t>(layout_.roots[r])])];
+            z_[static_cast<std::size_t>(layout_.root_angle[r])] =
+                angle_[static_cast<std::size_t>(layout_.group_of[static_cast<std::size_t>(layout_.roots[r])])];
         for (std::size_t c = 0; c < machine_.connections().size(); ++c) {
             if (layout_.twist[c] < 0) continue;
             const auto& k = machine_.connections()[c];
             const auto of = [&](int body) {
-                return angle[static_cast<std::size_t>(layout_.group_of[static_cast<std::size_t>(body)])] *
+                return angle_[static_cast<std::size_t>(layout_.group_of[static_cast<std::size_t>(body)])] *
                        model.ratio(body);
             };
-            const Gradient ratio = model.connection_ratio(static_cast<int>(c));
-            const Gradient d = of(k.driver) - ratio * of(k.driven);
-            z[static_cast<std::size_t>(layout_.twist[c])] = k.frame == TwistFrame::driver ? d : d / ratio;
+            const S ratio = model.connection_ratio(static_cast<int>(c));
+            const S d = of(k.driver) - ratio * of(k.driven);
+            z_[static_cast<std::size_t>(layout_.twist[c])] = k.frame == TwistFrame::driver ? d : d / ratio;
         }
-        std::vector<Gradient> torque;
-        for (const auto& m : machine_.motors()) torque.emplace_back((*channel("T_" + channel_suffix(m.name)))[row]);
-        Modes modes = first_modes(speed);
-        const auto* time = channel("t");
-        const Inputs here = inputs_at(row);
-        model.set_inputs(here);
-        const Gradient t(time ? (*time)[row] : 0.0);
-        const Model<Gradient>::Now now{modes.data(), {-infinity, infinity}, nullptr, torque.data()};
-        model.evaluate(t, z.data(), now);
-        settle(model, modes, t, z, now);
-        if (by_load_) follow_loads(model, t, z, now, rate);
-        write(model, chunk, row, speed, rate, modes, out, np);
+        for (std::size_t m = 0; m < torques_.size(); ++m) torque_[m] = S((*torques_[m])[row]);
+        begin_modes();
+        for (const auto& [waveform, recorded] : read_) *waveform = Waveform((*recorded)[row]);
+        const S t(time_ ? (*time_)[row] : 0.0);
+        const typename Model<S>::Now now{modes_.data(), {-infinity, infinity}, nullptr, torque_.data()};
+        model.evaluate(t, z_.data(), now);
+        settle(model, t, now);
+        if (by_load_) follow_loads(model, t, now);
+        write(model, chunk, row, out, np);
     }
 
     // Losses go by the torque that each connection must carry for its driver's side to move as recorded: the model's own,
     // from the deflection, less what the residuals of that side lack. A mesh that is recorded on one side only, and so has
     // no deflection, carries its load all the same. Each pass is better by the share that is lost.
-    void follow_loads(Model<Gradient>& model, const Gradient& t, const std::vector<Gradient>& z,
-                      Model<Gradient>::Now now, const std::vector<Gradient>& rate) const {
+    void follow_loads(Model<S>& model, const S& t, typename Model<S>::Now now) const {
         constexpr int passes = 4;
-        std::vector<Gradient> load(machine_.connections().size(), Gradient(0.0));
+        std::vector<S> load(machine_.connections().size(), S(0.0));
         now.load = load.data();
-        const auto weight = kinematic_weights(model);
         for (int pass = 0; pass < passes; ++pass) {
-            model.evaluate(t, z.data(), now);
-            std::vector<Gradient> lacking;
-            for (int g = 0; g < layout_.groups; ++g) lacking.push_back(residual(model, g, rate, now.modes));
+            model.evaluate(t, z_.data(), now);
+            std::vector<S> lacking;
+            for (int g = 0; g < layout_.groups; ++g) lacking.push_back(residual(model, g));
             for (std::size_t c = 0; c < load.size(); ++c) {
                 const auto& k = machine_.connections()[c];
                 if (layout_.twist[c] < 0) continue;
                 const auto driver = static_cast<std::size_t>(layout_.group_of[static_cast<std::size_t>(k.driver)]);
-                Gradient side(0.0);  // in the frame of the driver
-                for (const std::size_t g : driver_side_[c]) side += weight[g] / weight[driver] * lacking[g];
+                S side(0.0);  // in the frame of the driver
+                for (const std::size_t g : driver_side_[c]) side += weight_[g] / weight_[driver] * lacking[g];
                 side /= model.ratio(k.driver);
                 const bool own_frame = k.frame == TwistFrame::driver;
-                const Gradient& torque = model.signals()[static_cast<std::size_t>(layout_.at.torque[c])];
+                const S& torque = model.signals()[static_cast<std::size_t>(layout_.at.torque[c])];
                 load[c] = torque - (own_frame ? side : side * model.connection_ratio(static_cast<int>(c)));
             }
         }
-        model.evaluate(t, z.data(), now);
+        model.evaluate(t, z_.data(), now);
     }
 
     // The groups that lie on the driver's side of each connection.
@@ -262,50 +304,41 @@ class Replay {
 
     // Flanks and the signs that a formula decides are taken as they stand on the record: the deflection says which flank
     // overlaps, the torque whether it carries or its damper would pull.
-    void settle(Model<Gradient>& model, Modes& modes, const Gradient& t, const std::vector<Gradient>& z,
-                const Model<Gradient>::Now& now) {
+    void settle(Model<S>& model, const S& t, const typename Model<S>::Now& now) {
         const auto falls = [&](std::size_t e, int which) {
             return value_of(model.guard(static_cast<int>(e), which, nullptr)) < 0;
         };
         const auto next = [&](std::size_t e) {
-            const Mode m = modes[e];
+            const Mode m = modes_[e];
             if (layout_.switches[e].kind == SwitchKind::branch) return falls(e, 0) ? static_cast<Mode>(-m) : m;
             if (layout_.switches[e].kind != SwitchKind::flank) return m;
             if (m == flank::gap) return falls(e, 0) ? flank::front : falls(e, 1) ? flank::back : m;
             return flank::carries(m) && falls(e, 0) ? static_cast<Mode>(2 * m) : m;
         };
         for (std::size_t pass = 0; pass < 2 + layout_.switches.size(); ++pass) {
-            const Modes before = modes;
-            for (std::size_t e = 0; e < modes.size(); ++e) modes[e] = next(e);
-            if (modes == before) return;
-            model.evaluate(t, z.data(), now);
+            const Modes before = modes_;
+            for (std::size_t e = 0; e < modes_.size(); ++e) modes_[e] = next(e);
+            if (modes_ == before) return;
+            model.evaluate(t, z_.data(), now);
         }
     }
 
-    Inputs inputs_at(std::size_t row) const {
-        Inputs in;
-        for (const auto& [name, w] : inputs_) in.emplace(name, Waveform((*channel(name))[row]));
-        return in;
-    }
-
-    void write(const Model<Gradient>& model, std::size_t chunk, std::size_t row, const std::vector<Gradient>& speed,
-               const std::vector<Gradient>& rate, const Modes& modes, Balance& out, std::size_t np) {
-        Gradient total(0.0);
+    void write(const Model<S>& model, std::size_t chunk, std::size_t row, Balance& out, std::size_t np) {
+        S total(0.0);
         bool any_standstill = false;
-        const auto put = [&](std::size_t eq, const Gradient& r, bool standstill) {
-            out.residual[eq * rows_ + row] = r.value;
+        const auto put = [&](std::size_t eq, const S& r, bool standstill) {
+            out.residual[eq * rows_ + row] = value_of(r);
             out.standstill[eq * rows_ + row] = standstill;
-            for (std::size_t d = 0; d < directions && chunk * directions + d < np; ++d)
-                out.jacobian[(eq * rows_ + row) * np + chunk * directions + d] = r.slope[d];
+            if constexpr (!std::is_same_v<S, double>)
+                for (std::size_t d = 0; d < directions && chunk * directions + d < np; ++d)
+                    out.jacobian[(eq * rows_ + row) * np + chunk * directions + d] = r.slope[d];
         };
-        // Ω_g per table speed, were every connection rigid: the weights under which inner torques cancel.
-        const auto weight = kinematic_weights(model);
         for (int g = 0; g < layout_.groups; ++g) {
             const auto k = static_cast<std::size_t>(g);
             const bool standstill =
-                layout_.stick_of[k] >= 0 && std::abs(value_of(speed[k]) / value_of(weight[k])) < standstill_;
-            const Gradient r = residual(model, g, rate, modes.data());
-            total += weight[k] * r;
+                layout_.stick_of[k] >= 0 && std::abs(value_of(speed_[k]) / value_of(weight_[k])) < standstill_;
+            const S r = residual(model, g);
+            total += weight_[k] * r;
             any_standstill = any_standstill || standstill;
             put(k + 1, r, standstill);
         }
@@ -318,22 +351,22 @@ class Replay {
     }
 
     // What the motion of a group as recorded needs beyond the torques on it.
-    Gradient residual(const Model<Gradient>& model, int g, const std::vector<Gradient>& rate, const Mode* modes) const {
+    S residual(const Model<S>& model, int g) const {
         const auto k = static_cast<std::size_t>(g);
-        Gradient dry(0.0);
+        S dry(0.0);
         if (const int e = layout_.stick_of[k]; e >= 0)
-            dry = modes[e] > 0 ? model.friction_limit(g, 1) : -model.friction_limit(g, -1);
-        return model.group_inertia(g) * rate[k] - model.group_torque(g) + dry;
+            dry = modes_[static_cast<std::size_t>(e)] > 0 ? model.friction_limit(g, 1) : -model.friction_limit(g, -1);
+        return model.group_inertia(g) * rate_[k] - model.group_torque(g) + dry;
     }
 
-    std::vector<Gradient> kinematic_weights(const Model<Gradient>& model) const {
-        std::vector<Gradient> w(static_cast<std::size_t>(layout_.groups), Gradient(1.0));
+    std::vector<S> kinematic_weights(const Model<S>& model) const {
+        std::vector<S> w(static_cast<std::size_t>(layout_.groups), S(1.0));
         for (const auto& s : layout_.steps) {
             const auto g = static_cast<std::size_t>(layout_.group_of[static_cast<std::size_t>(s.body)]);
             const auto from = static_cast<std::size_t>(layout_.group_of[static_cast<std::size_t>(s.from)]);
             if (g == from) continue;
-            const Gradient ratio = model.connection_ratio(s.connection);
-            const Gradient step = s.driver ? ratio : 1.0 / ratio;  // ω_body / ω_from
+            const S ratio = model.connection_ratio(s.connection);
+            const S step = s.driver ? ratio : 1.0 / ratio;  // ω_body / ω_from
             w[g] = w[from] * model.ratio(s.from) * step / model.ratio(s.body);
         }
         return w;
@@ -344,7 +377,8 @@ class Replay {
 
 Balance torque_balance(const Machine& machine, const std::map<std::string, std::vector<double>>& channels,
                        const std::vector<std::string>& parameters, double standstill) {
-    return Replay(machine, channels, parameters, standstill).run();
+    if (parameters.empty()) return Replay<double>(machine, channels, parameters, standstill).run();
+    return Replay<Gradient>(machine, channels, parameters, standstill).run();
 }
 
 }  // namespace dualdrive

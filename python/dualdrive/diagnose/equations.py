@@ -138,35 +138,39 @@ class TorqueBalance:
         one of them.
         """
         own = self.machine_at(core, u)
-        found: list[Array] = []
         try:
-            for k, held in enumerate(self.held):
-                set_ = with_settings(own, self.settings[k])
-                found += list(self._residual(set_, held, self._shifted(k, u)))
+            return [row for k in range(len(self.held)) for row in self._left_on(k, own, u)]
         except ValueError:
             return None  # an effect that no balance shows
-        for j, (k, e) in enumerate(self.constants):
-            at = k * len(self.equations) + e
-            found[at] = found[at] + u[self._first_constant + j] * self._level(at)
-        return found
 
     def slopes(self, core: Any, u: Array) -> list[Array] | None:
-        """Derivative of the same by the nuisances, (n, m) each: by differences of a millisecond."""
+        """Derivative of the same by the nuisances, (n, m) each.
+
+        By differences: of a machine's number on all records, of a zero on its own one. A constant
+        stands in its own series alone.
+        """
         here = self.left(core, u)
         if here is None:
             return None
-        columns = []
-        for j in range(len(u)):
-            step = 1e-4 if j < len(self.nominal) else 1e-3
+        numbers, count = len(self.nominal), len(self.equations)
+        found = [np.zeros((len(part), len(u))) for part in here]
+        for j in range(self._first_constant):
+            own = j < numbers
+            step = 1e-4 if own else 1e-3
             moved = u.copy()
             moved[j] += step if u[j] + step <= self.high[j] else -step
-            there = self.left(core, moved)
-            if there is None:
-                return None
-            columns.append([(b - a) / (moved[j] - u[j]) for a, b in zip(here, there, strict=True)])
-        if not columns:
-            return [np.zeros((len(part), 0)) for part in here]
-        return [np.stack(parts, axis=1) for parts in zip(*columns, strict=True)]
+            there = self.machine_at(core, moved)
+            records = list(range(len(self.held))) if own else [self.zeros[j - numbers][0]]
+            for k in records:
+                try:
+                    rows = self._left_on(k, there, moved)
+                except ValueError:
+                    return None
+                for at, row in enumerate(rows, k * count):
+                    found[at][:, j] = (row - here[at]) / (moved[j] - u[j])
+        for j, (k, e) in enumerate(self.constants, self._first_constant):
+            found[k * count + e][:, j] = self._level(k * count + e)
+        return found
 
     def machine_at(self, core: Any, u: Array) -> Any:
         """The core's machine with the nominal numbers of u."""
@@ -249,6 +253,15 @@ class TorqueBalance:
         rows = [found["equations"].index(name) for name in self.equations]
         residual: Array = found["residual"][rows]
         return residual
+
+    def _left_on(self, k: int, own: Any, u: Array) -> list[Array]:
+        """What a machine at its numbers leaves of the series of one record."""
+        set_ = with_settings(own, self.settings[k])
+        found: list[Array] = list(self._residual(set_, self.held[k], self._shifted(k, u)))
+        for j, (record, e) in enumerate(self.constants, self._first_constant):
+            if record == k:
+                found[e] = found[e] + u[j] * self._level(k * len(self.equations) + e)
+        return found
 
     def _evaluate(self, core: Any, held: Held, samples: Mapping[str, Array]) -> tuple[Array, Array]:
         """Residual and measured torque of the chosen equations, (m, n) each."""

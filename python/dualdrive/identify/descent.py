@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,7 +116,7 @@ class Descent:
         self.problem.reweigh(u)
         # Constants and first states are told apart: a few products with the tall Jacobian do. A
         # machine's numbers may hardly be, and want its singular values.
-        solver = "exact" if self.problem.parameters else "lsmr"
+        solver: Literal["exact", "lsmr"] = "exact" if self.problem.parameters else "lsmr"
         for _ in range(self.rules.rounds):
             self._cost = math.inf  # costs under other weights do not compare
             found = least_squares(
