@@ -63,7 +63,7 @@ class Replay {
 
   private:
     using Recorded = const std::vector<double>*;
-    // What is recorded of a group: of the body that stands for it; null: it moves with a neighbour.
+    // What is recorded of a group: of the body that stands for it; −1: none does, it moves with a neighbour.
     struct Source {
         int body = -1;
         Recorded speed = nullptr, angle = nullptr, rate = nullptr;
@@ -153,7 +153,6 @@ class Replay {
                 for (std::size_t d = 0; d < directions && first + d < np; ++d)
                     for (const auto slot : members_[first + d]) values[slot].slope[d] = 1.0;
             models_.back()->set_parameters(values.data());
-            models_.back()->set_inputs(inputs_);
         }
     }
 

@@ -155,13 +155,12 @@ class TorqueBalance:
         numbers, count = len(self.nominal), len(self.equations)
         found = [np.zeros((len(part), len(u))) for part in here]
         for j in range(self._first_constant):
-            own = j < numbers
-            step = 1e-4 if own else 1e-3
+            of_machine = j < numbers
+            step = 1e-4 if of_machine else 1e-3
             moved = u.copy()
             moved[j] += step if u[j] + step <= self.high[j] else -step
             there = self.machine_at(core, moved)
-            records = list(range(len(self.held))) if own else [self.zeros[j - numbers][0]]
-            for k in records:
+            for k in range(len(self.held)) if of_machine else [self.zeros[j - numbers][0]]:
                 try:
                     rows = self._left_on(k, there, moved)
                 except ValueError:
