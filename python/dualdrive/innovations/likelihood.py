@@ -41,7 +41,9 @@ _Found = tuple[Point, list[Any]]
 _STEP = 1e-3  # of a logarithm, for finite differences
 _LONGEST = 1.5  # step of a logarithm
 _DAMPINGS = (1e-4, 0.03, 1.0, 30.0)
-_FAIR = 0.2  # of what a step promises: one that brings less is tried at a share of its length, too
+#: of what a step promises: one that brings less is tried at a share of its length, too, and if that
+#: brings less as well, spectra are believed no more; only rough searches end otherwise for it
+_FAIR = 0.2
 _LATELY = 3  # steps, whose best is the present rate of a search
 #: of -2 log L over the inflation: a step that brings less ends the search; one that only comes near
 _ENOUGH, _NEARLY = 2.0, 50.0

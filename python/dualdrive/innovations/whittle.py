@@ -32,10 +32,11 @@ from dualdrive.replay.record import with_settings
 Array = NDArray[np.float64]
 Complex = NDArray[np.complexfloating]
 
-_PER_OCTAVE = 4  # bands, over which periodograms are averaged
+#: bands, over which periodograms are averaged: an autoregression bends over an octave at least
+_PER_OCTAVE = 4
 _STEP = 1e-4  # of a logarithm, for differences of densities
 _ITERATIONS = 60
-_LITTLE = 0.5  # of -2 log L: a step that brings less ends a search
+_LITTLE = 0.5  # of -2 log L: a step that brings less ends it; by replays, less than 2 does
 _DAMPING, _LESS, _MORE, _MOST = 1e-3, 0.2, 8.0, 1e8  # of a step: at first, after a good one, a bad
 
 
