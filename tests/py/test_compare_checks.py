@@ -9,7 +9,6 @@ import pytest
 
 from dualdrive import Machine, parse_motion, simulate
 from dualdrive.compare import RecordWarning, check_records
-from dualdrive.compare.checks import both_ways
 from dualdrive.replay import core_of, ratio_to_table
 from dualdrive.traces import Trace, read
 from measured import EXAMPLES, emps, measured_file, rig
@@ -165,13 +164,6 @@ def test_dead_channels_and_records() -> None:
     one_way = codes(trace.between(0.0, 4.0))["one_way"]
     assert not one_way.fatal
     assert "record a way back" in one_way.message
-
-
-def test_a_record_serves_in_halves_where_either_has_its_way_back() -> None:
-    trace = sound()
-    assert both_ways(trace)
-    assert not both_ways(trace.between(0.0, 4.0)), "no way back"
-    assert not both_ways(trace.take(slice(199))), "too few"
 
 
 def test_a_late_channel() -> None:

@@ -145,8 +145,8 @@ def climbed() -> tuple[Ladder, list[str]]:
     """What comes of the axis of A. Janot et al. 2019 without its dry friction; what was told."""
     machine = Machine.load(str(ROOT / "examples" / "emps.toml"))
     told: list[str] = []
-    half = emps().between(0.0, 14.0)
-    return improve(machine, half, mode="balance", progress=told.append), told
+    fitted, unseen = emps().between(0.0, 7.0), {"later": emps().between(7.0, 14.0)}
+    return improve(machine, fitted, unseen, mode="balance", progress=told.append), told
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 from pathlib import Path
-from typing import Any
 
 import click
 import numpy as np
@@ -12,12 +11,12 @@ import pytest
 from click.testing import CliRunner
 
 from dualdrive import Machine
-from dualdrive.compare import check_records, compare
+from dualdrive.compare import compare
 from dualdrive.diagnose import Diagnosis, Ladder, diagnose, improve
 from dualdrive.diagnose.data_sheet import wrong_guesses
 from dualdrive.identify import Processing, fit, with_torques
 from dualdrive.identify.filtering import for_records
-from dualdrive.traces import Trace, read, read_parts
+from dualdrive.traces import Trace, read
 from dualdrive_cli.main import main
 from measured import EXAMPLES, measured_file
 from simulated import nominal, record, with_changed
@@ -173,26 +172,16 @@ def test_dry_friction_of_a_robot_axis_has_its_name() -> None:
 
 
 @pytest.mark.long
-def test_records_are_checked_whole_and_not_by_their_halves(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Halves of the rig's log8 hide how late its drives are; a mesh four times too soft follows."""
-    path = measured_file("dual_motor_rig/log8.csv")
-    parts = read_parts(path, EXAMPLES / "dual_motor_rig.map.toml")
-    traces = {part.name: part for part in parts}
-    machine = Machine.load(EXAMPLES / "dual_motor_rig.toml")
-    late = [w for w in check_records(machine, traces, "balance") if w.code == "skew"]
-    assert late
-    given: list[Any] = []
-
-    def told(*_: Any, **options: Any) -> Diagnosis:
-        given.append(options["checks"])
-        raise InterruptedError
-
-    monkeypatch.setattr("dualdrive.diagnose.improvement.diagnose", told)
-    with pytest.raises(InterruptedError):
-        improve(machine, traces, mode="balance")
-    assert [w.message for w in given[0] if w.code == "skew"] == [w.message for w in late]
+def test_a_ladder_fits_whole_records_where_nothing_is_held_out() -> None:
+    """A robot's arm goes there and back once: halves of the record named nothing."""
+    path = measured_file("kuka_kr300/derived_rec_B.csv")
+    record = read(path, EXAMPLES / "kuka_axis1.map.toml")
+    found = improve(Machine.load(EXAMPLES / "kuka.toml"), record, mode="balance", experiment=False)
+    assert found.held == "cross-validated over stretches of time"
+    [_, refitted, last] = found.steps
+    assert last.label in {"+ coulomb@motors", "+ coulomb@table"}
+    assert (refitted.fitted, last.fitted) == pytest.approx((0.319, 0.136), rel=0.01)
+    assert last.fitted < last.held_out < 0.7 * refitted.held_out
 
 
 # --- options ------------------------------------------------------------------------------------

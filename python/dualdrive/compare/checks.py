@@ -164,11 +164,6 @@ def _short(trace: Trace) -> Iterator[Finding]:
         )
 
 
-def both_ways(trace: Trace) -> bool:
-    """Whether a trace is long enough, and moves one way and back."""
-    return len(trace) >= _FEWEST and not any(True for _ in _short(trace))
-
-
 def speed_of(trace: Trace) -> Array | None:
     """A speed that all bodies share but for ratios: of the table where it is recorded."""
     for angle in ("theta_m", "theta_c1", "theta_1", "theta_2", "theta_ref"):

@@ -8,10 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from dualdrive.compare import RecordWarning, check_records, evened
-from dualdrive.compare.checks import both_ways
 from dualdrive.diagnose.decision import objection, takes_too_little
 from dualdrive.diagnose.diagnosis import diagnose, unfit
 from dualdrive.diagnose.ladder import Ladder, Step
@@ -49,8 +46,8 @@ def improve(
     Args:
         machine: a machine, or the core's.
         traces: what is fitted.
-        held_out: what every step is held against; unless given, the second half of every trace,
-            and the first half is fitted.
+        held_out: what every step is held against; unless given, every stretch of the traces is
+            foretold by the others (cross-validation).
         settings: as for :func:`dualdrive.diagnose.diagnose`, of both kinds of trace.
         mode: as there; what the first diagnosis is judged by holds for every step.
         budget: seconds in all, after which the climb is stopped; no search reads a clock unless
@@ -61,11 +58,11 @@ def improve(
         options: further ones of :func:`dualdrive.diagnose.diagnose`.
 
     Raises:
-        ValueError: as there, or a trace too short to be halved.
+        ValueError: as there.
 
     """
     begun = time.monotonic()
-    own, held = dict(settings or {}), ""
+    own = dict(settings or {})
     # by name, as a diagnosis takes them
     given = dict(sorted(named(traces).items()))
     apart = dict(sorted(named(held_out).items())) if held_out is not None else {}
@@ -77,21 +74,11 @@ def improve(
     likely = which_mode(core_of(machine), whole, options.get("motion")) if mode == "auto" else mode
     checked: bool | list[RecordWarning] = options.pop("checks", True)
     if checked is True:
-        # of whole records: a half shows neither how late a channel is nor a motion that comes back
         (progress or (lambda _: None))("checking the records")
         checked = check_records(machine, whole, likely, options.get("threads"))
     fitting = {n: evened(t)[0] for n, t in given.items()}
-    other: dict[str, Trace] = {}
-    if held_out is None and not _halves_serve(fitting):
-        held = "cross-validated over stretches of time (no half holds both directions)"
-    elif held_out is None:
-        halves = {name: _halved(trace) for name, trace in fitting.items()}
-        fitting = {name: half[0] for name, half in halves.items()}
-        other = {name: half[1] for name, half in halves.items()}
-        held = "the second half of every trace"
-    else:
-        other = {n: evened(t)[0] for n, t in apart.items()}
-        held = ", ".join(other)
+    other = {n: evened(t)[0] for n, t in apart.items()}
+    held = ", ".join(other) or "cross-validated over stretches of time"
     if isinstance(checked, list):
         bad = unfit(checked) - set(options.get("trust", ()))
         if lost := sorted(bad & set(other) - set(fitting)):
@@ -234,11 +221,6 @@ class _Climb:
         return Printed(self.other, mine, **filters).error(machine)
 
 
-def _halves_serve(traces: Mapping[str, Trace]) -> bool:
-    """Whether the first half of every trace still moves both ways, if the whole does."""
-    return not any(both_ways(t) and not both_ways(_halved(t)[0]) for t in traces.values())
-
-
 def _why(d: Diagnosis) -> str:
     if d.verdict == "ambiguous":
         names = ", ".join(d.groups[0]) if d.groups else d.candidates[0].label
@@ -254,24 +236,3 @@ def _why(d: Diagnosis) -> str:
             f"{100 * floor:.3g} %"
         )
     return "nothing is left that these records could show"
-
-
-def _halved(trace: Trace) -> tuple[Trace, Trace]:
-    """Two halves, cut where the motion rests if it does anywhere near the middle."""
-    t = trace.t
-    if len(t) < 200:
-        raise ValueError(
-            f"{trace.name}: {len(t)} samples are too few to halve; hold out a record of its own "
-            "(--held-out)"
-        )
-    middle = len(t) // 2
-    name = next((n for n in ("theta_ref", "theta_m", "theta_1") if n in trace), None)
-    if name is not None:
-        speed = np.abs(np.gradient(trace[name], t))
-        near = np.arange(int(0.4 * len(t)), int(0.6 * len(t)))
-        calm = near[speed[near] <= 1e-3 * np.max(speed)]
-        if len(calm):
-            middle = int(calm[np.argmin(np.abs(calm - middle))])
-    first = trace.between(float(t[0]), float(t[middle - 1]))
-    second = trace.between(float(t[middle]), float(t[-1]))
-    return first, second
