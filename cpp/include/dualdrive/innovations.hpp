@@ -225,7 +225,8 @@ struct SensitivityOptions {
     bool at_any_cost = false;  // also where replays cost less
 };
 
-// Whether first-order changes of a replay can be told: no law of the machine that is not affine, no loop that ticks, no delay.
+// Whether first-order changes of a replay can be told: no law of the machine that is not affine, no delay, and ticks of sampled
+// loops that repeat within a few samples.
 bool has_sensitivities(const Machine& machine, const SampledRecord& record);
 
 // By how much whitened innovations change, to first order, where a neighbour takes the machine's place: samples × channels;
