@@ -57,7 +57,7 @@ def refitted_base(estimator: Estimator, whole: GreyBox) -> Base:
         grey = _stretches(whole, found)
     found = estimator.of_order_two(grey, _nearly(estimator, grey, found))
     for _ in range(_CHOSEN_ANEW):
-        if grey is whole or not white(found) or white(on_all_samples(whole, found)):
+        if grey is whole or not _elsewhere(found, on_all_samples(whole, found)):
             break
         grey = _stretches(whole, found)
         found = _nearly(estimator, grey, found)
@@ -71,6 +71,15 @@ def refitted_base(estimator: Estimator, whole: GreyBox) -> Base:
         grey = some(whole, everywhere.point, everywhere.gains, int(threshold("stretches")))
         found = _to_the_end(estimator, grey, everywhere)
     return Base(grey, found, everywhere)
+
+
+def _elsewhere(found: Fitted, everywhere: Fitted) -> bool:
+    """Whether a machine fails elsewhere than on its stretches: these have led it astray.
+
+    Where it fails on these as well something is missing, and others would show no more.
+    """
+    bears = white(found) or found.inflation < threshold("inflation") < everywhere.inflation
+    return bears and not white(everywhere)
 
 
 def _nearly(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted:
