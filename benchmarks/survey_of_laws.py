@@ -95,6 +95,11 @@ LAWS: dict[str, tuple[str, str, dict[str, float]]] = {
     "transport_delay": ("transport_delay", "controller", {"delta_c": 2e-3}),
     "play": ("gearbox_backlash", "gearboxes", {"gap": 5e-4, "stiffness": 1e6}),
     "shafts": ("shaft_compliance", "gearboxes", {"stiffness": 600.0}),
+    "cut": (
+        "cutting_torque",
+        "table",
+        {"mean": 0.5, "amplitude": 0.2, "frequency": 14.0, "start": 2.0, "duration": 3.0},
+    ),
 }
 #: dry friction -> the same as other programs have it: the sign of the speed as tanh(speed/range)
 FORMULAS = {
@@ -119,7 +124,7 @@ UNITS = {"t": "s", "theta_ref": "rad", "omega_ref": "rad/s"}
 #: number of the data sheet -> one-sigma of the logarithm of what it is really
 OFF = {"table.J": 0.04, "motors.R": 0.03, "table.b": 0.1}
 #: numbers of a law that are no sizes: they stand, or turn freely
-STANDING, TURNING = ("order", "teeth", "spacing"), "phase"
+STANDING, TURNING = ("order", "teeth", "spacing", "start", "duration", "frequency"), "phase"
 HEAD = [
     "hidden", "verdict", "named", "sizes", "refitted", "with it", "cross-val.", "floor", "CPU",
 ]  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dualdrive.diagnose.screening.loads import loads
 from dualdrive.diagnose.screening.orders import strongest_orders
 from dualdrive.diagnose.screening.score import Scored, residual_maker, scores
 from dualdrive.diagnose.screening.variants import Library, brings_states, local_faults, travel
@@ -10,6 +11,7 @@ __all__ = [
     "Library",
     "Scored",
     "brings_states",
+    "loads",
     "local_faults",
     "residual_maker",
     "scores",

@@ -292,5 +292,6 @@ def _start(found: Sequence[tuple[_Probe, Array]], sizes: Array) -> dict[str, flo
             start[probe.strength] = scale * max(abs(wave), _SMALLEST)
             start[probe.phase] = probe.setting[probe.phase] + cmath.phase(wave)
         elif not probe.phase:
-            start[probe.strength] = scale * max(size, _SMALLEST)
+            turned = probe.signed and size < -_SMALLEST
+            start[probe.strength] = scale * (size if turned else max(size, _SMALLEST))
     return start

@@ -37,11 +37,16 @@ class Library:
         self.hypotheses = candidates(core, list(dict.fromkeys(channels)))
         self.sizes = usual_sizes(core, grey)
 
-    def variants(self, base: Variant, point: Point) -> list[Variant]:
-        """Every law beside those of a variant, orders as its innovations show them."""
+    def variants(
+        self, base: Variant, point: Point, more: Sequence[Hypothesis] = ()
+    ) -> list[Variant]:
+        """Every law beside those of a variant, orders as its innovations show them.
+
+        more: other hypotheses, which these records suggest.
+        """
         known: dict[tuple[str, str], list[int]] = {}
         found = []
-        for h in self.hypotheses:
+        for h in [*self.hypotheses, *more]:
             [(effect, place)] = h.effects
             if any(effect == e and place == p for e, p in base.effects):
                 continue
@@ -123,7 +128,7 @@ class Library:
             # the machine has no such part, nothing of it was recorded, or a number is missing that
             # its law is measured by
             return None
-        looks = base.looks * (100.0 if order is not None else 1.0)
+        looks = base.looks * own.looked_at * (100.0 if order is not None else 1.0)
         for e, p in own.effects:
             looks *= max(1, len(spots(grown, f"{e}@{p}", extra, travel(self.grey))))
         return Variant(

@@ -113,7 +113,9 @@ class Contest:
             self.tell(f"score test of {s.variant.key} ({k} of {len(chosen)})")
             own = part_score(self.grey, leader.point, columns, s.variant, leader.noise)
             if own.gain > threshold("hopeless"):
-                theta = refining(self.grey, settled, s)
+                size = s.variant.extra[len(leader.point.variant.extra)]
+                scored = {size.path: size.value(float(own.start[len(leader.point.theta)]))}
+                theta = refining(self.grey, settled, replace(s, start=scored))
                 found.append((replace(leader.point, variant=s.variant, theta=theta), leader.noise))
         return found
 

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualdrive.diagnose.screening import Library, Scored, scores
+from dualdrive.diagnose.loads import LOAD
+from dualdrive.diagnose.screening import Library, Scored, loads, scores
 from dualdrive.diagnose.selection.contest import Contest
 from dualdrive.diagnose.selection.elimination import Elimination
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
@@ -224,14 +225,20 @@ class Forward:
         """Score tests of every law beside the leader, and the derivatives they stand on.
 
         On all samples a test costs many times what it does on stretches: there only of those laws
-        that are not hopeless on these already.
+        that are not hopeless on these already, and of a load in time, which they may lie beside.
         """
-        variants = self.own.library.variants(leader.variant, self._everywhere(leader))
+        all_of_it = self._everywhere(leader)
+        in_time = loads(self.own.whole, all_of_it.point, all_of_it.gains, all_of_it.noise)
+        variants = self.own.library.variants(leader.variant, all_of_it.point, in_time)
         if self.few:
             [there] = self.few.likelihoods(leader.variant, [(leader.point.theta, leader.noise)])
             if there is not None:
                 found, _ = self._scored(self.few, *there, variants)
-                variants = [s.variant for s in found if not s.gain < threshold("hopeless")]
+                variants = [
+                    s.variant
+                    for s in found
+                    if not s.gain < threshold("hopeless") or s.variant.effects[-1] == LOAD
+                ]
         found, columns = self._scored(self.grey, leader.point, leader.gains, variants)
         self.own.screened += [(leader.variant.label, s) for s in found]
         return found, columns
@@ -250,9 +257,9 @@ class Forward:
         )  # fmt: skip
         return found, columns
 
-    def _everywhere(self, f: Fitted) -> Point:
-        """Its innovations on all samples: orders show over long ways only."""
-        return f.point if self.grey is self.own.whole else on_all_samples(self.own.whole, f).point
+    def _everywhere(self, f: Fitted) -> Fitted:
+        """On all samples: orders show over long ways only, and loads in time at their hour."""
+        return f if self.grey is self.own.whole else on_all_samples(self.own.whole, f)
 
     def forget_faint(self) -> None:
         """Laws that gain too little to be told from the numbers, where these alone leave noise.

@@ -21,6 +21,7 @@ from dualdrive.diagnose.laws import clips
 from dualdrive.diagnose.screening import brings_states, residual_maker
 from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.estimation.thresholds import threshold
+from dualdrive.estimation.unknowns import Unknown
 from dualdrive.innovations import (
     GreyBox,
     Noise,
@@ -41,6 +42,9 @@ _LIMIT = (0.3, 1.0)  # and that of a limit or a lag, whose likelihood has no val
 #: follows; from above it is approached
 _FROM_ABOVE = (1.0, 1.1, 1.2, 1.3)
 _TRIED = (3.0, 1.0, 0.3, 0.1)  # times its usual one: sizes at which a part is scored
+#: the same of a delay: in a sampled loop it acts from tick to tick, so that its likelihood is level
+#: between two of them and no slope leads from one to the next
+_LATE = tuple(1.5**k for k in range(2, -12, -1))
 #: the same of a limit, times what all but half a per cent of the samples lie below: it may be met
 #: in fewer, and noise goes beyond it
 _AT_A_LIMIT = (0.93, 0.965, 1.0, 1.04, 1.08, 1.15, 1.22, 1.3, 1.5, 1.75, 2.0)
@@ -69,6 +73,17 @@ def may_be_missing(part: Variant, quiet: Sequence[Variant]) -> bool:
     what a law that leaves noise describes in part.
     """
     return not quiet or not is_joint(part) or any(brings(part, law) for law in quiet)
+
+
+def _factors(part: Variant, size: Unknown) -> Sequence[float]:
+    """Times its usual size: where a part is scored. size: its first number."""
+    if clips(part.effects[-1][0]):
+        return _AT_A_LIMIT
+    return _LATE if _is_delay(size) else _TRIED
+
+
+def _is_delay(size: Unknown) -> bool:
+    return size.strength and size.unit == "s"
 
 
 class PartScore(NamedTuple):
@@ -106,7 +121,7 @@ def part_score(
     known, r = len(point.theta), flat(point.residuals)
     apart = residual_maker(grey, columns)
     rest, places = apart(r), []
-    for factor in _AT_A_LIMIT if clips(variant.effects[-1][0]) else _TRIED:
+    for factor in _factors(variant, variant.extra[known - grey.shared]):
         there = np.r_[point.theta, coordinates(variant.extra[known - grey.shared :], {})]
         there[known] *= factor
         places.append((there, noise))
@@ -152,6 +167,8 @@ def part_refitted(
     sizes = [factor * start[known] for factor in (_JOINT if is_joint(variant) else _LIMIT)]
     if clips(variant.effects[-1][0]):
         sizes += [factor * scored for factor in _FROM_ABOVE]
+    if _is_delay(variant.extra[known - grey.shared]):
+        sizes.append(scored)
     sizes = sorted(sizes)
     for size in sizes:
         there = start.copy()
