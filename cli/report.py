@@ -79,7 +79,7 @@ def command(
     Measured and simulated before and after, where it fails, what is missing and what could explain
     it, the ladder of errors, the next experiment, and all it takes to make the page again. The
     page opens without a network and prints well. Without --held-out every stretch of the traces is
-    foretold by the others. Ctrl-C ends the search; the page tells what is known so far, and the
+    predicted from the others. Ctrl-C ends the search; the page tells what is known so far, and the
     exit code is 130.
     """
     m = load(machine, settings)

@@ -181,9 +181,10 @@ void bind_innovations(nb::module_& m) {
         "Returns a dict: residuals (n, channels), whitened; log_det; finite; switches. The GIL is released. Raises "
         "ValueError.");
 
-    m.def("has_sensitivities", &has_sensitivities, nb::arg("machine"), nb::arg("record"),
-          "Whether first-order changes of a replay can be told: no law of the machine that is not affine, no loop that "
-          "ticks, no delay.");
+    m.def(
+        "has_sensitivities", &has_sensitivities, nb::arg("machine"), nb::arg("record"),
+        "Whether first-order changes of a replay can be told: no law of the machine that is not affine, no delay, and "
+        "ticks of sampled loops that repeat within a few samples.");
 
     m.def(
         "sensitivities",

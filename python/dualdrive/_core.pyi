@@ -824,7 +824,7 @@ def predict(machine: Machine, record: SampledRecord, gains: KalmanGains, *, init
 
 def has_sensitivities(machine: Machine, record: SampledRecord) -> bool:
     """
-    Whether first-order changes of a replay can be told: no law of the machine that is not affine, no loop that ticks, no delay.
+    Whether first-order changes of a replay can be told: no law of the machine that is not affine, no delay, and ticks of sampled loops that repeat within a few samples.
     """
 
 def sensitivities(machine: Machine, record: SampledRecord, gains: KalmanGains, neighbours: Sequence[tuple[Machine, Sequence[Mapping[str, float]], Sequence[float]]], *, initial: Sequence[Mapping[str, float]] = [], offsets: Sequence[float] = [], given: int = 0, most_apart: float = 1.0, at_any_cost: bool = False) -> list[NDArray[numpy.float64] | None]:

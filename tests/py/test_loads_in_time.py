@@ -81,7 +81,7 @@ def test_a_law_that_stands_is_not_put_in_twice() -> None:
 def test_sums_of_scores_tell_what_a_replay_does() -> None:
     """The likelihood ratio of the box is the gain of the law by its replayed innovations."""
     own, point, gains, noise = left_by({**CUT, "amplitude": 0.0})
-    from dualdrive.diagnose.screening.loads import _boxes, _score
+    from dualdrive.diagnose.screening.likelihood_ratio import _boxes, _score
 
     column = sorted(noise.torque).index("table")
     known = [_score(own.core, own.records[0], point.residuals[0], gains[0], column, RISE)]

@@ -29,9 +29,10 @@ DRAW = 7
         ("encoder", 0.0),
         ("shafts", 0.0),
         ("wear", 0.0),
+        ("cut", 0.0),
         ("coulomb_motors", 1e-3),
     ],
-    ids=["delay_motors", "encoder", "shafts", "wear", "friction_that_creeps"],
+    ids=["delay_motors", "encoder", "shafts", "wear", "cut", "friction_that_creeps"],
 )
 def test_the_law_that_was_hidden_is_named_with_its_size(row: str, creep: float) -> None:
     sheet = measured_file("independent_bench/nominal.toml")

@@ -47,7 +47,7 @@ def improve(
         machine: a machine, or the core's.
         traces: what is fitted.
         held_out: what every step is held against; unless given, every stretch of the traces is
-            foretold by the others (cross-validation).
+            predicted from the others (cross-validation).
         settings: as for :func:`dualdrive.diagnose.diagnose`, of both kinds of trace.
         mode: as there; what the first diagnosis is judged by holds for every step.
         budget: seconds in all, after which the climb is stopped; no search reads a clock unless

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dualdrive.diagnose.screening.loads import loads
+from dualdrive.diagnose.screening.likelihood_ratio import loads
 from dualdrive.diagnose.screening.orders import strongest_orders
 from dualdrive.diagnose.screening.score import Scored, residual_maker, scores
 from dualdrive.diagnose.screening.variants import Library, brings_states, local_faults, travel
