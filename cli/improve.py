@@ -85,8 +85,8 @@ def command(
     """Diagnose, add the missing effect, refit, and again, until nothing nameable is left.
 
     Prints the ladder: the error of every step beside the noise floor, on the records fitted and on
-    those held out; without --held-out every stretch is predicted from the others. Every step stands in
-    the machine file's history and can be taken back. Ctrl-C ends with the steps so far and exit
+    those held out; without --held-out every stretch is predicted from the others. Every step stands
+    in the machine file's history and can be taken back. Ctrl-C ends with the steps so far and exit
     code 130.
     """
     m = load(machine, settings)
