@@ -14,7 +14,7 @@ from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import Effort, Fitted
 from dualdrive.diagnose.selection.parts import is_joint, part_score
 from dualdrive.diagnose.selection.refits import confused, refining, refitted, with_rivals
-from dualdrive.diagnose.selection.residual_analysis import suffices, white
+from dualdrive.diagnose.selection.residual_analysis import needs_no_torque, suffices, white
 from dualdrive.diagnose.work import Leader
 from dualdrive.estimation.thresholds import threshold
 from dualdrive.innovations import GreyBox, Place, Point, fit, inflation, slopes, some
@@ -62,6 +62,10 @@ class Contest:
     def leaves_noise(self, f: Fitted) -> bool:
         """Whether what it leaves is noise: a law that is likelier still would describe that."""
         return white(f) and self.suffices(f)
+
+    def lacks_nothing(self, f: Fitted) -> bool:
+        """Whether it leaves noise and needs no torque of unknown course, however little of it."""
+        return self.leaves_noise(f) and needs_no_torque(self.estimator.core, self.grey, f)
 
     def refitted(
         self,

@@ -216,7 +216,7 @@ class Forward:
 
         def more(found: Sequence[Fitted]) -> list[Scored]:
             rest = [s for s in scores if parts and is_part(s.variant) and s not in best]
-            quiet = [f.variant for f in found if contest.leaves_noise(f)]
+            quiet = [f.variant for f in found if contest.lacks_nothing(f)]
             return [s for s in rest if may_be_missing(s.variant, quiet)]
 
         return contest.refitted(leader, best, columns, least, more, sheet)

@@ -24,7 +24,7 @@ from dualdrive.diagnose.selection.estimation import on_all_samples
 from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selection
 from dualdrive.diagnose.selection.forward import Forward, Means
 from dualdrive.diagnose.selection.parts import brings, is_joint, is_part
-from dualdrive.diagnose.selection.residual_analysis import needs_no_torque, suffices, white
+from dualdrive.diagnose.selection.residual_analysis import suffices, white
 from dualdrive.diagnose.selection.sandwich import forget_what_colour_gains
 from dualdrive.diagnose.simulated_errors import Simulation, noise_floor
 from dualdrive.estimation.thresholds import threshold
@@ -59,7 +59,10 @@ class _Search:
     def run(self) -> Selection:
         """See the module."""
         own, base = self.own, self.base
-        if base.everywhere is not None and self._lacks_nothing_large():
+        # A torque of unknown course, however little, grows till innovations are white, and of what
+        # it stands in for a score beside it says little: of the damping of a mesh that bounces a
+        # hundredth of what it gains.
+        if base.everywhere is not None and self.on.contest.lacks_nothing(base.there):
             self._on_all_samples_at_once(base.everywhere)
         else:
             self._forward(base.there)
@@ -84,16 +87,6 @@ class _Search:
         nothing = next(f for f in every if f.variant.key == base.there.variant.key)
         finished = not own.whole.counter.stop()
         return Selection(own.whole, nothing, every, order, own.tried, finished, self._quiet)
-
-    def _lacks_nothing_large(self) -> bool:
-        """Whether numbers alone leave noise, and no torque of unknown course, however little of it.
-
-        That torque grows till innovations are white, and of what it stands in for a score under
-        such noise says little: of the damping of a mesh that bounces a hundredth of what it gains.
-        """
-        there = self.base.there
-        quiet = self.on.contest.leaves_noise(there)
-        return quiet and needs_no_torque(self.own.core, self.base.grey, there)
 
     def _forward(self, leader: Fitted, most: int | None = None) -> None:
         self.on.selected(leader, most)
