@@ -17,9 +17,23 @@ from tests.blind import generate
 
 
 @pytest.mark.long
-def test_the_damping_of_a_mesh_that_bounces_is_named(tmp_path: Path) -> None:
-    """Without tension two motors hunt: torque of unknown course had stood in for the damping."""
-    generate.main(["--part", "develop", "--from", "43", "--cases", "1", "-o", str(tmp_path)])
+@pytest.mark.parametrize(
+    ("number", "label", "path", "value", "within"),
+    [
+        (43, "mesh_damping@meshes", "coefficient", 0.04249, 0.01),
+        (56, "transport_delay@controller", "delta_c", 2.16e-4, 0.25),
+    ],
+    ids=["a mesh that bounces", "a command that is less than a sample late"],
+)
+def test_the_law_is_named(
+    tmp_path: Path, number: int, label: str, path: str, value: float, within: float
+) -> None:
+    """Torque of unknown course had stood in for the damping, a late encoder for the command.
+
+    Within two ticks of its loop, 0.125 ms each, a late command does one and the same.
+    """
+    where = ["--part", "develop", "--from", str(number), "--cases", "1", "-o", str(tmp_path)]
+    generate.main(where)
     [folder] = (tmp_path / "cases").iterdir()
     case = json.loads((folder / "case.json").read_text())
     found = diagnose(
@@ -29,6 +43,6 @@ def test_the_damping_of_a_mesh_that_bounces_is_named(tmp_path: Path) -> None:
         experiment=False,
     )
     assert found.verdict == "effect"
-    assert found.candidates[0].label == "mesh_damping@meshes"
-    size = found.candidates[0].parameters["mesh_damping@meshes.coefficient"].value
-    assert size == pytest.approx(0.04249, rel=0.01)
+    best = found.candidates[0]
+    assert best.label == label
+    assert best.parameters[f"{label}.{path}"].value == pytest.approx(value, rel=within)
