@@ -16,8 +16,8 @@ from test_residual_analysis import fitted
     [
         (1.0, 1.0, False),
         (1.0, 3.0, True),
-        (1.8, 44.0, True),
-        (1.8, 3.0, False),
+        (2.5, 44.0, True),
+        (2.5, 3.0, False),
         (5.0, 44.0, False),
     ],
     ids=[
