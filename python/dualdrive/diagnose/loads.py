@@ -24,12 +24,12 @@ Array = NDArray[np.float64]
 
 LOAD = ("cutting_torque", "table")
 _PATH = "@".join(LOAD)
-_INSTANTS, _FINER = 160, 12  # of the grid over all records; between two of them
+INSTANTS, FINER = 160, 12  # of the grid over all records; between two of them
 _SHORTEST = 3  # steps of the grid: a box
 #: fall of chi^2, in units of the noise that is left, below which no box, and no harmonic, is named
 _A_BOX, _A_WAVE = 15.0, 25.0
-_PERIODS, _PER_PERIOD = 2.0, 5.0  # in the box, at least; steps of frequency per 1 / duration
-_HIGHEST = 0.4  # frequency, of the sampling rate
+PERIODS, PER_PERIOD = 2.0, 5.0  # in the box, at least; steps of frequency per 1 / duration
+HIGHEST = 0.4  # frequency, of the sampling rate
 #: harmonics that are tried; of the strongest one's gain, at least; between two, of 1 / duration
 _SEVERAL, _ABOUT, _APART = 3, 0.5, 1.5
 _MOST = 600  # frequencies tried, the lowest first: a long load would take for ever
@@ -99,22 +99,22 @@ def sought(seen: Evidence, base: Refit) -> list[Hypothesis]:
     table = _sum(seen, base)
     if table is None or possible(seen.confrontation.core, *LOAD) is None:
         return []
-    grid = np.linspace(table.t.min(), table.t.max() + table.every, _INSTANTS)
+    grid = np.linspace(table.t.min(), table.t.max() + table.every, INSTANTS)
     step = float(grid[1] - grid[0])
     start, end, _ = _best_box(table, grid, grid, _SHORTEST * step)
-    near = step * np.linspace(-1.0, 1.0, 2 * _FINER + 1)
+    near = step * np.linspace(-1.0, 1.0, 2 * FINER + 1)
     start, end, gain = _best_box(table, start + near, end + near, step)
     if gain < _A_BOX * table.noise(table.white(table.box(start, end)[:, None])):
         return []
     harmonics, count = _harmonics(table, start, end)
     if not harmonics:
-        return [_hypothesis(start, end, {}, _INSTANTS)]
-    turned = math.pi if _turned(seen, base, _hypothesis(start, end, {}, 1)) else 0.0
+        return [hypothesis(start, end, {}, INSTANTS)]
+    turned = math.pi if _turned(seen, base, hypothesis(start, end, {}, 1)) else 0.0
     found = []
     for frequency, phase in harmonics:
         late = math.remainder(phase + turned, 2 * math.pi) / (2 * math.pi * frequency)
         begins = {f"{_PATH}.frequency": frequency}  # its sine begins where the load does
-        found.append(_hypothesis(start - late, end, begins, _INSTANTS * count))
+        found.append(hypothesis(start - late, end, begins, INSTANTS * count))
     return found
 
 
@@ -123,7 +123,8 @@ def stands_out(score: Score) -> bool:
     return LOAD in score.signature.hypothesis.effects
 
 
-def _hypothesis(start: float, end: float, more: dict[str, float], searched: int) -> Hypothesis:
+def hypothesis(start: float, end: float, more: dict[str, float], searched: int) -> Hypothesis:
+    """A load from start to end, s, found among so many; more: path -> value of its wave."""
     begins = {f"{_PATH}.start": start, f"{_PATH}.duration": end - start, **more}
     return Hypothesis((LOAD,), {}, {_PATH: searched}, begins)
 
@@ -137,7 +138,7 @@ def _sum(seen: Evidence, base: Refit) -> _Sum | None:
     weight = seen.white([np.ones(len(s.t)) for s in c.series])
     mine = np.concatenate([np.full(len(s.t), s.name == "total") for s in c.series]) & (weight > 0)
     t = np.concatenate([s.t for s in c.series])
-    if mine.sum() < _INSTANTS:
+    if mine.sum() < INSTANTS:
         return None
     every = max(float(np.median(np.diff(s.t))) for s in c.series)
     return _Sum(t[mine], weight[mine], rest[mine], rows.slopes[mine], inverse, every)
@@ -159,8 +160,8 @@ def _best_box(table: _Sum, starts: Array, ends: Array, least: float) -> tuple[fl
 def _harmonics(table: _Sum, start: float, end: float) -> tuple[list[tuple[float, float]], int]:
     """Frequency and phase at the start of the strongest harmonics; among how many frequencies."""
     alone, _ = table.fitted(_waves(table, start, end, 0.0)[:, :1])
-    low, high = _PERIODS / (end - start), _HIGHEST / table.every
-    several = np.arange(low, high, 1.0 / (_PER_PERIOD * (end - start)))[:_MOST]
+    low, high = PERIODS / (end - start), HIGHEST / table.every
+    several = np.arange(low, high, 1.0 / (PER_PERIOD * (end - start)))[:_MOST]
     gains = np.array([table.fitted(_waves(table, start, end, f))[0] for f in several]) - alone
     found: list[tuple[float, float]] = []
     least = 0.0

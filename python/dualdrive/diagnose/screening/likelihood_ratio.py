@@ -25,7 +25,15 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.diagnose.hypotheses import Hypothesis
-from dualdrive.diagnose.loads import LOAD
+from dualdrive.diagnose.loads import (
+    FINER,
+    HIGHEST,
+    INSTANTS,
+    LOAD,
+    PER_PERIOD,
+    PERIODS,
+    hypothesis,
+)
 from dualdrive.estimation.thresholds import threshold
 from dualdrive.innovations import GreyBox, Noise, Point, inflation
 from dualdrive.innovations.records import Predictable
@@ -33,11 +41,8 @@ from dualdrive.replay.record import with_settings
 
 Array = NDArray[np.float64]
 
-_INSTANTS, _FINER = 160, 12  # of the grid over all records; between two of them
 _LONGEST = 4096  # samples that innovations remember a torque
-_PERIODS, _PER_PERIOD = 2.0, 5.0  # in a box, at least; steps of frequency per 1 / duration
 _ABOUT = 3  # periods before and after, where a wave may begin
-_HIGHEST = 0.4  # frequency, of the sampling rate
 _HEARD = 1e-3  # of the most that any frequency tells: of a wave that is fainter noise tells as much
 
 
@@ -97,26 +102,25 @@ def loads(grey: GreyBox, point: Point, gains: Sequence[Any], noise: Noise) -> li
     [rise] = [float(p.standard) for p in kind.parameters if p.path == "rise"]
     jobs = zip(grey.records, point.residuals, gains, strict=True)
     known = [_score(core, record, left, own, column, rise) for record, left, own in jobs]
-    grid = np.linspace(min(x.t[0] for x in known), max(x.t[-1] for x in known), _INSTANTS)
+    grid = np.linspace(min(x.t[0] for x in known), max(x.t[-1] for x in known), INSTANTS)
     step = float(grid[1] - grid[0])
     start, end, _ = _best(_boxes(known, grid, grid - rise), grid, grid)
-    near = step * np.linspace(-1.0, 1.0, 2 * _FINER + 1)
+    near = step * np.linspace(-1.0, 1.0, 2 * FINER + 1)
     starts, ends = start + near, end + near
     start, end, gain = _best(_boxes(known, starts, ends - rise), starts, ends)
     over, least = inflation(point), threshold("gain")
-    if gain / over - 4.0 * math.log(_INSTANTS) < least:
+    if gain / over - 4.0 * math.log(INSTANTS) < least:
         return []
-    path, looks, begins = f"{effect}@{body}", _INSTANTS**2, dict[str, float]()
+    looks, wave = INSTANTS**2, dict[str, float]()
     frequency, late, more, tried = _wave(known, start, end)
     if more / over - 2.0 * math.log(max(tried, 1)) > least:
         # its sine begins where the load does: by whole periods the two tell together
         starts = start + late + np.arange(-_ABOUT, _ABOUT + 1) / frequency
-        ends = end + max(step, _ABOUT / frequency) * np.linspace(-1.0, 1.0, 4 * _FINER + 1)
+        ends = end + max(step, _ABOUT / frequency) * np.linspace(-1.0, 1.0, 4 * FINER + 1)
         both = _boxes(known, starts, ends - rise) + _waves(known, starts, ends, frequency)
         start, end, _ = _best(both, starts, ends)
-        begins, looks = {f"{path}.frequency": frequency}, looks * tried
-    begins |= {f"{path}.start": start, f"{path}.duration": end - start}
-    return [Hypothesis((LOAD,), {}, {path: looks}, begins)]
+        wave, looks = {f"{effect}@{body}.frequency": frequency}, looks * tried
+    return [hypothesis(start, end, wave, looks)]
 
 
 def _score(
@@ -199,8 +203,8 @@ def _wave(known: Sequence[_Score], start: float, end: float) -> tuple[float, flo
     from scipy.signal import zoom_fft
 
     every = max(float(np.median(np.diff(x.t))) for x in known)
-    low, high = _PERIODS / (end - start), _HIGHEST / every
-    count = int((high - low) * _PER_PERIOD * (end - start))
+    low, high = PERIODS / (end - start), HIGHEST / every
+    count = int((high - low) * PER_PERIOD * (end - start))
     if count < 1:
         return 0.0, 0.0, 0.0, 0
     frequency = np.linspace(low, high, count, endpoint=False)
