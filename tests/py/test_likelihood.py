@@ -226,6 +226,17 @@ def test_the_score_of_noise_that_is_not_there_is_chi_squared(seed: int) -> None:
     assert score < chi2.isf(1e-3, len(TRUTH))
 
 
+def test_what_drives_nothing_is_no_hindrance_to_the_score() -> None:
+    """Creep of a body that never rests tells nothing: its row of the information is zero."""
+    own = grey_box(Machine.load("bench"), bench({}), SAMPLES, 5)
+    nothing, wide = Variant(own.core), first_noise(own.core, own.records, 0.1)
+    none = replace(wide, torque=dict.fromkeys(wide.torque, 0.0))
+    one = maximum_likelihood(own, nothing, own.start(nothing), none, guessed=True)
+    assert one is not None
+    score = score_of_order_two(own, nothing, one[0].theta, one[1])
+    assert score < chi2.isf(1e-3, len(TRUTH))
+
+
 def test_a_record_simulated_whole_leaves_its_sensors_noise() -> None:
     point, _, _ = likeliest(0.0)
     missed = simulated(grey(0.0), point.variant, point.theta)

@@ -152,8 +152,11 @@ def score_of_order_two(
         return np.inf
     H, g = search.normal(search.begin, now[0], search.by_noise(search.begin, now))
     two = search.second
-    covariance = np.linalg.inv(H)[np.ix_(two, two)]
-    return float(g[two] @ covariance @ g[two])
+    # what drives nothing above its floor tells nothing: its row is zero (a generalized inverse)
+    unit = np.sqrt(np.where(np.diag(H) > 0.0, np.diag(H), 1.0))
+    covariance = np.linalg.pinv(H / np.outer(unit, unit), hermitian=True)[np.ix_(two, two)]
+    slope = (g / unit)[two]
+    return float(slope @ covariance @ slope)
 
 
 class _Derivatives(NamedTuple):
