@@ -169,7 +169,7 @@ def test_bristles_that_the_data_sheet_does_not_speak_for_are_found_beside_the_le
 def test_a_stretch_begins_with_its_shafts_wound_up() -> None:
     """The filter of a stiff machine knew no shaft: one that begins unwound and at rest is lost."""
     own, leader = stiff(soft=True)
-    few = some(own, leader.point, leader.gains, 500)
+    few = some(own, leader.point, leader.gains, 1000)
     variant = with_part(own, leader, "shaft_compliance@gearboxes")
     theta = few.start(variant)
     theta[few.shared] = variant.extra[0].coordinate(260.0)

