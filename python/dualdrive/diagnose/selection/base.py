@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import Fitted
@@ -14,9 +12,6 @@ from dualdrive.identify import FitError
 from dualdrive.innovations import GreyBox, Point, Variant, fit, some
 
 _CHOSEN_ANEW = 3  # times that stretches are chosen where the refitted machine fails
-#: times as many samples as stretches have: records of no more are looked at whole. Stretches begin
-#: anew, each where another machine had it, and cost more than as many samples in one piece
-_WHOLE = 2
 _AGAIN = (0.1, 0.01)  # of the wide torque, from which the base's valley is sought anew
 
 
@@ -49,7 +44,7 @@ def refitted_base(estimator: Estimator, whole: GreyBox) -> Base:
     except ValueError:
         raise lost from None
     [point] = whole.points([nothing], [theta], gains)
-    grey = _some(whole, point, gains)
+    grey = some(whole, point, gains, int(threshold("stretches")))
     found = estimator.from_far(grey, nothing, theta)
     if found is None:
         raise lost
@@ -73,7 +68,7 @@ def refitted_base(estimator: Estimator, whole: GreyBox) -> Base:
         return Base(grey, found, None)
     everywhere = _to_the_end(estimator, whole, on_all_samples(whole, found))
     if not white(everywhere):
-        grey = _some(whole, everywhere.point, everywhere.gains)
+        grey = some(whole, everywhere.point, everywhere.gains, int(threshold("stretches")))
         found = _to_the_end(estimator, grey, everywhere)
     return Base(grey, found, everywhere)
 
@@ -98,12 +93,12 @@ def _to_the_end(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted:
 def _with_drifting_zeros(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted:
     """The same, zeros drifting over times of their own, where nothing but that is left.
 
-    Where no equation lacks much torque and innovations have a colour all the same, what is missing
+    Where no equation lacks a torque and innovations have a colour all the same, what is missing
     acts slowly, on sensors. Zeros that drift do, and so do eccentric encoders; and a noise that
     has no room for them hides all that is faint. Laws are scored beside such a noise, and weighed
     against it, before one is named or none.
     """
-    if white(f) or not suffices(estimator.core, grey, f):
+    if white(f) or not needs_no_torque(estimator.core, grey, f):
         return f
     found = estimator.drifting(grey, f)
     return found if white(found) and suffices(estimator.core, grey, found) else f
@@ -112,13 +107,7 @@ def _with_drifting_zeros(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitt
 def _stretches(whole: GreyBox, f: Fitted) -> GreyBox:
     """Stretches of the records, begun as a fitted machine has it."""
     everywhere = on_all_samples(whole, f)
-    return _some(whole, everywhere.point, everywhere.gains)
-
-
-def _some(whole: GreyBox, point: Point, gains: Sequence[Any]) -> GreyBox:
-    """Stretches of records that are long enough for it."""
-    most = int(threshold("stretches"))
-    return whole if whole.samples <= _WHOLE * most else some(whole, point, gains, most)
+    return some(whole, everywhere.point, everywhere.gains, int(threshold("stretches")))
 
 
 def _other_valleys(estimator: Estimator, grey: GreyBox, found: Fitted) -> Point | None:

@@ -43,10 +43,8 @@ _LIMIT = (0.3, 1.0)  # and that of a limit or a lag, whose likelihood has no val
 _FROM_ABOVE = (1.0, 1.1, 1.2, 1.3)
 _TRIED = (3.0, 1.0, 0.3, 0.1)  # times its usual one: sizes at which a part is scored
 #: the same of a delay: in a sampled loop it acts from tick to tick, so that its likelihood is level
-#: between two of them and no slope leads from one to the next. Every third of them first: what is
-#: hopeless at all of these is no matter of ticks
+#: between two of them and no slope leads from one to the next
 _LATE = tuple(1.5**k for k in range(2, -12, -1))
-_THIRD = 3
 #: the same of a limit, times what all but half a per cent of the samples lie below: it may be met
 #: in fewer, and noise goes beyond it
 _AT_A_LIMIT = (0.93, 0.965, 1.0, 1.04, 1.08, 1.15, 1.22, 1.3, 1.5, 1.75, 2.0)
@@ -77,17 +75,11 @@ def may_be_missing(part: Variant, quiet: Sequence[Variant]) -> bool:
     return not quiet or not is_joint(part) or any(brings(part, law) for law in quiet)
 
 
-def _factors(part: Variant, size: Unknown) -> Sequence[Sequence[float]]:
-    """Times its usual size: where a part is scored, in turn, while it is not hopeless.
-
-    size: its first number
-    """
+def _factors(part: Variant, size: Unknown) -> Sequence[float]:
+    """Times its usual size: where a part is scored. size: its first number."""
     if clips(part.effects[-1][0]):
-        return [_AT_A_LIMIT]
-    if not _is_delay(size):
-        return [_TRIED]
-    first = _LATE[::_THIRD]
-    return [first, [x for x in _LATE if x not in first]]
+        return _AT_A_LIMIT
+    return _LATE if _is_delay(size) else _TRIED
 
 
 def _is_delay(size: Unknown) -> bool:
@@ -127,27 +119,24 @@ def part_score(
 
     """
     known, r = len(point.theta), flat(point.residuals)
-    apart, own = residual_maker(grey, columns), variant.extra[known - grey.shared :]
-    rest, over = apart(r), inflation(point)
-    usual = np.r_[point.theta, coordinates(own, {})]
-    best, start = 0.0, usual
-    for factors in _factors(variant, own[0]):
-        places = [(usual.copy(), noise) for _ in factors]
-        for (there, _), factor in zip(places, factors, strict=True):
-            there[known] *= factor
-        for (there, _), found in zip(places, grey.likelihoods(variant, places), strict=True):
-            if found is None:
-                continue
-            change = apart(flat(found[0].residuals) - r)
-            size = max(float(np.linalg.norm(change)), 1e-300)
-            along = -float(change @ rest) / size
-            if along > best:
-                best, start = along, there
-                if own[0].strength:  # as much of it as the rest asks for
-                    start[known] *= along / size
-        if best**2 / over <= threshold("hopeless"):
-            break
-    return PartScore(best**2 / over, start)
+    apart = residual_maker(grey, columns)
+    rest, places = apart(r), []
+    for factor in _factors(variant, variant.extra[known - grey.shared]):
+        there = np.r_[point.theta, coordinates(variant.extra[known - grey.shared :], {})]
+        there[known] *= factor
+        places.append((there, noise))
+    best, start = 0.0, places[0][0]
+    for (there, _), found in zip(places, grey.likelihoods(variant, places), strict=True):
+        if found is None:
+            continue
+        change = apart(flat(found[0].residuals) - r)
+        size = max(float(np.linalg.norm(change)), 1e-300)
+        along = -float(change @ rest) / size
+        if along > best:
+            best, start = along, there
+            if variant.extra[known - grey.shared].strength:  # as much of it as the rest asks for
+                start[known] *= along / size
+    return PartScore(best**2 / inflation(point), start)
 
 
 def part_refitted(
