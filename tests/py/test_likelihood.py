@@ -227,7 +227,7 @@ def test_the_score_of_noise_that_is_not_there_is_chi_squared(seed: int) -> None:
 
 
 def test_what_drives_nothing_is_no_hindrance_to_the_score() -> None:
-    """Creep of a body that never rests tells nothing: its row of the information is zero."""
+    """As creep of a body that never rests, of which records tell nothing: a row of zeros."""
     own = grey_box(Machine.load("bench"), bench({}), SAMPLES, 5)
     nothing, wide = Variant(own.core), first_noise(own.core, own.records, 0.1)
     none = replace(wide, torque=dict.fromkeys(wide.torque, 0.0))

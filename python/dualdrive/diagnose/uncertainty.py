@@ -16,6 +16,7 @@ from dualdrive.estimation.unknowns import Unknown
 from dualdrive.innovations import (
     GreyBox,
     Point,
+    covariance,
     deviations,
     flat,
     inflation,
@@ -59,11 +60,7 @@ class NormalEquations:
     @property
     def covariance(self) -> Array:
         """Of the unknowns, shape (unknowns, unknowns)."""
-        H = self.information
-        units = np.sqrt(np.diag(H) + 1e-300)
-        scaled: Array = np.linalg.pinv(H / np.outer(units, units), hermitian=True)
-        covariance: Array = scaled / np.outer(units, units)
-        return covariance
+        return covariance(self.information)
 
 
 class Uncertainty:

@@ -11,7 +11,7 @@ from dualdrive.innovations.derivatives import changes, has_sensitivities, slopes
 from dualdrive.innovations.greybox import Counter, Filtered, GreyBox
 from dualdrive.innovations.harmonics import coordinates, deviations, values, waves
 from dualdrive.innovations.homotopy import followed, levels
-from dualdrive.innovations.levenberg_marquardt import fit, inflation, step_within
+from dualdrive.innovations.levenberg_marquardt import covariance, fit, inflation, step_within
 from dualdrive.innovations.likelihood import Place, maximum_likelihood, score_of_order_two
 from dualdrive.innovations.noise import Noise, drive_torque, first_noise, least_noise
 from dualdrive.innovations.records import Predictable, predictable
@@ -32,6 +32,7 @@ __all__ = [
     "carried",
     "changes",
     "coordinates",
+    "covariance",
     "deviations",
     "drive_torque",
     "first_noise",

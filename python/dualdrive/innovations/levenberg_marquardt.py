@@ -188,6 +188,21 @@ def gentle(turn: Array, along: Array) -> bool:
     return bool(np.linalg.norm(turn) < _BENT * np.linalg.norm(along))
 
 
+def covariance(information: Array) -> Array:
+    """The generalized inverse of an information, its unknowns in units of their own.
+
+    An unknown that nothing tells of has a row of zeros there, and here.
+
+    Args:
+        information: symmetric, shape (unknowns, unknowns).
+
+    """
+    units = np.sqrt(np.diag(information) + 1e-300)
+    scaled: Array = np.linalg.pinv(information / np.outer(units, units), hermitian=True)
+    found: Array = scaled / np.outer(units, units)
+    return found
+
+
 def step_within(H: Array, g: Array, low: Array, high: Array) -> Array:
     """Newton step in a box about zero, shape (n,) all.
 

@@ -24,6 +24,7 @@ from dualdrive.innovations.greybox import GreyBox
 from dualdrive.innovations.levenberg_marquardt import (
     SHORTER,
     as_foretold,
+    covariance,
     inflation,
     promised,
     step_within,
@@ -152,11 +153,8 @@ def score_of_order_two(
         return np.inf
     H, g = search.normal(search.begin, now[0], search.by_noise(search.begin, now))
     two = search.second
-    # what drives nothing above its floor tells nothing: its row is zero (a generalized inverse)
-    unit = np.sqrt(np.where(np.diag(H) > 0.0, np.diag(H), 1.0))
-    covariance = np.linalg.pinv(H / np.outer(unit, unit), hermitian=True)[np.ix_(two, two)]
-    slope = (g / unit)[two]
-    return float(slope @ covariance @ slope)
+    # of creep where nothing rests records tell nothing
+    return float(g[two] @ covariance(H)[np.ix_(two, two)] @ g[two])
 
 
 class _Derivatives(NamedTuple):
