@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
@@ -27,9 +28,14 @@ def drifting(random: np.random.Generator, samples: int) -> NDArray[np.float64]:
     return drifted
 
 
-def test_beside_zeros_that_drift_numbers_alone_leave_noise() -> None:
-    """Laws are sought on all samples then: what is faint is not hidden by the drift's colour."""
-    grey = grey_box(Machine.load("bench"), bench({}), 8000, seed=4, noise=drifting)
+@pytest.mark.parametrize("friction", [0.0, 0.01])
+def test_beside_zeros_that_drift_numbers_alone_leave_noise(friction: float) -> None:
+    """Laws are sought on all samples then: what is faint is not hidden by the drift's colour.
+
+    Zeros that drift are not held back by a friction of 0.2 % of the drives' torque.
+    """
+    true = bench({"coulomb@table": {"torque": friction}} if friction else {})
+    grey = grey_box(Machine.load("bench"), true, 8000, seed=4, noise=drifting)
     base = refitted_base(Estimator(grey.core, grey), grey)
     assert white(base.there)
     assert base.there.noise.seeks

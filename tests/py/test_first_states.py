@@ -175,6 +175,21 @@ def test_a_simulation_begins_with_the_tension_that_was_there() -> None:
     assert np.std(left.missed[0], axis=0) == pytest.approx(np.std(noise, axis=0), rel=0.2)
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_simulation_believes_a_first_angle_as_well_as_an_encoder_tells_it(seed: int) -> None:
+    """A first reading is off by as much as any: held to it, the true machine left its error."""
+    machine = Machine.load("bench")
+    white = np.random.default_rng(seed).normal(size=(SAMPLES, len(CHANNELS)))
+    scale = [1000.0 * drive / np.sqrt(1.0 - memory**2) for drive, memory, _ in SENSORS]
+    noise = white * scale
+    core = core_of(machine)
+    played = records(machine, {"record": trace(core, 0.0, noise)}, start="rest")
+    own = GreyBox(core, predictable(core, played), [])
+    left = simulated(own, Variant(core), own.start(Variant(core)))
+    assert left is not None
+    assert np.std(left.missed[0], axis=0) == pytest.approx(np.std(noise, axis=0), rel=0.05)
+
+
 def test_what_nothing_feels_may_walk_away() -> None:
     """Two slaves' equalisers act on the master alike: their difference is seen by nothing."""
     core = three_drives(0.5)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.innovations.greybox import GreyBox
-from dualdrive.innovations.noise import Noise
+from dualdrive.innovations.noise import Noise, first_noise
 from dualdrive.innovations.prediction import predicted
 from dualdrive.innovations.records import Predictable
 from dualdrive.innovations.variant import Variant
@@ -19,7 +19,7 @@ from dualdrive.innovations.variant import Variant
 Array = NDArray[np.float64]
 
 _STEPS = 4  # of Gauss-Newton
-_BEGIN = 1e-4  # rad: how well the first angles are believed, and their unit
+_BEGIN = 1e-4  # rad: first angles are believed no better, however well encoders read
 _DIFFERENCE = 1e-3  # of a unit, for finite differences
 _GAIN = 1e-3  # of the cost: a step that brings less ends the fit
 _TWIN = 0.1  # of one reading's deviation: where a twin begins, which may part tenfold
@@ -127,8 +127,11 @@ class _Loop:
         known = {state for state, _ in self.core.states()}
         angles = [s for s in ("theta_m", *_twists(self.core)) if s in known]
         unsure = dict.fromkeys(angles, _BEGIN)
+        # the first reading of an encoder is as uncertain as any other
+        readings = first_noise(self.core, grey.records, 0.0)
         for r in grey.records:
-            for state, sigma in r.unsure.items():
+            first = _resolution(self.core, r, readings.variance(r))
+            for state, sigma in (*first.items(), *r.unsure.items()):
                 if state in known:
                     unsure[state] = max(unsure.get(state, 0.0), sigma)
         self.begins = unsure

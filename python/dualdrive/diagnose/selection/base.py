@@ -93,15 +93,15 @@ def _to_the_end(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted:
 def _with_drifting_zeros(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted:
     """The same, zeros drifting over times of their own, where nothing but that is left.
 
-    Where no equation lacks a torque and innovations have a colour all the same, what is missing
+    Where no equation lacks much torque and innovations have a colour all the same, what is missing
     acts slowly, on sensors. Zeros that drift do, and so do eccentric encoders; and a noise that
     has no room for them hides all that is faint. Laws are scored beside such a noise, and weighed
     against it, before one is named or none.
     """
-    if white(f) or not needs_no_torque(estimator.core, grey, f):
+    if white(f) or not suffices(estimator.core, grey, f):
         return f
     found = estimator.drifting(grey, f)
-    return found if white(found) and suffices(estimator.core, grey, found) else f
+    return found if white(found) and needs_no_torque(estimator.core, grey, found) else f
 
 
 def _stretches(whole: GreyBox, f: Fitted) -> GreyBox:

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 _SIZES = tuple(1.5**k for k in range(-2, 5))
 _DELAYS = tuple(1.5**k for k in range(-4, 7))
 _MANY, _FEW = 20, 3  # points: of more, so few are looked at under gains of their own
+_SMALLER, _TRIES = 0.25, 5  # backtracking: each of so many sizes times the last one
 
 
 def worth_refitting(
@@ -163,6 +164,7 @@ def refitted(
                 near = beside.point, beside.noise
         return near
     shared = columns[: grey.shared]
+    start = _backtracked(grey, leader, s)
     found = [fit(grey, variant, start, leader.gains, steps=5, shared_columns=shared, nearby=True)]
     if far:
         # so may any law: it does for the data sheet's machine nearly what the leader's numbers do
@@ -179,6 +181,24 @@ def refitted(
     followed = [p for p in found if not p.lost]
     nearest = min(followed, key=lambda p: p.minus_two_log, default=None)
     return (nearest, noise) if nearest else None
+
+
+def _backtracked(grey: GreyBox, leader: Fitted, s: Scored) -> Array:
+    """Where a law begins beside a leader: at the size of its score, or a smaller one that fits.
+
+    A mesh that bounces parts from its record under a hundredth of a usual damping, and a fit that
+    begins there spends its steps on the way back (backtracking: Nocedal, Wright, Numerical
+    Optimization, 2nd ed., algorithm 3.1). Beside numbers that stand in for a law none of its sizes
+    may be likelier than none at all: the least harmful one then.
+    """
+    tried = list[Point]()
+    for k in range(1 + _TRIES):
+        start = begin(leader.point, s, _SMALLER**k)
+        [there] = grey.points([s.variant], [start], leader.gains)
+        tried.append(there)
+        if there.minus_two_log < leader.point.minus_two_log or grey.counter.stop():
+            break
+    return min(tried, key=lambda p: p.minus_two_log).theta
 
 
 def _nearest(grey: GreyBox, variant: Variant, begins: list[Array], noise: Noise) -> list[Array]:
