@@ -101,7 +101,7 @@ def _with_drifting_zeros(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitt
     if white(f) or not suffices(estimator.core, grey, f):
         return f
     found = estimator.drifting(grey, f)
-    return found if white(found) and needs_no_torque(estimator.core, grey, found) else f
+    return found if white(found) and suffices(estimator.core, grey, found) else f
 
 
 def _stretches(whole: GreyBox, f: Fitted) -> GreyBox:
