@@ -46,6 +46,12 @@ double Flow::next_tick(double t) const {
     return std::max(next, t);
 }
 
+double Flow::ticks_a_sample() const {
+    double sum = 0.0;
+    for (const Clock& k : layout_.clocks) sum += record_.step() / k.period;
+    return sum;
+}
+
 // The ticks of all clocks in these modes, where no limit is met.
 void Flow::know_ticks(Frozen& frozen) {
     if (!frozen.ticks.empty()) return;

@@ -22,8 +22,8 @@ bool late(const std::vector<Reading>& readings) {
 
 // Terms of series that a pattern's propagators must spare: most are met once or for long.
 constexpr double worth = 200.0;
-// Terms that cost what a replay does, a sample.
-constexpr double terms_a_replay = 0.15;
+// Terms that cost what a replay does, a sample, where no loop ticks; and as many ticks again what that does.
+constexpr double terms_a_replay = 0.15, ticks_a_replay = 9.0;
 constexpr double few_terms = 4000.0;  // that any record is worth
 
 double value(const std::map<std::string, double>& of, const std::string& name) {
@@ -48,9 +48,10 @@ bool Sensitivities::told(const Flow& flow, const std::vector<Reading>& readings)
 }
 
 bool Sensitivities::dear() const {
-    const auto samples = static_cast<double>(record_.times().size());
-    return lost_ || (!how_.at_any_cost && spent_ > few_terms + terms_a_replay * static_cast<double>(columns_.size()) *
-                                                                   (static_cast<double>(seen_) + samples / 4));
+    const auto samples = static_cast<double>(record_.times().size()), seen = static_cast<double>(seen_);
+    const double replay = terms_a_replay * (1.0 + flow_->ticks_a_sample() / ticks_a_replay);
+    const double allowed = few_terms + replay * static_cast<double>(columns_.size()) * (seen + samples / 4);
+    return lost_ || (!how_.at_any_cost && spent_ > allowed);
 }
 
 Sensitivities::Sensitivities(const Machine& machine, const SampledRecord& record, const KalmanGains& gains,

@@ -24,7 +24,7 @@ _Parts = list[Array | None]  # of every record; None where the first order can't
 #: of a unit of an unknown: a difference at most, and at least; how far it moves all residuals
 #: together, and how often that before a shorter one is taken
 _DIFFERENCE, _LEAST, _SCATTER, _TOO_LONG = 1e-3, 1e-8, 1.0, 3.0
-_TOGETHER = 8  # neighbours of one replay
+_TOGETHER = 32  # neighbours of one replay: what switches cost is shared by them
 _FEW = 2  # numbers whose slopes two replays tell as soon
 
 
