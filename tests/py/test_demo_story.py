@@ -68,6 +68,25 @@ def test_pictures_and_machine_are_left(demo: Path) -> None:
     assert any("coulomb" in json.dumps(entry) for entry in history)
 
 
+def test_the_readme_shows_what_it_prints(demo: Path) -> None:
+    shown = _errors((Path(__file__).parents[2] / "README.md").read_text())
+    printed = _errors((demo / "said.txt").read_text())
+    assert len(shown) == 3
+    assert {name: printed[name] for name in shown} == {
+        name: pytest.approx(row, abs=0.01) for name, row in shown.items()
+    }
+
+
+def _errors(text: str) -> dict[str, list[float]]:
+    """Model -> per cent in its row, of the tables of errors in a text."""
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in text.splitlines()]
+    return {
+        name: [float(cell.removesuffix("%")) for cell in cells]
+        for name, *cells in filter(None, rows)
+        if cells and all(cell.endswith("%") for cell in cells)
+    }
+
+
 # --- its first diagnosis, of the record that is fitted --------------------------------------------
 
 
