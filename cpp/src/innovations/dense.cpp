@@ -13,7 +13,7 @@ using Eigen::MatrixXd;
 
 namespace {
 
-constexpr double dependent = 1e-13;  // of a diagonal: below it a pivot is rounding
+constexpr double dependent = 1e-15;  // of a diagonal: below it a pivot is rounding
 constexpr double longest = 1.0;      // of ‖X‖: 1/17! is below rounding
 constexpr int most_halvings = 40;
 
@@ -100,7 +100,9 @@ MatrixXd inverse(const MatrixXd& A) {
 
 MatrixXd cholesky_factor(const MatrixXd& A) {
     MatrixXd own = padded_rows(A);
-    exact::kernels().cholesky(static_cast<int>(own.rows()), static_cast<int>(A.cols()), dependent, own.data());
+    std::vector<double> scratch(static_cast<std::size_t>(A.cols()));
+    exact::kernels().cholesky(static_cast<int>(own.rows()), static_cast<int>(A.cols()), dependent, own.data(),
+                              scratch.data());
     return own.topRows(A.rows());
 }
 

@@ -15,7 +15,7 @@ Eigen::MatrixXd product(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B);
 // Not a number where there is none.
 Eigen::MatrixXd inverse(const Eigen::MatrixXd& A);
 
-// L of a positive semidefinite L L'; what depends on columns before it becomes 0.
+// L of a positive semidefinite L L', triangular but for the order of its columns; what depends on others becomes 0.
 Eigen::MatrixXd cholesky_factor(const Eigen::MatrixXd& A);
 
 // A bound on the spectral radius of |A| that does not depend on the units of the states.

@@ -38,8 +38,10 @@ struct Kernels {
     // A ← A⁻¹, n × n, by Gauss and Jordan with the largest pivot of each column; false where there is none. `scratch` holds
     // n whole numbers.
     bool (*invert)(int rows, int n, double* A, int* scratch);
-    // A ← L, A = L L', of a positive semidefinite A: columns whose pivot is below `least` of their diagonal become 0.
-    void (*cholesky)(int rows, int n, double least, double* A);
+    // A ← L, A = L L', of a positive semidefinite A, by the pivot that is largest beside its diagonal (Higham, Accuracy and
+    // Stability of Numerical Algorithms, 2nd ed., 10.3): L is triangular but for the order of its columns, and where all
+    // pivots left are below `least` of their diagonals, so is all that is left, and becomes 0. `scratch` holds n numbers.
+    void (*cholesky)(int rows, int n, double least, double* A, double* scratch);
 };
 
 // Throws std::invalid_argument when the environment asks for what is not there.

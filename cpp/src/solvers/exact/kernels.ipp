@@ -279,21 +279,29 @@ bool invert(int rows, int n, double* A, int* scratch) {
     return true;
 }
 
-void cholesky(int rows, int n, double least, double* A) {
-    for (int k = 0; k < n; ++k) {
-        double* const own = A + k * rows;
-        for (int i = 0; i < k; ++i) own[i] = 0.0;
-        const double pivot = own[k];
-        double whole = pivot;  // the diagonal as it was
-        for (int j = 0; j < k; ++j) whole += A[j * rows + k] * A[j * rows + k];
-        if (!(pivot > least * whole)) {
-            for (int i = k; i < rows; ++i) own[i] = 0.0;
-            continue;
-        }
-        const double inverse = 1.0 / __builtin_sqrt(pivot);
-        for (int i = k; i < rows; ++i) own[i] *= inverse;
-        for (int j = k + 1; j < n; ++j) axpy(rows, -own[j], own, A + j * rows);
+void cholesky(int rows, int n, double least, double* A, double* diagonal) {
+    for (int k = 0; k < n; ++k) diagonal[k] = A[k * rows + k];
+    for (int step = 0; step < n; ++step) {
+        int next = -1;
+        double most = least;
+        for (int k = 0; k < n; ++k)
+            if (diagonal[k] > 0.0 && A[k * rows + k] > most * diagonal[k]) {
+                next = k;
+                most = A[k * rows + k] / diagonal[k];
+            }
+        if (next < 0) break;
+        double* const own = A + next * rows;
+        const double inverse = 1.0 / __builtin_sqrt(own[next]);
+        diagonal[next] = -1.0;  // it is a column of L from now on
+        for (int i = 0; i < rows; ++i) own[i] *= inverse;
+        for (int i = 0; i < n; ++i)
+            if (diagonal[i] < 0.0 && i != next) own[i] = 0.0;
+        for (int k = 0; k < n; ++k)
+            if (!(diagonal[k] < 0.0)) axpy(rows, -own[k], own, A + k * rows);
     }
+    for (int k = 0; k < n; ++k)
+        if (!(diagonal[k] < 0.0))
+            for (int i = 0; i < rows; ++i) A[k * rows + i] = 0.0;
 }
 
 }  // namespace
