@@ -11,6 +11,7 @@ from dualdrive.diagnose.screening import Library
 from dualdrive.diagnose.selection.contest import Contest
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import EFFORTS
+from dualdrive.diagnose.selection.residual_analysis import white
 from dualdrive.diagnose.work import Leader
 from dualdrive.estimation.thresholds import threshold
 from dualdrive.innovations import Point, Variant, coordinates
@@ -35,7 +36,7 @@ def test_numbers_that_a_stretch_does_not_tell_begin_again_where_they_fail() -> N
     assert near is not None
     there = estimator.likeliest(few, law, near.point.theta, near.noise)
     assert there is not None
-    assert there.inflation < threshold("white")
+    assert white(there)
     assert on_all_samples(own, there).inflation > threshold("inflation")
     said: list[str] = []
     contest = Contest(
