@@ -160,7 +160,7 @@ class Flow final {
     };
     std::vector<Event> events_after(std::size_t sample) const;
     bool ticks() const { return !layout_.clocks.empty(); }
-    double ticks_a_sample() const;
+    double ticks_a_sample() const;  // of all clocks, on average
     // What such an event makes of rows of y, where no limit is met.
     template <class Rows>
     void jump(const Frozen& frozen, std::size_t event, Rows& rows) const;

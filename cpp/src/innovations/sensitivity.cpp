@@ -22,7 +22,7 @@ bool late(const std::vector<Reading>& readings) {
 
 // Terms of series that a pattern's propagators must spare: most are met once or for long.
 constexpr double worth = 200.0;
-// Terms that cost what a replay does, a sample, where no loop ticks; and as many ticks again what that does.
+// Terms that cost what a replay does, a sample, where no loop ticks; and ticks that cost as much again.
 constexpr double terms_a_replay = 0.15, ticks_a_replay = 9.0;
 constexpr double few_terms = 4000.0;  // that any record is worth
 

@@ -194,6 +194,8 @@ def _backtracked(grey: GreyBox, leader: Fitted, s: Scored) -> Array:
     tried = list[Point]()
     for k in range(1 + _TRIES):
         start = begin(leader.point, s, _SMALLER**k)
+        if tried and np.array_equal(start, tried[-1].theta):
+            break  # nothing of it is a strength, or that is the least there is
         [there] = grey.points([s.variant], [start], leader.gains)
         tried.append(there)
         if there.minus_two_log < leader.point.minus_two_log or grey.counter.stop():
