@@ -10,9 +10,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from bench_record import grey_box
 from dualdrive import Machine, _core
 from dualdrive.diagnose.closed_loop import nominal_unknowns
-from dualdrive.innovations import GreyBox, Variant, changes, first_noise, predictable, slopes
+from dualdrive.innovations import (
+    GreyBox,
+    Variant,
+    changes,
+    first_noise,
+    predictable,
+    prediction,
+    slopes,
+)
 from dualdrive.replay import core_of, records
 from dualdrive.traces import Trace
 from recorded import demo, sheet
@@ -204,6 +213,34 @@ def test_where_replays_cost_less(tension: float, told: bool) -> None:
     here = seen(core)
     held = _core.kalman_gains(core, here, SENSORS, TORQUE)
     assert (_core.sensitivities(core, here, held, [(core, [], [])])[0] is not None) == told
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_difference_that_innovations_jump_in_is_seen_to_be_one(seed: int) -> None:
+    """Corrections part flanks, or do not: by one difference some slopes were off by themselves."""
+    slack = Machine.load("bench")
+    slack.set("controller.T_ten", 0.0)
+    own = grey_box(slack, core_of(slack), 3000, seed)
+    nothing = Variant(own.core)
+    here, [record] = own.of_the_data_sheet(nothing), own.records
+    gains = own.gains(nothing, here, first_noise(own.core, own.records, 1e-3))
+    [point] = own.points([nothing], [here], gains)
+    few = 1e-3 * np.minimum(own.sigma, 1.0)
+    moved = here + np.diag(few)
+
+    def begun(theta: Array) -> tuple[Any, list[dict[str, float]], list[float]]:
+        core, adds = own.machine(nothing, theta), own.constants(theta)
+        return core, record.initial(core, adds), [adds.get(c, 0.0) for c in record.channels]
+
+    core, initial, adds = begun(here)
+    told = _core.sensitivities(
+        core, record.sampled, gains[0], [begun(x) for x in moved],
+        initial=initial, offsets=adds, given=prediction.GIVEN, at_any_cost=True,
+    )  # fmt: skip
+    for k, exact in enumerate(told):
+        [found] = slopes(own, point, [k], gains)  # of so few by differences
+        assert exact is not None
+        assert apart(found, exact.ravel() / few[k]) < 0.02
 
 
 def test_neighbours_do_not_see_each_other() -> None:

@@ -71,9 +71,8 @@ def test_a_fit_with_them_comes_as_near(law: str) -> None:
     gains = own.gains(variant, start, wide)
     [begun] = own.points([variant], [start], gains)
     exact, found = (fit(own, variant, start, gains, nearby=near) for near in (False, True))
-    gained = begun.minus_two_log - exact.minus_two_log
-    assert gained > 100.0
-    assert found.minus_two_log - exact.minus_two_log < 0.02 * gained
+    assert begun.chi2 - exact.chi2 > 100.0
+    assert begun.chi2 - found.chi2 > 0.7 * (begun.chi2 - exact.chi2)
 
 
 def test_differences_remember_nothing() -> None:

@@ -21,9 +21,13 @@ from dualdrive.innovations.variant import Point, Variant, flat
 Array = NDArray[np.float64]
 _Parts = list[Array | None]  # of every record; None where the first order can't tell
 
-#: of a unit of an unknown: a difference at most, and at least; how far it moves all residuals
-#: together, and how often that before a shorter one is taken
-_DIFFERENCE, _LEAST, _SCATTER, _TOO_LONG = 1e-3, 1e-8, 1.0, 3.0
+#: of a unit of an unknown: how far a neighbour of the recursion is, and a difference of replays
+#: at most and at first
+_NEIGHBOUR, _LONGEST, _SHORTEST = 1e-3, 1e-3, 1e-6
+_SCATTER = 1.0  # of all residuals together: how far a longer difference moves them
+_APART = 30.0  # times as long, at least
+_JUMPED = 1.5  # times as large: a difference is off by a jump
+_LENGTHS = 4  # of differences, at most
 _TOGETHER = 32  # neighbours of one replay: what switches cost is shared by them
 _FEW = 2  # numbers whose slopes two replays tell as soon
 
@@ -119,7 +123,7 @@ def slopes(grey: GreyBox, point: Point, which: Sequence[int], gains: Sequence[An
     Of each record by the recursion of the filter's own sensitivities where it tells, else by
     differences, and so where only few are asked for.
     """
-    steps = {k: _longest(grey, k) for k in which}
+    steps = {k: _NEIGHBOUR * _unit(grey, k) for k in which}
     told = _told(grey, point, steps, gains) if len(which) > _FEW else {}
     return _completed(grey, point, which, told, gains)
 
@@ -147,7 +151,7 @@ def slopes_nearby(grey: GreyBox, point: Point, gains: Sequence[Any]) -> tuple[li
         return slopes(grey, point, every, gains), True
     try:
         about = replace(point, variant=Variant(affine), theta=point.theta[:shared])
-        told = _told(grey, about, {k: _longest(grey, k) for k in range(shared)}, gains)
+        told = _told(grey, about, {k: _NEIGHBOUR * _unit(grey, k) for k in range(shared)}, gains)
     except ValueError:  # a shared unknown of such a law, or gains of another state
         told = {}
     # Of an unknown all records are told nearby or none: a step by both kinds has no objective.
@@ -189,38 +193,76 @@ def _completed(
     """Derivatives by some unknowns, flat; by differences on those records where none are told."""
     nothing: _Parts = [None] * len(grey.records)
     found = {k: list(told.get(k, nothing)) for k in which}
-    alike: dict[tuple[int, ...], list[int]] = {}  # records where none are told -> unknowns
-    for k, parts in found.items():
-        if missing := tuple(r for r, own in enumerate(parts) if own is None):
-            alike.setdefault(missing, []).append(k)
-    for records, unknowns in alike.items():
-        there = replace(point, residuals=tuple(point.residuals[r] for r in records))
-        on = grey.on([grey.records[r] for r in records])
-        columns = _by_differences(on, there, unknowns, [gains[r] for r in records])
-        ends = np.cumsum([own.size for own in there.residuals])[:-1]
-        for k, column in columns.items():
-            for r, own in zip(records, np.split(column, ends), strict=True):
-                found[k][r] = own
+    for r in range(len(grey.records)):
+        if missing := [k for k, parts in found.items() if parts[r] is None]:
+            there = replace(point, residuals=(point.residuals[r],))
+            on = grey.on([grey.records[r]])
+            for k, column in _by_differences(on, there, missing, [gains[r]]).items():
+                found[k][r] = column
     return [flat([own for own in parts if own is not None]) for parts in found.values()]
 
 
 def _by_differences(
     grey: GreyBox, point: Point, which: Sequence[int], gains: Sequence[Any]
 ) -> dict[int, Array]:
-    """Derivatives by finite differences.
+    """Derivatives by finite differences, of one record.
 
-    A step moves the residuals by their own scatter and no further: numbers that a record tells
-    only together would seem to be told apart by the error of the differences.
+    As short as rounding allows, which moves all residuals by 2e-9: numbers that a record tells
+    only together would seem to be told apart by the error of longer ones. But innovations jump:
+    where a correction parts flanks or does not, where a step of integration is halved or is not.
+    A jump within a difference, divided by it, adds to what that is without: of a short one more,
+    and a long one holds more of them. So a difference counts that a longer one does not belie.
+    One replay that moves all unknowns together tells which ones need be asked.
     """
-    steps = {k: _longest(grey, k) for k in which}
+    steps = {k: _SHORTEST * _unit(grey, k) for k in which}
     found = _differences(grey, point, steps, gains)
-    again = {}
-    for k, column in found.items():
-        length = float(np.linalg.norm(column))
-        known = min(_longest(grey, k), max(_SCATTER / max(length, 1e-300), _LEAST))
-        if _TOO_LONG * known < steps[k]:
-            again[k] = known
-    return found | _differences(grey, point, again, gains)
+    left = _left_together(grey, point, steps, found, gains)
+    doubt = (1.0 - 1.0 / _JUMPED) / (left + 1e-300)
+    steps = {k: h for k, h in steps.items() if doubt * h * _norm(found[k]) < 1.0}
+    for _ in range(_LENGTHS - 1):
+        if not steps:
+            break
+        asked = {
+            k: max(_SCATTER / (_norm(found[k]) + 1e-300), _APART * h) for k, h in steps.items()
+        }
+        steps = {k: min(h, _LONGEST * _unit(grey, k)) for k, h in asked.items()}
+        longer = _differences(grey, point, steps, gains)
+        steps = {k: h for k, h in steps.items() if _norm(found[k]) > _JUMPED * _norm(longer[k])}
+        found |= {k: longer[k] for k in steps}
+        steps = {k: h for k, h in steps.items() if h < _LONGEST * _unit(grey, k)}
+    return found
+
+
+def _left_together(
+    grey: GreyBox,
+    point: Point,
+    steps: Mapping[int, float],
+    found: Mapping[int, Array],
+    gains: Sequence[Any],
+) -> float:
+    """What steps of all unknowns at once change of the residuals beyond the sum of each."""
+    signed, _ = _moved(grey, point, steps)
+    theta = point.theta.copy()
+    theta[list(signed)] += list(signed.values())
+    [there] = grey.points([point.variant], [theta], gains)
+    told = sum(h * found[k] for k, h in signed.items())
+    return _norm(flat(there.residuals) - flat(point.residuals) - told)
+
+
+def _norm(x: Array) -> float:
+    return float(np.linalg.norm(x))
+
+
+def _differences(
+    grey: GreyBox, point: Point, steps: Mapping[int, float], gains: Sequence[Any]
+) -> dict[int, Array]:
+    signed, moved = _moved(grey, point, steps)
+    base = flat(point.residuals)
+    others = grey.points([point.variant] * len(moved), moved, gains)
+    return {
+        k: (flat(other.residuals) - base) / h
+        for (k, h), other in zip(signed.items(), others, strict=True)
+    }
 
 
 def _moved(
@@ -237,19 +279,7 @@ def _moved(
     return signed, moved
 
 
-def _differences(
-    grey: GreyBox, point: Point, steps: Mapping[int, float], gains: Sequence[Any]
-) -> dict[int, Array]:
-    signed, moved = _moved(grey, point, steps)
-    base = flat(point.residuals)
-    others = grey.points([point.variant] * len(moved), moved, gains)
-    return {
-        k: (flat(other.residuals) - base) / h
-        for (k, h), other in zip(signed.items(), others, strict=True)
-    }
-
-
-def _longest(grey: GreyBox, k: int) -> float:
-    """Of a difference: a share of what is believed of the unknown."""
+def _unit(grey: GreyBox, k: int) -> float:
+    """What is believed of an unknown; of a law's number its usual size."""
     known = k < grey.shared and np.isfinite(grey.sigma[k])
-    return _DIFFERENCE * (float(grey.sigma[k]) if known else 1.0)
+    return float(grey.sigma[k]) if known else 1.0
