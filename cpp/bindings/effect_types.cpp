@@ -138,6 +138,13 @@ void bind_effect_types(nb::module_& m) {
     m.def(
         "effect_type", [](const std::string& name) { return EffectType(effect_type(name)); }, nb::arg("name"),
         "The effect of that name, users' laws included.\n\nRaises ValueError naming the nearest known effects.");
+    m.def(
+        "eased",
+        [](std::vector<double> x) {
+            for (double& own : x) own = CuttingTorque<double>::eased(own);
+            return x;
+        },
+        nb::arg("x"), "How a load sets in, from 0 to 1: S of the law cutting_torque, at each of these parts of its rise.");
 }
 
 }  // namespace dualdrive::python

@@ -349,6 +349,11 @@ def effect_type(name: str) -> EffectType:
     Raises ValueError naming the nearest known effects.
     """
 
+def eased(x: Sequence[float]) -> list[float]:
+    """
+    How a load sets in, from 0 to 1: S of the law cutting_torque, at each of these parts of its rise.
+    """
+
 class Machine:
     """
     A machine as an assembly: bodies, connections, motors, a controller, effects.

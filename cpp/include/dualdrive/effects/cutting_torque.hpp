@@ -57,7 +57,7 @@ struct CuttingTorque {
         times.insert(times.end(), {begin, begin + edge, end - edge, end});
     }
 
-  private:
+    // S(x).
     static S eased(const S& x) {
         if (!(value_of(x) > 0.0)) return S(0.0);
         if (value_of(x) >= 1.0) return S(1.0);

@@ -151,8 +151,7 @@ def _score(
 
 def _edge(samples: float) -> Array:
     """By how much a load that sets in over so many samples grows from one to the next."""
-    x = np.clip(np.arange(math.ceil(samples) + 2) / max(samples, 1.0), 0.0, 1.0)
-    return np.diff(x**3 * (10.0 - 15.0 * x + 6.0 * x**2))
+    return np.diff(_core.eased(np.arange(math.ceil(samples) + 2) / max(samples, 1.0)))
 
 
 def _boxes(known: Sequence[_Score], starts: Array, ends: Array) -> Array:
