@@ -4,7 +4,9 @@
 #include <nanobind/stl/vector.h>
 
 #include <stdexcept>
+#include <utility>
 
+#include "arrays.hpp"
 #include "bindings.hpp"
 #include "dualdrive/effects.hpp"
 #include "dualdrive/expression.hpp"
@@ -142,7 +144,8 @@ void bind_effect_types(nb::module_& m) {
         "eased",
         [](std::vector<double> x) {
             for (double& own : x) own = CuttingTorque<double>::eased(own);
-            return x;
+            const std::size_t count = x.size();
+            return array(std::move(x), {count});
         },
         nb::arg("x"), "How a load sets in, from 0 to 1: S of the law cutting_torque, at each of these parts of its rise.");
 }

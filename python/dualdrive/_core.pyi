@@ -349,7 +349,7 @@ def effect_type(name: str) -> EffectType:
     Raises ValueError naming the nearest known effects.
     """
 
-def eased(x: Sequence[float]) -> list[float]:
+def eased(x: Sequence[float]) -> NDArray[numpy.float64]:
     """
     How a load sets in, from 0 to 1: S of the law cutting_torque, at each of these parts of its rise.
     """

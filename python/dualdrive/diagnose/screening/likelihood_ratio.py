@@ -151,7 +151,7 @@ def _score(
 
 def _edge(samples: float) -> Array:
     """By how much a load that sets in over so many samples grows from one to the next."""
-    return np.diff(_core.eased(np.arange(math.ceil(samples) + 2) / max(samples, 1.0)))
+    return np.diff(_core.eased([k / max(samples, 1.0) for k in range(math.ceil(samples) + 2)]))
 
 
 def _boxes(known: Sequence[_Score], starts: Array, ends: Array) -> Array:

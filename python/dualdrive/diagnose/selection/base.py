@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import Fitted
@@ -12,6 +14,9 @@ from dualdrive.identify import FitError
 from dualdrive.innovations import GreyBox, Point, Variant, fit, some
 
 _CHOSEN_ANEW = 3  # times that stretches are chosen where the refitted machine fails
+#: times as many samples as stretches have: records of no more are looked at whole. Stretches begin
+#: anew, each where another machine had it, and cost more than as many samples in one piece
+_WHOLE = 2
 _AGAIN = (0.1, 0.01)  # of the wide torque, from which the base's valley is sought anew
 
 
@@ -44,7 +49,7 @@ def refitted_base(estimator: Estimator, whole: GreyBox) -> Base:
     except ValueError:
         raise lost from None
     [point] = whole.points([nothing], [theta], gains)
-    grey = some(whole, point, gains, int(threshold("stretches")))
+    grey = _some(whole, point, gains)
     found = estimator.from_far(grey, nothing, theta)
     if found is None:
         raise lost
@@ -68,7 +73,7 @@ def refitted_base(estimator: Estimator, whole: GreyBox) -> Base:
         return Base(grey, found, None)
     everywhere = _to_the_end(estimator, whole, on_all_samples(whole, found))
     if not white(everywhere):
-        grey = some(whole, everywhere.point, everywhere.gains, int(threshold("stretches")))
+        grey = _some(whole, everywhere.point, everywhere.gains)
         found = _to_the_end(estimator, grey, everywhere)
     return Base(grey, found, everywhere)
 
@@ -107,7 +112,13 @@ def _with_drifting_zeros(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitt
 def _stretches(whole: GreyBox, f: Fitted) -> GreyBox:
     """Stretches of the records, begun as a fitted machine has it."""
     everywhere = on_all_samples(whole, f)
-    return some(whole, everywhere.point, everywhere.gains, int(threshold("stretches")))
+    return _some(whole, everywhere.point, everywhere.gains)
+
+
+def _some(whole: GreyBox, point: Point, gains: Sequence[Any]) -> GreyBox:
+    """Stretches of records that are long enough for it."""
+    most = int(threshold("stretches"))
+    return whole if whole.samples <= _WHOLE * most else some(whole, point, gains, most)
 
 
 def _other_valleys(estimator: Estimator, grey: GreyBox, found: Fitted) -> Point | None:
