@@ -24,7 +24,6 @@ from dualdrive.diagnose.selection.estimation import on_all_samples
 from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selection
 from dualdrive.diagnose.selection.forward import Forward, Means
 from dualdrive.diagnose.selection.parts import brings, is_joint, is_part
-from dualdrive.diagnose.selection.refits import confused
 from dualdrive.diagnose.selection.residual_analysis import suffices, white
 from dualdrive.diagnose.selection.sandwich import forget_what_colour_gains
 from dualdrive.diagnose.simulated_errors import Simulation, noise_floor
@@ -176,27 +175,14 @@ class _Search:
         near = list[Fitted]()
         if not self.own.whole.counter.stop():
             ranked = sorted(ranking, key=ranking.criterion)
-            laws = [f for f in ranked if f.variant.effects and self._may_be_the_best(f)]
+            beyond = ranking.criterion(ranked[0]) + threshold("beyond")
+            laws = [f for f in ranked if f.variant.effects and ranking.criterion(f) < beyond]
             near = laws[: int(threshold("contenders"))]
         self._stretches = [grey]
         self.on = Forward(self.own, self.own.whole, [], grey, faint=self._faint)
         found = self.on.contest.on_these(near)
         nothing = base.everywhere or self._everywhere_refitted(ranking.base, bool(found))
         self.on.ranking.keep([nothing, *found])
-
-    def _may_be_the_best(self, f: Fitted) -> bool:
-        """Whether a law on stretches may come out as the best on all samples.
-
-        Stretches begin as a filter had it that knew of neither law: what the best is taken for may
-        be far behind it there, leave noise all the same, and have no more numbers.
-        """
-        ranking, leaves_noise = self.on.ranking, self.on.contest.leaves_noise
-        best = ranking.best
-        if ranking.criterion(f) < ranking.criterion(best) + threshold("beyond"):
-            return True
-        if not best.variant.effects or len(f.variant.extra) > len(best.variant.extra):
-            return False
-        return confused(best.variant, f.variant) and leaves_noise(best) and leaves_noise(f)
 
     def _search_where_it_fails(self) -> None:
         """Beside the best machine that leaves noise on stretches, on others, where it fails.
