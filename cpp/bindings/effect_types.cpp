@@ -147,7 +147,8 @@ void bind_effect_types(nb::module_& m) {
             const std::size_t count = x.size();
             return array(std::move(x), {count});
         },
-        nb::arg("x"), "How a load sets in, from 0 to 1: S of the law cutting_torque, at each of these parts of its rise.");
+        nb::arg("x"),
+        "How a load sets in, from 0 to 1: S of the law cutting_torque, at each of these parts of its rise.");
 }
 
 }  // namespace dualdrive::python
