@@ -1,4 +1,4 @@
-"""When stretches of a record have led a machine's numbers astray, and others are chosen."""
+"""Which records are searched on stretches; when these led numbers astray, and others are chosen."""
 
 from __future__ import annotations
 
@@ -6,9 +6,22 @@ from dataclasses import replace
 
 import pytest
 
-from dualdrive.diagnose.selection.base import _elsewhere
+from bench_record import grey_box
+from dualdrive import Machine
+from dualdrive.diagnose.selection.base import _elsewhere, refitted_base
+from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.estimation.thresholds import threshold
+from test_innovations import bench
 from test_residual_analysis import fitted
+
+
+@pytest.mark.parametrize(("samples", "searched"), [(9000, 9000), (17000, 8000)])
+def test_only_long_records_are_searched_on_stretches(samples: int, searched: int) -> None:
+    own = grey_box(Machine.load("bench"), bench(), samples, 1)
+    base = refitted_base(Estimator(own.core, own), own)
+    assert base.grey.samples == searched
+    assert base.everywhere is not None
+    assert len(base.everywhere.point.residuals[0]) == samples
 
 
 @pytest.mark.parametrize(
