@@ -216,8 +216,8 @@ def test_where_replays_cost_less(tension: float, told: bool) -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_a_difference_that_innovations_jump_in_is_seen_to_be_one(seed: int) -> None:
-    """Corrections part flanks, or do not: by one difference some slopes were off by themselves."""
+def test_differences_are_short_where_innovations_jump(seed: int) -> None:
+    """Corrections part flanks, or do not: by longer ones some slopes were off by themselves."""
     slack = Machine.load("bench")
     slack.set("controller.T_ten", 0.0)
     own = grey_box(slack, core_of(slack), 3000, seed)
