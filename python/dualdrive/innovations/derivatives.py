@@ -22,12 +22,7 @@ Array = NDArray[np.float64]
 _Parts = list[Array | None]  # of every record; None where the first order can't tell
 
 #: of a unit of an unknown: how far a neighbour of the recursion is, and a difference of replays
-#: at most and at first
-_NEIGHBOUR, _LONGEST, _SHORTEST = 1e-3, 1e-3, 1e-6
-_SCATTER = 1.0  # of all residuals together: how far a longer difference moves them
-_APART = 30.0  # times as long, at least
-_JUMPED = 1.5  # times as large: a difference is off by a jump
-_LENGTHS = 4  # of differences, at most
+_NEIGHBOUR, _DIFFERENCE = 1e-3, 1e-6
 _TOGETHER = 32  # neighbours of one replay: what switches cost is shared by them
 _FEW = 2  # numbers whose slopes two replays tell as soon
 
@@ -208,55 +203,11 @@ def _by_differences(
     """Derivatives by finite differences, of one record.
 
     As short as rounding allows, which moves all residuals by 2e-9: numbers that a record tells
-    only together would seem to be told apart by the error of longer ones. But innovations jump:
-    where a correction parts flanks or does not, where a step of integration is halved or is not.
-    A jump within a difference, divided by it, adds to what that is without: of a short one more,
-    and a long one holds more of them. So a difference counts that a longer one does not belie.
-    One replay that moves all unknowns together tells which ones need be asked.
+    only together would seem to be told apart by the error of longer ones. And innovations jump,
+    where a correction parts flanks or does not, or a step of integration is halved or is not:
+    such a jump, divided by the difference that it lies in, is no slope, and long ones hold more.
     """
-    steps = {k: _SHORTEST * _unit(grey, k) for k in which}
-    found = _differences(grey, point, steps, gains)
-    left = _left_together(grey, point, steps, found, gains)
-    doubt = (1.0 - 1.0 / _JUMPED) / (left + 1e-300)
-    steps = {k: h for k, h in steps.items() if doubt * h * _norm(found[k]) < 1.0}
-    for _ in range(_LENGTHS - 1):
-        if not steps:
-            break
-        asked = {
-            k: max(_SCATTER / (_norm(found[k]) + 1e-300), _APART * h) for k, h in steps.items()
-        }
-        steps = {k: min(h, _LONGEST * _unit(grey, k)) for k, h in asked.items()}
-        longer = _differences(grey, point, steps, gains)
-        steps = {k: h for k, h in steps.items() if _norm(found[k]) > _JUMPED * _norm(longer[k])}
-        found |= {k: longer[k] for k in steps}
-        steps = {k: h for k, h in steps.items() if h < _LONGEST * _unit(grey, k)}
-    return found
-
-
-def _left_together(
-    grey: GreyBox,
-    point: Point,
-    steps: Mapping[int, float],
-    found: Mapping[int, Array],
-    gains: Sequence[Any],
-) -> float:
-    """What steps of all unknowns at once change of the residuals beyond the sum of each."""
-    signed, _ = _moved(grey, point, steps)
-    theta = point.theta.copy()
-    theta[list(signed)] += list(signed.values())
-    [there] = grey.points([point.variant], [theta], gains)
-    told = sum(h * found[k] for k, h in signed.items())
-    return _norm(flat(there.residuals) - flat(point.residuals) - told)
-
-
-def _norm(x: Array) -> float:
-    return float(np.linalg.norm(x))
-
-
-def _differences(
-    grey: GreyBox, point: Point, steps: Mapping[int, float], gains: Sequence[Any]
-) -> dict[int, Array]:
-    signed, moved = _moved(grey, point, steps)
+    signed, moved = _moved(grey, point, {k: _DIFFERENCE * _unit(grey, k) for k in which})
     base = flat(point.residuals)
     others = grey.points([point.variant] * len(moved), moved, gains)
     return {
