@@ -7,8 +7,8 @@ Records are those of the survey (`survey_of_laws.py`): five channels at 1 kHz, s
 is there. The machine that made a record replays it, with gains that were learned before. Processor
 time is that of `_core.predict`, best of several. Beside it stands how far chi-squared of the whole
 record moves when every sample is integrated by many times as many steps, with the same gains: less
-than 1 is asked for. `steps` is how many a sample a diagnosis takes; machines that are affine in
-their modes need none, and their replay does not change.
+than 1 is asked for. Machines that are affine in their modes need no steps, and their replay does
+not change.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 
 from dualdrive import _core
 from dualdrive.innovations import GreyBox, Noise, Variant, first_noise, predictable
-from dualdrive.innovations.prediction import GIVEN, substeps
+from dualdrive.innovations.prediction import GIVEN
 from dualdrive.innovations.records import Predictable
 from dualdrive.replay import core_of
 from dualdrive.replay import records as made_ready
@@ -40,7 +40,7 @@ FINE = 16  # times as many steps
 BY_FORCE = ("radial_shift", "tilt")
 ROUNDS = 7
 NUMBERS, MOVED = 29, 1e-5  # by which slopes are taken, and a step of one, relative
-HEAD = ["law", "record", "steps", "µs a sample", "switches", "chi-squared", "its change", "slopes"]
+HEAD = ["law", "record", "µs a sample", "switches", "chi-squared", "its change", "slopes"]
 
 
 def noise_of(core: Any, played: list[Predictable]) -> Noise:
@@ -86,12 +86,11 @@ def rows(name: str) -> Iterator[list[str]]:
     learned = grey.gains(nothing, grey.start(nothing), noise_of(core, played))
     for record, gains in zip(played, learned, strict=True):
         there = with_settings(core, record.record.settings)
-        steps, initial = substeps(there, record), record.initial(there, {})
+        initial = record.initial(there, {})
 
         replay = partial(_core.predict, there, record.sampled, gains, initial=initial, given=GIVEN)
-        found = replay(substeps=steps)
-        took = least_time(partial(replay, substeps=steps))
-        square, fine = chi_squared(found), chi_squared(replay(substeps=FINE * steps))
+        found, took = replay(), least_time(replay)
+        square, fine = chi_squared(found), chi_squared(replay(substeps=FINE))
         cost, slopes = f"{1e6 * took / len(record.measured):.3f}", ""
         if _core.has_sensitivities(there, record.sampled):
             others = [(moved(there, MOVED * (k + 1)), initial, []) for k in range(NUMBERS)]
@@ -99,7 +98,7 @@ def rows(name: str) -> Iterator[list[str]]:
             slopes = f"{least_time(partial(told, initial=initial, given=GIVEN)) / took:.1f}"
         kept = math.isfinite(square) and math.isfinite(fine)  # else the state was lost on the way
         yield [
-            name, record.name, str(steps), cost, str(found["switches"]),
+            name, record.name, cost, str(found["switches"]),
             f"{square:.1f}" if kept else "lost", f"{square - fine:+.2g}" if kept else "", slopes,
         ]  # fmt: skip
 

@@ -118,6 +118,17 @@ def test_the_error_of_its_steps_falls_with_their_square() -> None:
     assert two / eight > 10.0
 
 
+@pytest.mark.parametrize(("amplitude", "order"), [(0.02, 24.0), (0.02, 48.0), (0.005, 96.0)])
+def test_steps_are_as_short_as_noise_of_sensors_asks_for(amplitude: float, order: float) -> None:
+    """A law that passes fast: what steps leave out is far less than what the sensors' noise does."""
+    core = bench({"cogging@motors": {"amplitude": amplitude, "order": order}})
+    inputs = {"theta_ref": REVERSALS}
+    noisy = run(core, inputs, 3000) + coloured(np.random.default_rng(8), 3000)
+    seen = record(inputs, noisy)
+    own, fine = (predicted(core, seen, TORQUE, substeps=k)["residuals"] for k in (1, 64))
+    assert np.sum((own - fine) ** 2) < 1.0  # of 15,000
+
+
 @pytest.mark.parametrize("stiffness", [2e3, 2e4, 2e5])
 def test_bristles_stiffer_than_a_sample_are_replayed(stiffness: float) -> None:
     """At full speed they relax by up to e^-30 from one sample to the next."""

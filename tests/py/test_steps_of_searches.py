@@ -21,8 +21,6 @@ from dualdrive.innovations.levenberg_marquardt import (
     gentle,
     promised,
 )
-from dualdrive.innovations.prediction import substeps
-from dualdrive.replay import ratio_to_table
 from test_innovations import bench
 
 J = np.array([[1.0, 0.5], [-0.3, 2.0]])
@@ -60,22 +58,6 @@ def test_a_chord_serves_while_steps_gain_what_it_promises() -> None:
     assert as_foretold(gained, gain)
     assert not as_foretold(0.5 * gained, gain)
     assert not as_foretold(1.5 * gained, gain)
-
-
-def test_laws_that_pass_fast_are_integrated_in_small_steps() -> None:
-    """No step takes more than a quarter of a radian of the period of cogging."""
-    own = grey_box(Machine.load("bench"), bench({}), 500, seed=8)
-    [record] = own.records
-    core = own.core.copy()
-    assert substeps(core, record) == 1
-    core.add_effect("cogging", "motors")
-    ratio = ratio_to_table(core, "motor_1")
-    for order in (1.0, 24.0, 96.0, 400.0):
-        core.set("cogging@motors.order", order)
-        phase = order * ratio * record.turn
-        steps = substeps(core, record)
-        assert phase / steps <= 0.25 or phase > np.pi
-        assert steps == 1 or phase / (steps - 1) > 0.25
 
 
 def test_numbers_are_carried_to_another_law_by_their_names() -> None:

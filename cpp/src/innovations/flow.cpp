@@ -133,6 +133,7 @@ void Flow::start(std::size_t sample, const std::map<std::string, double>& initia
     cell_ = {t, record_.times()[sample + 1]};
     at_end_ = false;
     rest_of_ = along_ = slopes_of_ = nullptr;
+    finer_ = 0;
     ticked_at_ = -1.0;
     modes_.assign(layout_.switches.size(), 0);
     for (std::size_t e = 0; e < modes_.size(); ++e)
@@ -272,12 +273,13 @@ bool Flow::flow(std::size_t sample) {
         }
         const double stop = std::min(end, next_tick(t));
         if (stop > t + instant(t)) {
-            const double left = stop - t, length = left > 1.5 * h_ ? h_ : left;
+            const double step = std::ldexp(h_, -finer_), left = stop - t, length = left > 1.5 * step ? step : left;
             if (!advance(t, length)) return false;
             t = length == left ? stop : t + length;
         }
         tick_if_due(sample, t);
     }
+    lengthen();
     return true;
 }
 

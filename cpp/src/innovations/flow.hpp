@@ -240,7 +240,8 @@ class Flow final {
     bool halves(double t, double length);
     void begin_step(double t, double length);
     void bend(const Step& step);
-    bool bends_too_much(double share) const;
+    double bending(double share) const;
+    void lengthen();
     std::size_t resting(int element) const;  // the speed that a friction holds
     void straight(double t, double piece, bool known);
     bool through_switches(double t, double length, bool felt = false);
@@ -319,6 +320,8 @@ class Flow final {
     const Frozen* along_ = nullptr;    // likewise its change, over a step of this length, s
     double along_length_ = 0.0;
     double before_ = 0.0;         // ρ, the step before over the present one
+    int finer_ = 0;               // halvings of a substep that steps of laws took last
+    double most_bent_ = 0.0;      // of what they may, over the present sample
     std::vector<double> slopes_;  // by how much the laws' own slopes along these states differ from the tangent's
     const Frozen* slopes_of_ = nullptr;               // likewise
     int slopes_serve_ = 0;                            // corrections for which they serve

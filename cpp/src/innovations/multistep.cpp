@@ -4,8 +4,8 @@
 // Exponential Adams method of order 3 in its form PEC (Hochbruck, Ostermann, Acta Numerica 19 (2010) 209–286, §2.5): n is
 // predicted by a straight line through its values at the beginning and a step before, evaluated once where that leads, and the
 // parabola through all three serves the step. The first step in a tangent has no step before: there it is predicted as
-// constant, and a straight line serves. A step that the parabola bends by more than a little is taken in halves. Where a
-// correction moves the state n goes along by the laws' own slopes.
+// constant, and a straight line serves. A step that the parabola bends by more than a little is taken in halves, and the next
+// ones are as short while they need be. Where a correction moves the state n goes along by the laws' own slopes.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -22,6 +22,7 @@ namespace {
 constexpr double infinite = std::numeric_limits<double>::infinity();
 constexpr int serves = 128;            // corrections, for which slopes of laws are kept that one evaluation tells
 constexpr double shortest = 1.0 / 16;  // of a substep: steps that bend too much are halved down to it
+constexpr double easy = 1.0 / 16;      // of what a step may bend: one twice as long bends eight times as much
 
 }  // namespace
 
@@ -142,14 +143,14 @@ void Flow::guards_near(double t, const double* y, double* g) {
     if (!affine_ && !now_->slaved.empty()) write_riding_guards(t, y, g);
 }
 
-// What a step leaves out is less than what its parabola adds to the straight line.
-bool Flow::bends_too_much(double share) const {
-    bool any = false;
+// What the parabola of a step adds to the straight line, of what it may: the step leaves out less than that.
+double Flow::bending(double share) const {
+    double most = 0.0;
     for (int j = 0; j < outputs_; ++j) {
         const auto k = static_cast<std::size_t>(j);
-        any |= std::abs(trial_[static_cast<std::size_t>(n_) + k]) > share * shows_[k].tolerance;
+        most = std::max(most, std::abs(trial_[static_cast<std::size_t>(n_) + k]) / (share * shows_[k].tolerance));
     }
-    return any;
+    return most;
 }
 
 // n at the beginning of a step, and its change over one as long as that by the straight line; where there is none yet, none.
@@ -194,7 +195,12 @@ Flow::Flown Flow::fly(double t, const Step& step, const std::vector<Lifted::Chec
     exact::kernels().multiply(rows, columns, step.flow.data(), columns, y_.data(), 1, out_.data());
     feel(t + step.length, out_.data());
     bend(step);
-    if (step.length > shortest * h_ && bends_too_much(step.bent)) return Flown::bent;
+    const double bends = bending(step.bent);
+    if (bends > 1.0 && step.length > shortest * h_) {
+        finer_ = std::max(finer_, 1 + std::ilogb(h_ / step.length));
+        return Flown::bent;
+    }
+    most_bent_ = std::max(most_bent_, bends);
     for (std::size_t k = 0; k < static_cast<std::size_t>(rows); ++k) out_[k] += trial_[k];
     guards_near(t + step.length, out_.data(), g1_.data());
     bool fallen = any_negative(g1_.data(), guard_count());
@@ -213,6 +219,12 @@ Flow::Flown Flow::fly(double t, const Step& step, const std::vector<Lifted::Chec
     std::copy_n(out_.data(), n_, y_.data());
     at_end_ = true;
     return Flown::done;
+}
+
+// The next sample in steps twice as long, where those of this one had been too short.
+void Flow::lengthen() {
+    if (finer_ > 0 && most_bent_ < easy) --finer_;
+    most_bent_ = 0.0;
 }
 
 bool Flow::halves(double t, double length) {

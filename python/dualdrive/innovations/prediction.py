@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.innovations.records import Predictable
-from dualdrive.replay import ratio_to_table
 from dualdrive.replay.record import with_settings
 
 Array = NDArray[np.float64]
@@ -20,10 +18,6 @@ Array = NDArray[np.float64]
 #: first samples of a stretch that the likelihood is conditioned on: the filter finds its state
 #: (Harvey, Forecasting, Structural Time Series Models and the Kalman Filter, 3.4)
 GIVEN = 50
-#: rad of its own period that a law of an angle may turn in a step of integration; one that turns by
-#: half a period from sample to sample is seen by no record (Nyquist): no more steps are taken then
-_TURN = 0.25
-_MOST_STEPS = math.ceil(math.pi / _TURN)
 LOST = 300.0  # whitened: what a replay that broke down is counted with
 
 
@@ -57,7 +51,6 @@ def predicted(
         gains,
         initial=initial,
         offsets=[offsets.get(c, 0.0) for c in record.channels],
-        substeps=substeps(there, record),
         **options,
     )
 
@@ -98,26 +91,6 @@ def sensitivities(
         initial=initial, offsets=adds, given=GIVEN, most_apart=most_apart,
     )  # fmt: skip
     return found
-
-
-def substeps(core: Any, record: Predictable) -> int:
-    """Steps of integration per sample, so that the fastest law of an angle turns little in each.
-
-    Between samples laws that are not affine are integrated by steps of order two: cogging of 24
-    periods a turn, a motor at 36 rad/s, samples of 1 ms: at one step it came out 4 % too strong.
-
-    Args:
-        core: the machine.
-        record: how fast the table turns.
-
-    """
-    fastest = 0.0
-    for e in core.effects:
-        counted = [p.path for p in _core.effect_type(e["effect"]).parameters if p.counted]
-        periods = max((abs(core.get(f"{e['label']}.{name}")) for name in counted), default=0.0)
-        for part in e["members"] if counted else ():
-            fastest = max(fastest, periods * ratio_to_table(core, part))
-    return min(_MOST_STEPS, max(1, math.ceil(fastest * record.turn / _TURN)))
 
 
 class Replayed(NamedTuple):

@@ -47,11 +47,6 @@ class Predictable:
     settled: Mapping[str, float] = field(default_factory=dict)
     unsure: Mapping[str, float] = field(default_factory=dict)
 
-    @functools.cached_property
-    def turn(self) -> float:
-        """How far the table turns from one sample to the next at most, as commanded, rad."""
-        return float(np.max(np.abs(np.diff(self.record.reference)), initial=0.0))
-
     @property
     def name(self) -> str:
         """Of the record."""
