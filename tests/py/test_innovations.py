@@ -120,7 +120,7 @@ def test_the_error_of_its_steps_falls_with_their_square() -> None:
 
 @pytest.mark.parametrize(("amplitude", "order"), [(0.02, 24.0), (0.02, 48.0), (0.005, 96.0)])
 def test_steps_are_as_short_as_noise_of_sensors_asks_for(amplitude: float, order: float) -> None:
-    """A law that passes fast: what steps leave out is far less than what the sensors' noise does."""
+    """A law that passes fast: what steps leave out is far less than the noise."""
     core = bench({"cogging@motors": {"amplitude": amplitude, "order": order}})
     inputs = {"theta_ref": REVERSALS}
     noisy = run(core, inputs, 3000) + coloured(np.random.default_rng(8), 3000)
