@@ -20,7 +20,6 @@ namespace dualdrive::innovations {
 struct Step {
     double length = 0.0;  // s
     int asked = 0;        // how often, until it is worked out
-    double bent = 1.0;    // of what a step of laws may bend: no less exact in one step than from tick to tick
     // [e^{A h}; C e^{A h}; G e^{A h}], column-major, padded rows; empty until then. Where a law is not affine
     // [e^{A h}, h φ₁, h φ₂, h φ₃; C times that], of φ the columns of driven rows
     std::vector<double> flow = {};
@@ -240,7 +239,7 @@ class Flow final {
     bool halves(double t, double length);
     void begin_step(double t, double length);
     void bend(const Step& step);
-    double bending(double share) const;
+    double bending() const;
     void lengthen();
     std::size_t resting(int element) const;  // the speed that a friction holds
     void straight(double t, double piece, bool known);

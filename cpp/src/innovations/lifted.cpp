@@ -29,12 +29,10 @@ Lifted Flow::lift(Frozen& frozen, std::size_t phase) {
     Eigen::MatrixXd y = Eigen::MatrixXd::Zero(n, wide);
     y.leftCols(n).setIdentity();
     double at = 0.0, length = 0.0;
-    int parts = 0;
     Exponentials part;
     const auto go_on = [&](double till) {
         const double share = till - at;
         if (!(share > alike)) return;
-        ++parts;
         if (std::abs(share - length) > alike) {
             length = share;
             if (affine_)
@@ -94,7 +92,6 @@ Lifted Flow::lift(Frozen& frozen, std::size_t phase) {
         if (k + 1 == coming.size() || coming[k + 1].first - when > alike) check_guards(true);
     }
     go_on(1.0);
-    own.step.bent = 1.0 / std::pow(parts, 2);
     if (affine_) check_guards(false);
     const auto seen = n + outputs_, height = seen + static_cast<Eigen::Index>(rows.size());
     Eigen::MatrixXd all = Eigen::MatrixXd::Zero((height + at_once - 1) / at_once * at_once, wide);

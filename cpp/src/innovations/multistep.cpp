@@ -144,11 +144,11 @@ void Flow::guards_near(double t, const double* y, double* g) {
 }
 
 // What the parabola of a step adds to the straight line, of what it may: the step leaves out less than that.
-double Flow::bending(double share) const {
+double Flow::bending() const {
     double most = 0.0;
     for (int j = 0; j < outputs_; ++j) {
         const auto k = static_cast<std::size_t>(j);
-        most = std::max(most, std::abs(trial_[static_cast<std::size_t>(n_) + k]) / (share * shows_[k].tolerance));
+        most = std::max(most, std::abs(trial_[static_cast<std::size_t>(n_) + k]) / shows_[k].tolerance);
     }
     return most;
 }
@@ -195,7 +195,7 @@ Flow::Flown Flow::fly(double t, const Step& step, const std::vector<Lifted::Chec
     exact::kernels().multiply(rows, columns, step.flow.data(), columns, y_.data(), 1, out_.data());
     feel(t + step.length, out_.data());
     bend(step);
-    const double bends = bending(step.bent);
+    const double bends = bending();
     if (bends > 1.0 && step.length > shortest * h_) {
         finer_ = std::max(finer_, 1 + std::ilogb(h_ / step.length));
         return Flown::bent;
