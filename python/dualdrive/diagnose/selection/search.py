@@ -17,13 +17,14 @@ from typing import Any
 
 import numpy as np
 
+from dualdrive.diagnose.laws import clips
 from dualdrive.diagnose.screening import Scored
 from dualdrive.diagnose.selection.base import Base, refitted_base
 from dualdrive.diagnose.selection.drift import weigh_drifting_zeros
 from dualdrive.diagnose.selection.estimation import on_all_samples
 from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selection
 from dualdrive.diagnose.selection.forward import Forward, Means
-from dualdrive.diagnose.selection.parts import brings, is_joint, is_part
+from dualdrive.diagnose.selection.parts import brings, is_joint, is_part, part_score
 from dualdrive.diagnose.selection.residual_analysis import suffices, white
 from dualdrive.diagnose.selection.sandwich import forget_what_colour_gains
 from dualdrive.diagnose.simulated_errors import Simulation, noise_floor
@@ -151,15 +152,33 @@ class _Search:
         return Forward(self.own, grey, [there]).contest.refitted(there, joints, columns, least=0.0)
 
     def _other_parts(self, everywhere: Fitted, others: Sequence[Scored]) -> list[Fitted]:
-        """Other parts beside numbers that leave noise, on all samples.
-
-        A limit may be met in a few of them only, which are on no stretch.
-        """
+        """Other parts beside numbers that leave noise, on all samples."""
+        others = self._worth_all_samples(others)
         if not others or self.own.whole.counter.stop():
             return []
         point = everywhere.point
         columns = slopes(self.own.whole, point, range(len(point.theta)), everywhere.gains)
         return self.on.contest.refitted(everywhere, others, columns, threshold("gain"))
+
+    def _worth_all_samples(self, parts: Sequence[Scored]) -> list[Scored]:
+        """Parts that are not hopeless on stretches, as of other laws.
+
+        And limits: one may be met in a few samples only, which are on no stretch.
+        """
+        there, grey = self.base.there, self.base.grey
+        if grey is self.own.whole:
+            return list(parts)
+        columns = slopes(grey, there.point, range(len(there.point.theta)), there.gains)
+        kept = list[Scored]()
+        for s in parts:
+            if grey.counter.stop():
+                break
+            self.own.tell(f"score test of {s.variant.key}")
+            if clips(s.variant.effects[-1][0]) or part_score(
+                grey, there.point, columns, s.variant, there.noise
+            ).gain > threshold("hopeless"):
+                kept.append(s)
+        return kept
 
     def _listed(self, beside: Fitted) -> list[Scored]:
         """Parts that a machine may lack, not scored yet."""
