@@ -37,7 +37,7 @@ from dualdrive.diagnose.findings import (
 )
 from dualdrive.diagnose.paragraph import paragraph
 from dualdrive.diagnose.result import Candidate, Diagnosis, Experiment, Shape
-from dualdrive.diagnose.selection import EFFORTS, Fitted, Selection, select
+from dualdrive.diagnose.selection import EFFORTS, Fitted, Selection, select, suffices, white
 from dualdrive.diagnose.shape import of_the_filter, shapes
 from dualdrive.diagnose.simulated_errors import Simulation, noise_floor, of_the_data_sheet
 from dualdrive.diagnose.uncertainty import Uncertainty
@@ -240,8 +240,15 @@ def _upheld(
 ) -> tuple[Decision, dict[str, float], str]:
     """Decision and errors that can stand beside one another; if none but unknown can, why."""
     decision = replace(decision, verdict=beside_the_data_sheet(decision.verdict, error))
-    denials = (unseen, objection, takes_too_little, leaves_too_much)
-    why = next(filter(None, (deny(decision.verdict, error) for deny in denials)), "")
+    verdict, best = decision.verdict, decision.best
+    noise = white(best) and suffices(found.grey.core, found.grey, best)
+    denials = (
+        unseen(verdict, error),
+        objection(verdict, error),
+        takes_too_little(verdict, error, leaves_noise=noise),
+        leaves_too_much(verdict, error),
+    )
+    why = next(filter(None, denials), "")
     alone_is_seen = not unseen("parameters", error)
     if why and found.quiet and alone_is_seen and decision.verdict in ("effect", "ambiguous"):
         alone = {"best": error["refitted"], "held_out_best": error["held_out_refitted"]}
