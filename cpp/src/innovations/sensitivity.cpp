@@ -138,6 +138,7 @@ Sensitivities::Tangent& Sensitivities::tangent(const Modes& modes) {
     for (std::size_t c = 0; c < columns_.size(); ++c) {
         Frozen theirs = columns_[c].flow->tangent_in(modes);
         own.showing.emplace_back(theirs.outputs - frozen.outputs);
+        own.shows_otherwise.push_back(!own.showing.back().isZero(0));
         MatrixXd slaving(static_cast<Eigen::Index>(frozen.slaved.size()), n_);
         for (std::size_t k = 0; k < frozen.slaved.size(); ++k)
             slaving.row(static_cast<Eigen::Index>(k)) = theirs.slaved[k].row - frozen.slaved[k].row;
@@ -253,9 +254,13 @@ void Sensitivities::arrive(std::size_t sample, const Flow& flow) {
             amid[k] = 0.5 * (now[k] + before[k]);
             more[k] = 0.5 * (now[k] - before[k]);
         }
-        const MatrixXd& differ = now_->showing[first + c];
-        Eigen::Map<VectorXd>(differing_.data() + ((first + c) * many + at) * static_cast<std::size_t>(shown_) + states_,
-                             static_cast<Eigen::Index>(channels_)) = differ * Eigen::Map<const VectorXd>(flow.y(), n_);
+        Eigen::Map<VectorXd> seen(
+            differing_.data() + ((first + c) * many + at) * static_cast<std::size_t>(shown_) + states_,
+            static_cast<Eigen::Index>(channels_));
+        if (now_->shows_otherwise[first + c])
+            seen = now_->showing[first + c] * Eigen::Map<const VectorXd>(flow.y(), n_);
+        else
+            seen.setZero();
     }
 }
 
@@ -279,8 +284,10 @@ void Sensitivities::otherwise() {
             exact::kernels().product(shown_, states_, over->pushed.data(), states_,
                                      rates_.data() + ((c - affine) * many + i) * static_cast<std::size_t>(states_),
                                      together, pushed.data());
-            for (std::size_t k = 0; k < rows * static_cast<std::size_t>(together); ++k)
-                to[k] = pushed[k] + (k % rows < static_cast<std::size_t>(states_) ? 0.0 : to[k]);
+            const Eigen::Map<const MatrixXd> laws(pushed.data(), shown_, together);
+            Eigen::Map<MatrixXd> w(to, shown_, together);
+            w.topRows(states_) = laws.topRows(states_);
+            w.bottomRows(shown_ - states_) += laws.bottomRows(shown_ - states_);
         }
         i = end;
     }

@@ -65,6 +65,7 @@ class Sensitivities {
         Modes modes;
         Eigen::MatrixXd shown;                                 // C of the machine's states
         std::vector<Eigen::MatrixXd> showing;                  // by how much the neighbours' C of all that y has differ
+        std::vector<bool> shows_otherwise;                     // whether they do
         std::vector<std::size_t> held;                         // speeds that friction holds at 0
         Eigen::MatrixXd outputs, guards;                       // of all that y has
         std::vector<Eigen::MatrixXd> guarding;                 // by how much

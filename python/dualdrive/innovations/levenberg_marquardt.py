@@ -47,6 +47,7 @@ def fit(
     shared_columns: Sequence[Array] | None = None,
     rival: float = -np.inf,
     nearby: bool = False,
+    begun: Point | None = None,
 ) -> Point:
     """Refit a variant from a point, gains held.
 
@@ -61,11 +62,14 @@ def fit(
             present rate within the steps that it has left ends at once.
         nearby: whether slopes may be told nearby (`slopes_nearby`) while they serve: it is to come
             near under much unknown torque, and need not end where the exact ones would have it.
+        begun: what it leaves where it begins, under these gains, if that is known.
 
     """
     low, high = grey.bounds(variant)
     theta = np.clip(theta, low, high)
-    [now] = grey.points([variant], [theta], gains)
+    if begun is None or not np.array_equal(begun.theta, theta):
+        [begun] = grey.points([variant], [theta], gains)
+    now = begun
     more = np.zeros(len(theta) - grey.shared)
     weight, centre = np.r_[1.0 / grey.sigma, more], np.r_[grey.centre, more]
     shared = _Shared(grey, gains, shared_columns, nearby)

@@ -164,8 +164,13 @@ def refitted(
                 near = beside.point, beside.noise
         return near
     shared = columns[: grey.shared]
-    start = _backtracked(grey, leader, s)
-    found = [fit(grey, variant, start, leader.gains, steps=5, shared_columns=shared, nearby=True)]
+    begun = _backtracked(grey, leader, s)
+    found = [
+        fit(
+            grey, variant, begun.theta, leader.gains, steps=5, shared_columns=shared, nearby=True,
+            begun=begun,
+        )
+    ]  # fmt: skip
     if far:
         # so may any law: it does for the data sheet's machine nearly what the leader's numbers do
         begins = [np.r_[sheet, own[grey.shared :]] for own in _other_sizes(grey, point, far)]
@@ -183,7 +188,7 @@ def refitted(
     return (nearest, noise) if nearest else None
 
 
-def _backtracked(grey: GreyBox, leader: Fitted, s: Scored) -> Array:
+def _backtracked(grey: GreyBox, leader: Fitted, s: Scored) -> Point:
     """Where a law begins beside a leader: at the size of its score, or a smaller one that fits.
 
     A mesh that bounces parts from its record under a hundredth of a usual damping, and a fit that
@@ -200,7 +205,7 @@ def _backtracked(grey: GreyBox, leader: Fitted, s: Scored) -> Array:
         tried.append(there)
         if there.minus_two_log < leader.point.minus_two_log or grey.counter.stop():
             break
-    return min(tried, key=lambda p: p.minus_two_log).theta
+    return min(tried, key=lambda p: p.minus_two_log)
 
 
 def _nearest(grey: GreyBox, variant: Variant, begins: list[Array], noise: Noise) -> list[Array]:
