@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -18,19 +17,17 @@ class Effort:
     refitted: laws refitted beside a base, best scores first
     finals:   of them, how many under a noise of their own
     most:     effects at once
-    samples:  of the records, on which faint laws are sought; what is found is held against all
     """
 
     refitted: int
     finals: int
     most: int
-    samples: int
 
 
 EFFORTS = {
-    "quick": Effort(4, 2, 2, 16_000),
-    "normal": Effort(8, 4, 3, 32_000),
-    "thorough": Effort(20, 5, 3, sys.maxsize),
+    "quick": Effort(4, 2, 2),
+    "normal": Effort(8, 4, 3),
+    "thorough": Effort(20, 5, 3),
 }
 
 

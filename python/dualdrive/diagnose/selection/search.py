@@ -64,7 +64,7 @@ class _Search:
         # it stands in for a score beside it says little: of the damping of a mesh that bounces a
         # hundredth of what it gains.
         if base.everywhere is not None and self.on.contest.lacks_nothing(base.there):
-            self._beside_numbers_that_leave_noise(base.everywhere)
+            self._on_all_samples_at_once(base.everywhere)
         else:
             self._forward(base.there)
             if base.grey is not own.whole and not self._simulated:
@@ -107,8 +107,8 @@ class _Search:
         left, floor = loop.creeping(f.noise).error(out), noise_floor(whole, f, out)
         return left < threshold("beyond the floor") * floor
 
-    def _beside_numbers_that_leave_noise(self, everywhere: Fitted) -> None:
-        """Laws beside numbers that leave noise on stretches: more samples are needed to see them.
+    def _on_all_samples_at_once(self, everywhere: Fitted) -> None:
+        """Laws beside numbers that leave noise on stretches: all samples are needed to see them.
 
         Parts are tried whatever is found, since a law that describes a little of what bristles do
         is likelier than none; joints where a law is that comes with them, before a second one, on
@@ -116,14 +116,10 @@ class _Search:
         """
         whole, base = self.own.whole, self.base
         self._faint, self._quiet = True, self._says_all(everywhere)
-        many = some(whole, everywhere.point, everywhere.gains, self.own.effort.samples)
-        there = everywhere if many is whole else on_all_samples(many, everywhere)
-        self.on = Forward(self.own, many, [there], base.grey, faint=True)
-        self._forward(there, most=1)
+        self.on = Forward(self.own, whole, [everywhere], base.grey, faint=True)
+        self._forward(everywhere, most=1)
         if self._simulated:
             return
-        if many is not whole:
-            self._on_all_samples(base)
         parts = self._listed(everywhere)
         joints = self._joints(self.on.leader(), [s for s in parts if is_joint(s.variant)])
         others = [s for s in parts if not is_joint(s.variant)]
