@@ -241,7 +241,8 @@ def _upheld(
     """Decision and errors that can stand beside one another; if none but unknown can, why."""
     decision = replace(decision, verdict=beside_the_data_sheet(decision.verdict, error))
     verdict, best = decision.verdict, decision.best
-    noise = white(best) and suffices(found.grey.core, found.grey, best)
+    named = verdict in ("effect", "ambiguous")
+    noise = named and white(best) and suffices(found.grey.core, found.grey, best)
     denials = (
         unseen(verdict, error),
         objection(verdict, error),
@@ -250,7 +251,7 @@ def _upheld(
     )
     why = next(filter(None, denials), "")
     alone_is_seen = not unseen("parameters", error)
-    if why and found.quiet and alone_is_seen and decision.verdict in ("effect", "ambiguous"):
+    if why and found.quiet and alone_is_seen and named:
         alone = {"best": error["refitted"], "held_out_best": error["held_out_refitted"]}
         return numbers_alone(sure, found, decision), {**error, **alone}, ""
     if why:
