@@ -37,7 +37,7 @@ from dualdrive.diagnose.findings import (
 )
 from dualdrive.diagnose.paragraph import paragraph
 from dualdrive.diagnose.result import Candidate, Diagnosis, Experiment, Shape
-from dualdrive.diagnose.selection import EFFORTS, Fitted, Selection, select, suffices, white
+from dualdrive.diagnose.selection import EFFORTS, Fitted, Selection, select, white
 from dualdrive.diagnose.shape import of_the_filter, shapes
 from dualdrive.diagnose.simulated_errors import Simulation, noise_floor, of_the_data_sheet
 from dualdrive.diagnose.uncertainty import Uncertainty
@@ -242,7 +242,7 @@ def _upheld(
     decision = replace(decision, verdict=beside_the_data_sheet(decision.verdict, error))
     verdict, best = decision.verdict, decision.best
     named = verdict in ("effect", "ambiguous")
-    noise = named and white(best) and suffices(found.grey.core, found.grey, best)
+    noise = named and white(best)  # none is named that asks for much torque
     denials = (
         unseen(verdict, error),
         objection(verdict, error),
