@@ -6,8 +6,12 @@ import pytest
 
 from bench_record import grey_box
 from dualdrive import Machine
+from dualdrive.diagnose.selection.base import refitted_base
+from dualdrive.diagnose.selection.estimation import on_all_samples
 from dualdrive.diagnose.selection.fitted import EFFORTS, Selection
-from dualdrive.diagnose.selection.search import select
+from dualdrive.diagnose.selection.forward import Forward, Means
+from dualdrive.diagnose.selection.parts import is_joint
+from dualdrive.diagnose.selection.search import _Search, select
 from test_innovations import bench
 
 SAMPLES = 4000
@@ -32,3 +36,25 @@ def test_none_is_found_where_none_is() -> None:
     selection = found()
     assert selection.quiet
     assert [f.variant.label for f in selection.finals] == ["nothing"]
+
+
+BRISTLES = {"torque": 0.3, "static_ratio": 1.4, "speed": 0.02, "stiffness": 2e3, "damping": 2.0}
+LIMITS = {"current_limit@motors", "voltage_limit@motors"}
+
+
+@pytest.mark.parametrize(
+    ("law", "worth"),
+    [({}, LIMITS), ({"lugre@table": BRISTLES}, LIMITS | {"lugre@table", "lugre@motors"})],
+    ids=["nothing", "bristles"],
+)
+def test_parts_that_are_hopeless_on_stretches_are_not_tried_on_all_samples(
+    law: dict[str, dict[str, float]], worth: set[str]
+) -> None:
+    own = grey_box(Machine.load("bench"), bench(law), 17_000, 1)
+    means = Means(own.core, own, EFFORTS["quick"], lambda _: None)
+    base = refitted_base(means.estimator, own)
+    assert base.grey.samples < own.samples
+    search, everywhere = _Search(means, base), on_all_samples(own, base.there)
+    search.on = Forward(means, own, [everywhere], base.grey)
+    parts = [s for s in search._listed(everywhere) if not is_joint(s.variant)]
+    assert {s.variant.label for s in search._worth_all_samples(parts)} == worth

@@ -94,9 +94,8 @@ def takes_too_little(
     Args:
         verdict: the answer.
         error: as in :func:`objection`.
-        leaves_noise: whether what the law leaves of the records is noise. An error within what the
-            sensors' share is sure to is no measure then: 13 % were missing of a floor that was 13 %
-            too low, and a tension that all of the likelihood spoke for was called unknown.
+        leaves_noise: whether what the law leaves of the records is noise. An error that the
+            sensors' share is not sure to is no measure then, against all of the likelihood.
 
     """
     floor, refitted = error["noise_floor"], error["refitted"]
