@@ -14,9 +14,9 @@ import pytest
 from dualdrive import Machine
 from dualdrive.compare import EquationAtFault, equation_at_fault
 from dualdrive.compare.controller import asked_torques, commanded_record
-from dualdrive.compare.excuses import first_point, noise_alone, refitted
+from dualdrive.compare.excuses import alike, first_point, noise_alone, refitted
 from dualdrive.compare.held import hold
-from dualdrive.compare.likelihood import _likeliest
+from dualdrive.compare.likelihood import _likeliest, blocks
 from dualdrive.identify import Processing, with_torques
 from dualdrive.identify.filtering import pieces
 from recorded import demo, sheet
@@ -63,6 +63,21 @@ def test_the_demo_lacks_something_at_the_table(name: str) -> None:
     assert fault is not None
     assert (fault.name, fault.probability > 0.95) == ("table", True)
     assert equation_at_fault(sheet(torque=12000.0), demo(name)) is None
+
+
+def test_a_record_of_which_no_sample_counts_has_no_correlation_time() -> None:
+    """As one that rests all the time, where samples near standstill are masked."""
+    core = nominal().core
+    held = hold(core, with_torques(core, record(nominal())), "record", Processing(decimate=5))
+    alone = first_point(core, [held])
+    [row] = alone.rows
+    resting = replace(row, held=replace(row.held, keep=np.zeros_like(row.keep)))
+    both = replace(alone, rows=[row, resting])
+    sums = np.ones(int(row.keep.sum()))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert alike(both) == alike(alone)
+        np.testing.assert_array_equal(blocks([sums], both), blocks([sums], alone))
 
 
 def test_a_zero_that_no_sample_tells_of_stays_where_it_is() -> None:

@@ -27,12 +27,14 @@ from dualdrive.innovations import (
     Point,
     Variant,
     first_noise,
+    fit,
     inflation,
     least_noise,
     maximum_likelihood,
     score_of_order_two,
     simulated,
     slopes,
+    values,
 )
 from test_innovations import SENSORS, bench
 
@@ -53,16 +55,18 @@ def grey(friction: float, seed: int = 3) -> GreyBox:
     return grey_box(Machine.load("bench"), true, SAMPLES, seed)
 
 
+def with_law(own: GreyBox, law: str) -> Variant:
+    """The data sheet's machine with a law of the library."""
+    nothing = Variant(own.core)
+    blank = tuple(np.zeros_like(r.measured) for r in own.records)
+    base = Point(nothing, own.start(nothing), blank, 0.0, 0.0)
+    return next(v for v in Library(own.core, own).variants(nothing, base) if v.label == law)
+
+
 @functools.cache
 def likeliest(friction: float, law: str = "nothing") -> tuple[Point, Noise, list[Any]]:
     own = grey(friction)
-    nothing = Variant(own.core)
-    variant = nothing
-    if law != "nothing":
-        blank = tuple(np.zeros_like(r.measured) for r in own.records)
-        base = Point(nothing, own.start(nothing), blank, 0.0, 0.0)
-        known = Library(own.core, own).variants(nothing, base)
-        variant = next(v for v in known if v.label == law)
+    variant = with_law(own, law) if law != "nothing" else Variant(own.core)
     wide = first_noise(own.core, own.records, 0.1)
     floor = least_noise(own.core, own.records, 1e-5)
     found = maximum_likelihood(own, variant, own.start(variant), wide, floor=floor, steps=30)
@@ -85,6 +89,21 @@ def test_sensors_and_numbers_are_recovered_together() -> None:
     off = point.theta[k] - own.nominal[k].coordinate(HEAVIER * own.core.get("table.J"))
     assert abs(off) < 3.5 * error
     assert error < 0.005, "the record tells inertia to half a per cent"
+
+
+@pytest.mark.parametrize("off", [1e-4, 1e12])  # nothing moves so slowly, or so fast
+def test_a_stribeck_speed_that_records_tell_nothing_of_is_led_back(off: float) -> None:
+    true = {"torque": FRICTION, "static_ratio": 1.4, "speed": 0.02}
+    own = grey_box(Machine.load("bench"), bench({"stribeck@table": true}), SAMPLES, 3)
+    variant, noise = with_law(own, "stribeck@table"), first_noise(own.core, own.records, 0.01)
+    begin = own.start(variant)
+    known = {"torque": FRICTION, "speed": off * true["speed"]}
+    for k, p in enumerate(variant.extra, own.shared):
+        begin[k] = p.coordinate(known.get(p.path.rpartition(".")[2], p.nominal))
+    found = fit(own, variant, begin, own.gains(variant, begin, noise), steps=15)
+    sizes = values(variant.extra, found.theta[own.shared :])
+    assert sizes["stribeck@table.speed"] == pytest.approx(true["speed"], rel=0.1)
+    assert sizes["stribeck@table.static_ratio"] == pytest.approx(true["static_ratio"], rel=0.05)
 
 
 @pytest.mark.long

@@ -77,7 +77,7 @@ def test_blocks_of_time_add_up_to_the_information() -> None:
     _, grey, found = fitted(1.0)
     normal = Uncertainty(grey).about(found)
     columns = np.stack(slopes(grey, found.point, range(len(found.point.theta)), found.gains))
-    whole = normal.scale * columns @ columns.T + np.diag(normal.weight)
+    whole = normal.scale * columns @ columns.T + np.diag(normal.precision)
     np.testing.assert_allclose(normal.information, whole, rtol=0.05, atol=1e-3 * whole.max())
 
 

@@ -151,6 +151,7 @@ def alike(point: Point) -> float:
         1.0 + 2.0 * correlation_time(e - e.mean())
         for r in point.rows
         for e in r.residual[:, r.keep]
+        if r.keep.any()
     ]
     return float(np.median(times))
 

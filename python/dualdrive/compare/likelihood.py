@@ -84,7 +84,7 @@ def blocks(series: Sequence[Array], point: Point) -> Array:
     samples = sum(len(s) for s in series)
     longest = 1.0
     for row in point.rows:
-        for e in row.residual[:, row.keep]:
+        for e in row.residual[:, row.keep] if row.keep.any() else ():
             longest = max(longest, 1.0 + correlation_time(e - e.mean()))
     size = max(1, min(round(3.0 * longest), samples // _FEWEST))
     return np.concatenate([np.add.reduceat(s, np.arange(0, len(s), size)) for s in series])

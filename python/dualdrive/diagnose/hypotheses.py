@@ -124,7 +124,7 @@ class Hypothesis:
             else _scaled(grown, path, sizes) or _typical(grown, path)
             for path in free
         }
-        found = [_compliant(grown, p) for p in unknowns(grown, free, None, usual)]
+        found = [_compliant(grown, _weakly_believed(p)) for p in unknowns(grown, free, None, usual)]
         late = [p.unit == "s" and is_strength(grown, p.path) for p in found]
         return [
             replace(p, low=max(p.low, sizes.get("delay", 0.0))) if own else p
@@ -154,6 +154,15 @@ def _joined(grown: Any, effect: Mapping[str, Any]) -> dict[str, float]:
         return {}
     alone = list(effect["parameters"]) == ["stiffness"]
     return {path: (_SOFTER if alone else 1.0) * grown.get(path)}
+
+
+def _weakly_believed(p: Unknown) -> Unknown:
+    """Of a law under trial, a number that is positive is believed to be what records suggest.
+
+    Within its own size, as one of a law that is there. A Stribeck speed at which nothing moves has
+    no slope, and would lead no fit back.
+    """
+    return p if p.logarithmic else replace(p, sigma=math.inf)
 
 
 def _compliant(grown: Any, p: Unknown) -> Unknown:

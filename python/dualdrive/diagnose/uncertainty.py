@@ -41,20 +41,20 @@ class NormalEquations:
     products: J'J of each block, shape (blocks, unknowns, unknowns)
     slopes:   J'r, shape (blocks, unknowns)
     squares:  r'r, shape (blocks,)
-    weight:   of the priors, shape (unknowns,)
+    precision: of the priors, shape (unknowns,)
     scale:    by which all of these count for less, where innovations count themselves
     """
 
     products: Array
     slopes: Array
     squares: Array
-    weight: Array
+    precision: Array
     scale: float
 
     @property
     def information(self) -> Array:
         """Of all blocks and the priors, shape (unknowns, unknowns)."""
-        total: Array = self.scale * self.products.sum(axis=0) + np.diag(self.weight)
+        total: Array = self.scale * self.products.sum(axis=0) + np.diag(self.precision)
         return total
 
     @property
@@ -89,14 +89,13 @@ class Uncertainty:
         grey, (point, gains) = self.grey, self._place(f)
         columns = np.stack(slopes(grey, point, range(len(point.theta)), gains))
         r, blocks = flat(point.residuals), _blocks(point.residuals)
-        weight = np.zeros(len(point.theta))
-        weight[: grey.shared] = 1.0 / grey.sigma**2
+        _, precision = grey.believed(f.variant)
         own = [(columns[:, blocks == b], r[blocks == b]) for b in range(_BLOCKS)]
         return NormalEquations(
             np.stack([J @ J.T for J, _ in own]),
             np.stack([J @ left for J, left in own]),
             np.array([left @ left for _, left in own]),
-            weight,
+            precision,
             1.0 / inflation(point),
         )
 
@@ -112,9 +111,8 @@ class Uncertainty:
         # a linear step says nothing far away, where only one block tells a number
         H = normal.information + np.diag(1.0 / (_FAR * deviation) ** 2)
         low, high = grey.bounds(f.variant)
-        pull = normal.weight[: grey.shared] * (point.theta[: grey.shared] - grey.centre)
-        gradient = normal.scale * normal.slopes.sum(axis=0)
-        gradient[: grey.shared] += pull
+        centre, precision = grey.believed(f.variant)
+        gradient = normal.scale * normal.slopes.sum(axis=0) + precision * (point.theta - centre)
         rest = step_within(H, gradient, low - point.theta, high - point.theta)
         places = []
         for product, slope in zip(normal.products, normal.slopes, strict=True):

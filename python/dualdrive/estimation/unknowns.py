@@ -223,7 +223,7 @@ def _unknown(
     usual = declared.typical
     if effect:
         usual = sizes.get(path, usual)
-    if nominal > 0 and declared.low >= 0 and (not effect or name == "stiffness"):
+    if nominal > 0 and declared.low >= 0 and (not effect or declared.low_excluded):
         numbers = (nominal, low, declared.high, nominal, True, 0.0, 0.0, width)
         return Unknown(path, declared.unit, *numbers)
     scale = abs(nominal) or usual or 1.0

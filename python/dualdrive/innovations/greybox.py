@@ -141,6 +141,12 @@ class GreyBox:
         theta[: len(self.nominal)] = self.centre[: len(self.nominal)]
         return theta
 
+    def believed(self, variant: Variant) -> tuple[Array, Array]:
+        """Where every unknown of a variant is believed to be, and its precision, 1/sigma^2."""
+        extra = variant.extra
+        sigma = np.r_[self.sigma, [p.sigma for p in extra]]
+        return np.r_[self.centre, [p.centre for p in extra]], 1.0 / sigma**2
+
     def bounds(self, variant: Variant) -> tuple[Array, Array]:
         """Lowest and highest of every unknown."""
         pairs = [p.bounds for p in self.nominal] + [(-np.inf, np.inf)] * len(self.offsets)
@@ -242,7 +248,9 @@ class GreyBox:
     def _point(self, variant: Variant, theta: Array, found: Sequence[Replayed]) -> Point:
         det, lost = sum(f.log_det for f in found), any(f.lost for f in found)
         residuals = tuple(f.residuals for f in found)
-        return Point(variant, theta, residuals, det, self.prior(theta), lost)
+        centre, precision = self.believed(variant)
+        prior = float(precision @ (theta - centre) ** 2)
+        return Point(variant, theta, residuals, det, prior, lost)
 
     def gains(self, variant: Variant, theta: Array, noise: Noise) -> list[Any]:
         """Kalman gains per record, about the variant at a point, first samples included.
@@ -314,11 +322,6 @@ class GreyBox:
             )
 
         return list(self.pool.map(one, zip(self.records, gains, strict=True)))
-
-    def prior(self, theta: Array) -> float:
-        """Squared distance of the shared unknowns from what is believed, in sigma."""
-        off = (theta[: self.shared] - self.centre) / self.sigma
-        return float(off @ off)
 
 
 def first_alike(gains: Sequence[Any], r: int) -> int:

@@ -70,8 +70,7 @@ def fit(
     if begun is None or not np.array_equal(begun.theta, theta):
         [begun] = grey.points([variant], [theta], gains)
     now = begun
-    more = np.zeros(len(theta) - grey.shared)
-    weight, centre = np.r_[1.0 / grey.sigma, more], np.r_[grey.centre, more]
+    centre, precision = grey.believed(variant)
     shared = _Shared(grey, gains, shared_columns, nearby)
     for left in reversed(range(steps)):
         if grey.counter.stop():
@@ -79,9 +78,8 @@ def fit(
         s = 1.0 / inflation(now)
         J = np.stack(shared.columns_at(now))
         r = flat(now.residuals)
-        off = (now.theta - centre) * weight
-        H = s * (J @ J.T) + np.diag(weight**2)
-        g = s * (J @ r) + off * weight
+        H = s * (J @ J.T) + np.diag(precision)
+        g = s * (J @ r) + precision * (now.theta - centre)
         objective = s * now.chi2 + now.prior
         best = None
         for damping in _DAMPINGS:

@@ -205,8 +205,7 @@ class _Search:
         self.begin = np.clip(np.r_[theta, np.zeros(m)], self._low, self._high)
         self._reach = np.r_[np.full(n, np.inf), np.full(m, _LONGEST)]
         self._weight, self._centre = np.zeros(n + m), np.zeros(n + m)
-        self._weight[: grey.shared] = 1.0 / grey.sigma**2
-        self._centre[: grey.shared] = grey.centre
+        self._centre[:n], self._weight[:n] = grey.believed(variant)
         unit = np.r_[np.minimum(grey.sigma, 1.0), np.ones(n - grey.shared)]
         self._near = np.r_[_NEAR[0] * unit, np.full(m, _NEAR[1])]
 

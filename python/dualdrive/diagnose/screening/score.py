@@ -106,7 +106,7 @@ def scores(
 
     """
     r = flat(base.residuals)
-    apart = residual_maker(grey, columns)
+    apart = residual_maker(columns, grey.believed(base.variant)[1])
     left = apart(r)
 
     within = _WITHIN * min(x.sampled.step for x in grey.records)
@@ -166,14 +166,14 @@ def _larger(base: Point, job: _Job) -> list[_Job]:
     return found
 
 
-def residual_maker(grey: GreyBox, columns: Sequence[Array]) -> Callable[[Array], Array]:
+def residual_maker(columns: Sequence[Array], precision: Array) -> Callable[[Array], Array]:
     """What a machine's numbers, moved within their priors, leave of changes.
 
     The residual maker of a regression on its derivatives (Greene, Econometric Analysis, 3.2).
 
     Args:
-        grey: records and shared unknowns.
-        columns: derivatives of its innovations by them, the shared ones first; none: held.
+        columns: derivatives of its innovations by them; none: held.
+        precision: of the priors, shape (numbers,).
 
     Returns:
         Of one change, shape (rows,), or of several, (changes, rows).
@@ -182,9 +182,7 @@ def residual_maker(grey: GreyBox, columns: Sequence[Array]) -> Callable[[Array],
     if not columns:
         return lambda change: change
     J = np.stack(columns)
-    prior = np.zeros(len(J))
-    prior[: grey.shared] = 1.0 / grey.sigma**2
-    H = J @ J.T + np.diag(prior + 1e-12 * np.max(np.abs(np.diag(J @ J.T))))
+    H = J @ J.T + np.diag(precision + 1e-12 * np.max(np.abs(np.diag(J @ J.T))))
     factor = np.linalg.inv(H)
     return lambda change: change - ((change @ J.T) @ factor) @ J
 

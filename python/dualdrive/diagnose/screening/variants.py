@@ -214,7 +214,8 @@ def _losses(grown: Any, effect: str, place: str) -> list[Unknown]:
     path = f"{grown.add_effect(brought, place)}.coefficient"
     coefficient = 2.0 * _DAMPING_RATIO * math.sqrt(stiffness * smaller)
     grown.set(path, coefficient)
-    return [replace(u, start=1.0) for u in unknowns(grown, [path], None, {path: coefficient})]
+    free = unknowns(grown, [path], None, {path: coefficient})
+    return [replace(u, start=1.0, sigma=math.inf) for u in free]
 
 
 def _inertia(core: Any, gearbox: str) -> float:

@@ -119,7 +119,7 @@ def part_score(
 
     """
     known, r = len(point.theta), flat(point.residuals)
-    apart = residual_maker(grey, columns)
+    apart = residual_maker(columns, grey.believed(point.variant)[1])
     rest, places = apart(r), []
     for factor in _factors(variant, variant.extra[known - grey.shared]):
         there = np.r_[point.theta, coordinates(variant.extra[known - grey.shared :], {})]

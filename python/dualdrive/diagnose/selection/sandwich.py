@@ -61,7 +61,9 @@ def _believed(
     mine = [grey.shared + k for k, p in enumerate(f.variant.extra) if p.path not in others]
     if rest is None or not mine:
         return True
-    apart = residual_maker(grey, [c for k, c in enumerate(columns) if k not in mine])
+    precision = grey.believed(f.variant)[1]
+    kept = [k for k in range(len(columns)) if k not in mine]
+    apart = residual_maker([columns[k] for k in kept], precision[kept])
     alone = apart(np.stack([columns[k] for k in mine]))
     times = score_inflation(alone, f.point.residuals) / f.inflation
     if times <= 1.0:
