@@ -223,7 +223,9 @@ def _unknown(
     usual = declared.typical
     if effect:
         usual = sizes.get(path, usual)
-    if nominal > 0 and declared.low >= 0 and (not effect or declared.low_excluded):
+    # a limit is met from one torque on: it moves on the scale of torques
+    on_logarithm = not effect or name == "stiffness" or (declared.low_excluded and not lent)
+    if nominal > 0 and declared.low >= 0 and on_logarithm:
         numbers = (nominal, low, declared.high, nominal, True, 0.0, 0.0, width)
         return Unknown(path, declared.unit, *numbers)
     scale = abs(nominal) or usual or 1.0
