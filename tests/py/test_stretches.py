@@ -13,7 +13,7 @@ from bench_record import grey_box
 from dualdrive import Machine, _core
 from dualdrive.innovations import GreyBox, Variant, first_noise, some
 from dualdrive.innovations.prediction import predicted
-from dualdrive.innovations.stretches import chosen, spread
+from dualdrive.innovations.stretches import chosen, d_optimal, spread
 from test_innovations import bench
 
 SAMPLES = 3000
@@ -45,6 +45,23 @@ def test_stretches_lie_within_their_records_and_apart(samples: tuple[int, ...], 
         assert all(b[0] >= a[0] + a[1] for a, b in itertools.pairwise(own))
     kept = sum(count for own in found for _, count in own)
     assert kept <= most + 500 * len(samples), "and none is given up for another"
+
+
+def test_where_it_fails_nowhere_half_of_them_lie_where_a_record_tells_most() -> None:
+    """A table turns for a second of thirty; a constant, which every sample tells, outweighs it."""
+    quiet = [np.ones((20000, 2)), np.ones((10000, 2))]
+    constant, moving = np.full(60000, 100.0), np.zeros(60000)
+    moving[2 * (20000 + 8600) : 2 * (20000 + 9400)] = 0.1
+    found = chosen(quiet, 8000, columns=[constant, moving], precision=np.full(2, 1e-6))
+    assert {(8500, 500), (9000, 500)} <= set(found[1])
+    assert sum(map(len, found)) == 8000 // 500
+
+
+def test_what_is_taken_together_tells_most() -> None:
+    """Two that tell of one number, and one that tells less, but of another."""
+    known = np.eye(2)
+    told = [np.diag([9.0, 0.0]), np.diag([8.0, 0.0]), np.diag([0.0, 3.0])]
+    assert d_optimal(known, told, 2) == [0, 2]
 
 
 def test_half_of_the_stretches_lie_where_a_machine_fails() -> None:

@@ -2,8 +2,9 @@
 
 How well a law is told from another one grows with the samples, and so does the work. What tells
 them apart may last a second: a chirp in the loop's resonance, a turn at full speed. Half of the
-stretches are spread over every record, the others lie where a machine fails most. Each begins from
-the state that a filter of the whole record had there.
+stretches are spread over every record, the others lie where a machine fails most; or, where it
+fails nowhere, where records tell most of its numbers (D-optimal: Fedorov, Theory of Optimal
+Experiments, 1972). Each begins from the state that a filter of the whole record had there.
 """
 
 from __future__ import annotations
@@ -50,30 +51,53 @@ def spread(samples: Sequence[int], most: int) -> list[list[int]]:
 
 
 def chosen(
-    residuals: Sequence[Array], most: int, periods: Sequence[int] = ()
+    residuals: Sequence[Array],
+    most: int,
+    periods: Sequence[int] = (),
+    columns: Sequence[Array] | None = None,
+    precision: Array | None = None,
 ) -> list[list[tuple[int, int]]]:
     """Stretches of records, (first sample, how many) per record: blocks of `_LENGTH` samples.
 
-    Half of them are spread evenly, the others lie where most is left. Of a record that is shorter
-    than a block, all.
+    Half of them are spread evenly, the others lie where most is left, or where derivatives are
+    given, where they tell most. Of a record that is shorter than a block, all.
 
     Args:
         residuals: whitened innovations of every record, shape (n, channels).
         most: samples to be kept.
         periods: samples of each after which sampled loops repeat; stretches begin with one.
+        columns: derivatives by every number, records end to end, shape (rows,).
+        precision: of what is believed of the numbers, shape (numbers,).
 
     """
     # of whole periods: they neither overlap nor begin amid one
     lengths = [_LENGTH // p * p for p in periods or [1] * len(residuals)]
     blocks = spread([len(r) for r in residuals], most // 2)
-    taken = {(k, b) for k, own in enumerate(blocks) for b in own}
-    left = [
-        (-float(np.sum(r[b * n : (b + 1) * n] ** 2)), k, b)
-        for k, (r, n) in enumerate(zip(residuals, lengths, strict=True))
+    taken = [(k, b) for k, own in enumerate(blocks) for b in own]
+    known = set(taken)
+    places = [
+        (k, b)
+        for k, r in enumerate(residuals)
         for b in range(len(r) // _LENGTH)
-        if (k, b) not in taken
+        if (k, b) not in known
     ]
-    for _, k, b in sorted(left)[: max(0, most // _LENGTH - len(taken))]:
+    count = max(0, most // _LENGTH - len(taken))
+
+    def of(of_each: Sequence[Array], place: tuple[int, int]) -> Array:
+        k, b = place
+        n = lengths[k]
+        own: Array = of_each[k][b * n : (b + 1) * n]
+        return own
+
+    if columns is None or precision is None:
+        places.sort(key=lambda place: -float(np.sum(of(residuals, place) ** 2)))
+        added = places[:count]
+    else:
+        slopes = _of_records(columns, residuals)
+        told = [np.einsum("tca,tcb->ab", *2 * (of(slopes, place),)) for place in taken + places]
+        first = np.diag(precision) + sum(told[: len(taken)], np.zeros((len(columns),) * 2))
+        added = [places[j] for j in d_optimal(first, told[len(taken) :], count)]
+    for k, b in added:
         blocks[k].append(b)
     return [
         [(b * n, n) for b in sorted(own)] or [(0, len(r))]
@@ -81,7 +105,42 @@ def chosen(
     ]
 
 
-def some(grey: GreyBox, point: Point, gains: Sequence[Any], most: int) -> GreyBox:
+def _of_records(columns: Sequence[Array], residuals: Sequence[Array]) -> list[Array]:
+    """Derivatives of every record's innovations, shape (n, channels, numbers)."""
+    ends = np.cumsum([r.size for r in residuals])[:-1]
+    parts = zip(*(np.split(own, ends) for own in columns), strict=True)
+    return [
+        np.stack(part, axis=1).reshape(*r.shape, len(columns))
+        for part, r in zip(parts, residuals, strict=True)
+    ]
+
+
+def d_optimal(first: Array, told: Sequence[Array], count: int) -> list[int]:
+    """Which informations make the determinant of their sum largest, one after the other.
+
+    Args:
+        first: the information that is there already, positive definite, shape (numbers, numbers).
+        told: that of every candidate.
+        count: how many are taken.
+
+    """
+    unit = 1.0 / np.sqrt(np.diag(first))
+    total, added = unit * first * unit[:, None], list[int]()
+    rest = {j: unit * own * unit[:, None] for j, own in enumerate(told)}
+    for _ in range(min(count, len(rest))):
+        best = max(rest, key=lambda j: float(np.linalg.slogdet(total + rest[j])[1]))
+        total = total + rest.pop(best)
+        added.append(best)
+    return added
+
+
+def some(
+    grey: GreyBox,
+    point: Point,
+    gains: Sequence[Any],
+    most: int,
+    columns: Sequence[Array] | None = None,
+) -> GreyBox:
     """The same unknowns on stretches of the records, begun as the filter of a point has it.
 
     Args:
@@ -89,6 +148,7 @@ def some(grey: GreyBox, point: Point, gains: Sequence[Any], most: int) -> GreyBo
         point: a variant at a point, whose failures the stretches are to show.
         gains: Kalman gains there, per record.
         most: samples to be kept; where there are no more, all of them.
+        columns: derivatives there, of which the stretches are to tell, where it fails nowhere.
 
     """
     if grey.samples <= most:
@@ -106,6 +166,7 @@ def some(grey: GreyBox, point: Point, gains: Sequence[Any], most: int) -> GreyBo
         return record.stretches(which, begins)
 
     grey.counter.add(len(grey.records))
-    which = chosen(point.residuals, most, [own.phases for own in gains])
+    _, precision = grey.believed(point.variant)
+    which = chosen(point.residuals, most, [own.phases for own in gains], columns, precision)
     jobs = zip(grey.records, gains, which, strict=True)
     return grey.on(list(grey.pool.map(one, jobs)))

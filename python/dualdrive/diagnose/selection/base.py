@@ -6,12 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import Fitted
 from dualdrive.diagnose.selection.residual_analysis import needs_no_torque, suffices, white
 from dualdrive.estimation.thresholds import threshold
 from dualdrive.identify import FitError
-from dualdrive.innovations import GreyBox, Point, Variant, fit, some
+from dualdrive.innovations import GreyBox, Point, Variant, fit, slopes, some
+
+Array = NDArray[np.float64]
 
 _CHOSEN_ANEW = 3  # times that stretches are chosen where the refitted machine fails
 #: times as many samples as stretches have: records of no more are looked at whole. Stretches begin
@@ -72,10 +77,14 @@ def refitted_base(estimator: Estimator, whole: GreyBox) -> Base:
     if not (white(found) and suffices(estimator.core, grey, found)):
         return Base(grey, found, None)
     everywhere = _to_the_end(estimator, whole, on_all_samples(whole, found))
-    if not white(everywhere):
-        grey = _some(whole, everywhere.point, everywhere.gains)
-        found = _to_the_end(estimator, grey, everywhere)
-    return Base(grey, found, everywhere)
+    if white(everywhere):
+        # where only noise is left, faint laws show where the records tell of a machine at all
+        point = everywhere.point
+        columns = slopes(whole, point, range(len(point.theta)), everywhere.gains)
+        grey = _some(whole, point, everywhere.gains, columns)
+        return Base(grey, on_all_samples(grey, everywhere), everywhere)
+    grey = _some(whole, everywhere.point, everywhere.gains)
+    return Base(grey, _to_the_end(estimator, grey, everywhere), everywhere)
 
 
 def _elsewhere(found: Fitted, everywhere: Fitted) -> bool:
@@ -115,10 +124,12 @@ def _stretches(whole: GreyBox, f: Fitted) -> GreyBox:
     return _some(whole, everywhere.point, everywhere.gains)
 
 
-def _some(whole: GreyBox, point: Point, gains: Sequence[Any]) -> GreyBox:
+def _some(
+    whole: GreyBox, point: Point, gains: Sequence[Any], columns: Sequence[Array] | None = None
+) -> GreyBox:
     """Stretches of records that are long enough for it."""
     most = int(threshold("stretches"))
-    return whole if whole.samples <= _WHOLE * most else some(whole, point, gains, most)
+    return whole if whole.samples <= _WHOLE * most else some(whole, point, gains, most, columns)
 
 
 def _other_valleys(estimator: Estimator, grey: GreyBox, found: Fitted) -> Point | None:
