@@ -23,23 +23,39 @@ DRAW = 7
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("row", "creep"),
+    ("row", "creep", "draw", "noise"),
     [
-        ("delay_motors", 0.0),
-        ("encoder", 0.0),
-        ("shafts", 0.0),
-        ("wear", 0.0),
-        ("cut", 0.0),
-        ("coulomb_motors", 1e-3),
+        ("delay_motors", 0.0, DRAW, 0),
+        ("encoder", 0.0, DRAW, 0),
+        ("shafts", 0.0, DRAW, 0),
+        ("wear", 0.0, DRAW, 0),
+        ("cut", 0.0, DRAW, 0),
+        ("coulomb_motors", 1e-3, DRAW, 0),
+        ("lugre", 0.0, 12, 3),
+        ("dead_time", 0.0, 13, 4),
     ],
-    ids=["delay_motors", "encoder", "shafts", "wear", "cut", "friction_that_creeps"],
+    ids=[
+        "delay_motors",
+        "encoder",
+        "shafts",
+        "wear",
+        "cut",
+        "friction_that_creeps",
+        "bristles",
+        "a_drive_that_is_lost_once",
+    ],
 )
-def test_the_law_that_was_hidden_is_named_with_its_size(row: str, creep: float) -> None:
+def test_the_law_that_was_hidden_is_named_with_its_size(
+    row: str, creep: float, draw: int, noise: int
+) -> None:
     sheet = measured_file("independent_bench/nominal.toml")
-    true, numbers, rng = survey.hidden(row, DRAW, creep)
+    true, numbers, rng = survey.hidden(row, draw, creep)
     effect, place, _ = survey.LAWS[row]
     found = diagnose(
-        Machine.load(sheet), survey.records(true, rng), settings=SLACK, experiment=False
+        Machine.load(sheet),
+        survey.records(true, rng, noise=survey.sensors(noise)),
+        settings=SLACK,
+        experiment=False,
     )
     assert found.verdict == "effect"
     best = found.candidates[0]

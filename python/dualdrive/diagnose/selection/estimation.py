@@ -113,6 +113,26 @@ class Estimator:
         [found] = grey.likelihoods(variant, [(near.theta, noise)])
         return Fitted(found[0], noise, inflation(found[0]), 0.0, found[1]) if found else None
 
+    def beside_nested(self, grey: GreyBox, f: Fitted, nested: Fitted, begun: Array) -> Fitted:
+        """A machine from the noise of another that is it at no size of a law, or as it is.
+
+        One that is less likely than what is nested in it was not found: under as little torque as
+        it needs elsewhere a flank that is mistaken once hides all that it does. Under the torque
+        of the other one its filter follows.
+
+        Args:
+            grey: the records.
+            f: the machine.
+            nested: the other one.
+            begun: numbers of the machine, found on other samples, shape (unknowns,).
+
+        """
+        places = [(theta, nested.noise) for theta in (begun, f.point.theta)]
+        seen = [p[0] for p in grey.likelihoods(f.variant, places) if p]
+        best = min(seen, key=lambda p: p.minus_two_log, default=None)
+        own = best and self.likeliest(grey, f.variant, best.theta, nested.noise)
+        return own if own and own.point.minus_two_log < f.point.minus_two_log else f
+
     def of_order_two(self, grey: GreyBox, f: Fitted) -> Fitted:
         """The same under sensors' noise of order two where the Bayesian criterion asks for it.
 

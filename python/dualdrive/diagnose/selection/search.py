@@ -16,6 +16,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dualdrive.diagnose.laws import clips
 from dualdrive.diagnose.screening import Scored
@@ -30,6 +31,8 @@ from dualdrive.diagnose.selection.sandwich import forget_what_colour_gains
 from dualdrive.diagnose.simulated_errors import Simulation, noise_floor
 from dualdrive.estimation.thresholds import threshold
 from dualdrive.innovations import GreyBox, slopes, some
+
+Array = NDArray[np.float64]
 
 
 def select(
@@ -201,7 +204,17 @@ class _Search:
         self.on = Forward(self.own, self.own.whole, [], grey, faint=self._faint)
         found = self.on.contest.on_these(near)
         nothing = base.everywhere or self._everywhere_refitted(ranking.base, bool(found))
+        begun = {f.variant.key: f.point.theta for f in near}
+        found = [self._no_less_likely(f, nothing, begun[f.variant.key]) for f in found]
         self.on.ranking.keep([nothing, *found])
+
+    def _no_less_likely(self, f: Fitted, nothing: Fitted, begun: Array) -> Fitted:
+        """A law on all samples, sought once more where it is less likely than the numbers alone."""
+        whole = self.own.whole
+        if f.point.minus_two_log < nothing.point.minus_two_log or whole.counter.stop():
+            return f
+        self.own.tell(f"{f.variant.key} under the noise of the numbers alone")
+        return self.own.estimator.beside_nested(whole, f, nothing, begun)
 
     def _search_where_it_fails(self) -> None:
         """Beside the best machine that leaves noise on stretches, on others, where it fails.
