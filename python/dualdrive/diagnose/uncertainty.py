@@ -103,8 +103,10 @@ class Uncertainty:
         """Error on blocks of time that a fit did not see, over that on those it saw.
 
         One Gauss-Newton step takes each block out of the fit, and a replay with the numbers found
-        so tells the block's error (Ljung, System Identification, 16.4). A fit by simulation is not
-        where the filter's own would end: how far that is, is no block's doing.
+        so tells the block's error (Ljung, System Identification, 16.4). A step that the other
+        blocks are worse off with is none: what a command that is late by ticks does is level
+        between these, and jumps. A fit by simulation is not where the filter's own would end: how
+        far that is, is no block's doing, and its steps need not be steps down.
         """
         (point, gains), grey, normal = self._place(f), self.grey, self.about(f)
         deviation = np.sqrt(np.diag(normal.covariance).clip(0.0) + 1e-300)
@@ -120,9 +122,12 @@ class Uncertainty:
             step = np.linalg.solve(H - normal.scale * product, there)
             step = np.clip(step, -_FAR * deviation, _FAR * deviation)
             places.append(np.clip(point.theta + step, low, high))
-        blocks, total = _blocks(point.residuals), 0.0
+        blocks, r, total = _blocks(point.residuals), flat(point.residuals), 0.0
         for b, found in enumerate(grey.points([f.variant] * _BLOCKS, places, gains)):
-            total += float(np.sum(flat(found.residuals)[blocks == b] ** 2))
+            there, seen = flat(found.residuals), blocks != b
+            if f.told_under is None and not there[seen] @ there[seen] < r[seen] @ r[seen]:
+                there = r  # no fit to the others would have taken this step
+            total += float(np.sum(there[~seen] ** 2))
         return float(np.sqrt(total / max(float(normal.squares.sum()), 1e-300)))
 
     def intervals(self, f: Fitted) -> dict[str, Interval]:
