@@ -114,16 +114,16 @@ class Estimator:
         return Fitted(found[0], noise, inflation(found[0]), 0.0, found[1]) if found else None
 
     def beside_nested(self, grey: GreyBox, f: Fitted, nested: Fitted, begun: Array) -> Fitted:
-        """A machine from the noise of another that is it at no size of a law, or as it is.
+        """A machine sought once more under the noise of one nested in it; as it is if no likelier.
 
         One that is less likely than what is nested in it was not found: under as little torque as
-        it needs elsewhere a flank that is mistaken once hides all that it does. Under the torque
-        of the other one its filter follows.
+        it needs elsewhere a flank that is mistaken once hides all that it does. Under the other
+        one's torque its filter follows.
 
         Args:
             grey: the records.
             f: the machine.
-            nested: the other one.
+            nested: the machine without the law: the same at no size of it.
             begun: numbers of the machine, found on other samples, shape (unknowns,).
 
         """
