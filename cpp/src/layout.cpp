@@ -13,9 +13,9 @@ std::string channel_suffix(const std::string& body) {
     return body;
 }
 
-Layout::Layout(const Machine& machine, const Inputs& inputs) {
+Layout::Layout(const Machine& machine, const Inputs& inputs, Delays how) {
     machine.validate();
-    LayoutBuilder(*this, machine, inputs).build();
+    LayoutBuilder(*this, machine, inputs, how).build();
 }
 
 int Layout::signal(std::string_view name) const {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ def grey_box(
     samples: int,
     seed: int,
     noise: Callable[[np.random.Generator, int], Array] = coloured,
-    late: float = 0.0,
+    late: Mapping[str, float] | None = None,
     motion: Any = REVERSALS,
     rounding: Array | None = None,
     first: int = 0,
@@ -32,15 +32,16 @@ def grey_box(
     """The machine's, where the true one has been recorded on a motion.
 
     noise: of the sensors, (random, samples) -> shape (samples, channels)
-    late:  of the first motor's encoder, s
+    late:  channel -> how late its sensor is, s
     rounding: the smallest step of every channel, shape (channels,)
     first: sample with which the record begins, as if the machine had been at rest there
     """
     clean = run(true, {"theta_ref": motion}, samples)
     seen = clean + noise(np.random.default_rng(seed), samples)
-    k = CHANNELS.index("theta_1")
-    rate = np.gradient(clean[:, k], STEP)
-    seen[:, k] += late * (0.5 * late * np.gradient(rate, STEP) - rate)
+    for channel, time in (late or {}).items():
+        k = CHANNELS.index(channel)
+        rate = np.gradient(clean[:, k], STEP)
+        seen[:, k] += time * (0.5 * time * np.gradient(rate, STEP) - rate)
     if rounding is not None:
         seen = rounding * np.round(seen / rounding)
     t = STEP * np.arange(samples, dtype=np.float64)

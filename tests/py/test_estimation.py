@@ -27,7 +27,7 @@ LATE, LATER = 2e-3, 4e-3  # s
 @functools.cache
 def fitted(late: float = LATE) -> tuple[Estimator, GreyBox, Fitted]:
     """What the machine of the data sheet, its encoder not late, leaves of the records."""
-    grey = grey_box(Machine.load("bench"), bench(), SAMPLES, SEED, late=late)
+    grey = grey_box(Machine.load("bench"), bench(), SAMPLES, SEED, late={"theta_1": late})
     estimator, nothing = Estimator(grey.core, grey), Variant(grey.core)
     base = estimator.from_far(grey, nothing, grey.start(nothing))
     assert base is not None

@@ -170,7 +170,7 @@ def test_the_score_points_at_the_law() -> None:
 @pytest.mark.parametrize("late", [2e-4, -2e-4])
 def test_a_delay_that_would_have_to_be_negative_gains_nothing(late: float) -> None:
     true = bench({})
-    own = grey_box(Machine.load("bench"), true, SAMPLES, 3, late=late)
+    own = grey_box(Machine.load("bench"), true, SAMPLES, 3, late={"theta_1": late})
     start, wide = own.start(Variant(own.core)), first_noise(own.core, own.records, 0.01)
     quiet = replace(
         wide,
@@ -190,7 +190,7 @@ def test_a_delay_that_would_have_to_be_negative_gains_nothing(late: float) -> No
 @pytest.mark.parametrize("late", [3e-4, 5e-4, 7e-4, 1.4e-3, 2.5e-3])
 def test_a_reading_of_any_part_of_a_sample_ago_is_followed(late: float) -> None:
     """Under gains that hardly trust the model, corrections by late readings may swing up."""
-    own = grey_box(Machine.load("bench"), bench({}), SAMPLES, 3, late=late)
+    own = grey_box(Machine.load("bench"), bench({}), SAMPLES, 3, late={"theta_1": late})
     blank = tuple(np.zeros_like(r.measured) for r in own.records)
     nothing = Variant(own.core)
     known = Library(own.core, own).variants(

@@ -137,6 +137,40 @@ def test_no_limit_scores_where_none_is_met(seed: int) -> None:
     assert limit_score(seed) < 2.0 * threshold("hopeless")
 
 
+LATE_LOOP = "sensor_delay@motors"
+
+
+@functools.cache
+def late_bench(time: float) -> tuple[GreyBox, Fitted]:
+    """A record of one whose drives have their speeds late, and show their angles so, or do not."""
+    late = {"theta_1": time, "theta_2": time}
+    own = grey_box(Machine.load("bench"), bench({LATE_LOOP: {"time": time}}), 3000, 6, late=late)
+    return own, likeliest(own)
+
+
+@pytest.mark.parametrize("time", [6e-4, 1.9e-3])
+def test_a_speed_that_its_loop_has_late_is_found_at_its_size(time: float) -> None:
+    own, leader = late_bench(time)
+    variant, columns = with_part(own, leader, LATE_LOOP), columns_of(own, leader)
+    scored = Scored(variant, float("nan"), {})
+    found = refitted(Estimator(own.core, own), own, leader, scored, columns)
+    assert found is not None
+    [told] = values(variant.extra, found[0].theta[own.shared :]).values()
+    assert told == pytest.approx(time, rel=0.06)  # the record has it to second order
+
+
+@pytest.mark.parametrize("label", [LATE_LOOP, "sensor_delay@table"])
+def test_none_is_late_where_none_is(label: str) -> None:
+    """A delay of half a sample and more moves noise by a sample, which had been taken for gain."""
+    own, leader = late_bench(0.0)
+    assert gain_of(own, leader, label) < threshold("hopeless")
+
+
+def test_another_sensor_is_not_taken_for_the_late_ones() -> None:
+    own, leader = late_bench(1.9e-3)
+    assert gain_of(own, leader, "sensor_delay@table") < 0.01 * gain_of(own, leader, LATE_LOOP)
+
+
 def test_a_limit_that_few_samples_in_a_thousand_meet_is_told_by_its_score() -> None:
     """Voltage of a short move amid slow ones: nearly all samples lie below two thirds of it."""
     law, limit = "voltage_limit@motors", 1.8

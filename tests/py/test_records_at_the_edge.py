@@ -78,7 +78,7 @@ def test_a_law_of_nought_is_nought_in_the_data_sheets_machine(law: tuple[str, st
 
 def test_a_score_of_a_delay_begins_at_the_size_that_it_tells() -> None:
     """It is probed by a part of a sample, and that is what the regression counts in."""
-    own = grey_box(Machine.load("bench"), bench(), 3000, 3, late=LATE)
+    own = grey_box(Machine.load("bench"), bench(), 3000, 3, late={"theta_1": LATE})
     nothing = Variant(own.core)
     start = own.start(nothing)
     gains = own.gains(nothing, start, first_noise(own.core, own.records, 1e-3))

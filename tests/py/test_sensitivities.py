@@ -96,6 +96,15 @@ def test_a_number_that_moves(path: str, share: float, more: dict[str, Any]) -> N
     assert apart(*both(core, other, seen(core), **more)) < 2e-3
 
 
+@pytest.mark.parametrize("law", ["sensor_delay@motors", "sensor_delay@table"])
+@pytest.mark.parametrize("path", ["table.J", "controller.K_v", "time"])
+def test_a_loop_that_is_late(law: str, path: str) -> None:
+    core = with_law(law, {"time": 1.3e-3})
+    other, own = core.copy(), f"{law}.{path}" if path == "time" else path
+    other.set(own, core.get(own) * (1.0 + 1e-6))
+    assert apart(*both(core, other, seen(core))) < 1e-3
+
+
 def test_a_sensor_that_adds() -> None:
     core = bench()
     assert apart(*both(core, core, seen(core), offsets={"theta_1": 1e-6, "I_2": 1e-4})) < 1e-4

@@ -1,7 +1,7 @@
 // A machine compiled into indices: rigid groups, states, signals, switching elements, delay lines, clocks.
 //
 // Bodies joined rigidly form one group with one speed. States, in this order: group speeds, one twist per connection
-// that is not rigid, the table angle, currents, then what controller blocks and sampled loops remember. The twist of
+// that is not rigid, the table angle, currents, then what controller blocks and sampled loops remember, effects, delays. The twist of
 // a mesh is integrated, not the difference of two absolute angles, or rtol·θ would act on the contact torque.
 // Eq. 23's order of states is a view: the signals of those names (linearise.hpp).
 #pragma once
@@ -37,7 +37,11 @@ struct DelayLine {
     std::string name;
     int source;        // signal
     std::size_t slot;  // the machine's parameter that says how late
+    int state = -1;    // first of its approximant's (-1: exact)
 };
+
+// What signals that are used late make of a machine: a delay equation, or, by Padé's approximant, one of more states.
+enum class Delays { exact, approximant };
 
 struct Layout {
     // Steps that give each body its ratio to its group's reference body, and its angle, walking outward from the table.
@@ -46,7 +50,7 @@ struct Layout {
         bool driver;  // `body` is the connection's driver
     };
 
-    explicit Layout(const Machine& machine, const Inputs& inputs);
+    explicit Layout(const Machine& machine, const Inputs& inputs, Delays how = Delays::exact);
 
     int size() const { return static_cast<int>(state_names.size()); }
     int signal(std::string_view name) const;  // -1 when there is none

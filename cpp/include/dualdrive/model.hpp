@@ -9,6 +9,7 @@
 #include <memory>
 #include <vector>
 
+#include "dualdrive/delay_approximant.hpp"
 #include "dualdrive/effect.hpp"
 #include "dualdrive/layout.hpp"
 #include "dualdrive/machine.hpp"

@@ -10,6 +10,7 @@
 #include "../simulation/mode_rules.hpp"
 #include "../solvers/exact/kernels.hpp"
 #include "dense.hpp"
+#include "dualdrive/effects.hpp"
 
 namespace dualdrive::innovations {
 
@@ -42,10 +43,17 @@ bool feels_no_control(const Machine& machine, const Layout& layout, const Inputs
     const auto none = [](const auto& lists) {
         return std::all_of(lists.begin(), lists.end(), [](const auto& list) { return list.empty(); });
     };
+    // a delay alone is linear, and what is read late are states
+    const auto late = [&](const std::vector<int>& effects) {
+        return std::all_of(effects.begin(), effects.end(), [&](int e) {
+            return effect_type(machine.effects()[static_cast<std::size_t>(e)].name).hooks == hook::delay;
+        });
+    };
     const auto of_user = [](const EffectEntry& e) { return e.of_user(); };
     const auto driven_directly = [](int current) { return current < 0; };
-    return layout.delays.empty() && none(layout.sensor_effects) && none(layout.encoder_effects) &&
-           none(layout.torque_estimates) && (layout.effects_on_inertia.empty() || !inputs.contains("T_load")) &&
+    return std::all_of(layout.sensor_effects.begin(), layout.sensor_effects.end(), late) &&
+           none(layout.encoder_effects) && none(layout.torque_estimates) &&
+           (layout.effects_on_inertia.empty() || !inputs.contains("T_load")) &&
            std::none_of(machine.effects().begin(), machine.effects().end(), of_user) &&
            std::none_of(layout.current.begin(), layout.current.end(), driven_directly);
 }
@@ -56,11 +64,11 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
            std::vector<Output> outputs)
     : machine_(machine),
       record_(record),
-      layout_(machine, record.inputs()),
+      layout_(machine, record.inputs(), Delays::approximant),
       model_(machine, record.inputs(), layout_),
       recorded_(signals_of(layout_, record)),
       reader_(machine, record.inputs(), layout_, record.generator(), recorded_),
-      affine_(!effect_that_is_not_affine(machine) && layout_.delays.empty()),
+      affine_(!effect_that_is_not_affine(machine)),
       scope_(feels_no_control(machine, layout_, record.inputs()) ? Scope::plant : Scope::whole),
       driven_(driven_rows()),
       watching_(watching_guards()),
@@ -118,7 +126,7 @@ Flow::~Flow() = default;
 void Flow::evaluate(double t, const double* y, Scope scope) {
     for (std::size_t b = 0; b < bodies_.size(); ++b)
         pushing_[static_cast<std::size_t>(bodies_[b])] = y[static_cast<std::size_t>(first_disturbance()) + b];
-    model_.evaluate(t, y, {modes_.data(), cell_, memory_.get(), nullptr, nullptr, scope, pushing_.data()});
+    model_.evaluate(t, y, {modes_.data(), cell_, nullptr, nullptr, nullptr, scope, pushing_.data()});
 }
 
 void Flow::start(std::size_t sample, const std::map<std::string, double>& initial) {
@@ -138,7 +146,6 @@ void Flow::start(std::size_t sample, const std::map<std::string, double>& initia
     modes_.assign(layout_.switches.size(), 0);
     for (std::size_t e = 0; e < modes_.size(); ++e)
         if (layout_.switches[e].kind == SwitchKind::branch) modes_[e] = branch::positive;
-    memory_.reset();
     std::copy_n(record_.generator_states(sample), record_.generator().size(), y_.data() + states());
     for (int pass = 0; pass < most_passes; ++pass) {
         bool changed = false;
@@ -158,7 +165,10 @@ void Flow::start(std::size_t sample, const std::map<std::string, double>& initia
                 y_[slot] = model_.signals()[static_cast<std::size_t>(
                     layout_.at.angle[static_cast<std::size_t>(machine_.motors()[m].body)])];
         }
-    if (!layout_.delays.empty()) memory_ = std::make_unique<DelayMemory>(layout_, machine_, h_);
+    // late signals have been what they are
+    for (const DelayLine& line : layout_.delays)
+        if (!initial.contains(layout_.state_names[static_cast<std::size_t>(line.state)]))
+            y_[static_cast<std::size_t>(line.state)] = model_.signals()[static_cast<std::size_t>(line.source)];
     wind_clocks(t);
     now_ = &frozen();
     tick(t);
@@ -196,8 +206,7 @@ bool Flow::advance(double t, double length) {
     }
     const Step* const step = step_of(*now_, length);
     if (!step) {
-        if (!memory_)
-            if (const Step* const near = near_step(*now_, length)) return nearly(t, length, *near);
+        if (const Step* const near = near_step(*now_, length)) return nearly(t, length, *near);
         rest_of_ = along_ = nullptr;
         return through_switches(t, length);
     }
@@ -265,12 +274,6 @@ bool Flow::flow(std::size_t sample) {
         tick_if_due(sample, t = end);
     }
     while (t < end - instant(end)) {
-        if (memory_) {
-            feel(t, y_.data());
-            memory_->go_on(t, model_);
-            std::copy_n(felt_.data(), driven_.size(), y_.data() + n_);
-            rest_of_ = now_;
-        }
         const double stop = std::min(end, next_tick(t));
         if (stop > t + instant(t)) {
             const double step = std::ldexp(h_, -finer_), left = stop - t, length = left > 1.5 * step ? step : left;
@@ -329,7 +332,7 @@ void Flow::correct(std::size_t sample, const KalmanGains::Set& gain, const doubl
             if (modes_[static_cast<std::size_t>(element)] == stick::stuck) y_[resting(element)] = 0.0;
     // a corner of the command may lie at the sample: what holds from now on is what counts
     if (!affine_ && sample + 1 < record_.times().size()) enter(sample);
-    if (holds && !affine_ && !memory_ && rest_of_ == now_) feel_correction(record_.times()[sample], earlier_.data());
+    if (holds && !affine_ && rest_of_ == now_) feel_correction(record_.times()[sample], earlier_.data());
     if (affine_ || rest_of_ == now_)
         guards_near(record_.times()[sample], y_.data(), g0_.data());
     else

@@ -6,10 +6,10 @@
 #include <limits>
 #include <map>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "../solvers/exact/laws.hpp"
-#include "delay_memory.hpp"
 #include "dualdrive/innovations.hpp"
 #include "dualdrive/layout.hpp"
 #include "dualdrive/model.hpp"
@@ -166,7 +166,7 @@ class Flow final {
     // The ticks of all clocks in its modes, where no limit is met.
     void know_ticks(Frozen& frozen);
     // Whether tangents over samples have all that the flow does: nothing is late, and ticks repeat soon.
-    bool told_by_tangents() const { return layout_.delays.empty() && delays_.empty() && !spread_; }
+    bool told_by_tangents() const { return delays_.empty() && !spread_; }
     // Of y.
     int width() const { return n_; }
     // The tangent in these modes, where all laws are affine.
@@ -218,6 +218,8 @@ class Flow final {
     void remainder(double t, const double* y, double* n);
     void enter(std::size_t sample);  // the inputs from a sample on
     bool advance(double t, double length);
+    std::pair<int, double> ring_of(const Eigen::MatrixXd& A, int element) const;
+    void settle_fast_contacts(Eigen::MatrixXd& A, const Modes& modes) const;
     std::vector<Ring> rings_of(const Frozen& frozen, const Modes& modes) const;
     int pieces_for(double length) const;
     std::vector<int> driven_rows() const;
@@ -246,7 +248,8 @@ class Flow final {
     bool through_switches(double t, double length, bool felt = false);
     double leap_to_switch(double most, bool watched);
     double guard_along(double t, double length, int guard, double fraction);
-    double crossing(double t, double length, int guard, double guess);
+    std::pair<int, double> first_fallen(int besides) const;
+    double crossing(double t, double length, int guard, double guess, double end);
     void expand(const double* y, const double* n0, const double* slope, double length);
     void at(double fraction, double* y) const;
     void all_guards(double t, const double* y, double* g);
@@ -341,7 +344,6 @@ class Flow final {
     std::vector<long> ticks_, put_out_;
     std::size_t phases_ = 1;
     bool spread_ = false;  // ticks do not repeat soon: their gains are those of ticks spread over time
-    std::unique_ptr<DelayMemory> memory_;
     long switches_ = 0;
     bool at_end_ = false;  // out_ holds outputs of the present state: no tick came after the last step
 };

@@ -1,6 +1,7 @@
 // Sets of modes made ready: their tangents, and propagators over lengths of time.
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "dense.hpp"
 #include "flow.hpp"
@@ -45,6 +46,20 @@ void Flow::push(Eigen::MatrixXd& A, Eigen::MatrixXd& guards, const Modes& modes)
     }
 }
 
+// A contact that rings faster than samples can show is without rebound: of its phase no record tells, so that the mean of what it
+// does is its rest, and one that had a phase of its own would bounce as no correction could follow. Critical damping takes it
+// there, from nothing at Nyquist's frequency on to all of it at twice that. A simulation has its phase from the start.
+void Flow::settle_fast_contacts(Eigen::MatrixXd& A, const Modes& modes) const {
+    if (bodies_.empty()) return;
+    const Eigen::MatrixXd undamped = A;
+    for (const int element : contacts_) {
+        if (!flank::carries(modes[static_cast<std::size_t>(element)])) continue;
+        const auto [twist, frequency] = ring_of(undamped, element);
+        const double share = std::clamp(frequency * record_.step() / std::numbers::pi - 1.0, 0.0, 1.0);
+        if (share > 0.0) A += (2.0 * share / frequency) * undamped.col(twist) * undamped.row(twist);
+    }
+}
+
 // What disturbances add to the speeds of what dry friction holds.
 Eigen::MatrixXd Flow::creep(const Eigen::MatrixXd& A, const Modes& modes) const {
     Eigen::MatrixXd rates = Eigen::MatrixXd::Zero(n_, disturbance_count());
@@ -65,6 +80,7 @@ Frozen Flow::prepare(const exact::Laws<double>& laws, const Modes& modes) const 
     f.outputs = widened(laws.outputs, laws.outputs.rows());
     f.guards = widened(laws.guards, laws.guards.rows());
     push(f.A, f.guards, modes);
+    settle_fast_contacts(f.A, modes);
     f.creep = creep(f.A, modes);
     f.A.middleCols(first_disturbance(), disturbance_count()) += f.creep;
     f.modes = modes;

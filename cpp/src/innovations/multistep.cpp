@@ -243,7 +243,6 @@ bool Flow::integrate(double t, const Step& step) {
         case Flown::done:
             break;
     }
-    if (memory_) memory_->arrive(t + length, model_);
     return std::isfinite(y_[0]);
 }
 

@@ -191,6 +191,11 @@ void Sensitivities::begin(std::size_t stretch, std::size_t sample, const Flow& f
         double* const x = column(x_, c);
         std::fill_n(x, rows_, 0.0);
         for (std::size_t k = 0; k < names.size(); ++k) x[k] = value(other, names[k]) - value(initial, names[k]);
+        if (!flow.layout().delays.empty()) columns_[c].flow->start(sample, other);
+        for (const DelayLine& line : flow.layout().delays) {
+            const auto k = static_cast<std::size_t>(line.state);
+            x[k] = columns_[c].flow->y()[k] - flow.y()[k];
+        }
         Eigen::Map<VectorXd>(x + size_, static_cast<Eigen::Index>(channels_)) =
             now_->shown * Eigen::Map<const VectorXd>(x, states_) +
             now_->showing[c] * Eigen::Map<const VectorXd>(flow.y(), n_);

@@ -11,17 +11,25 @@ namespace dualdrive::innovations {
 
 namespace {
 
-// Switches within one sample that are located; what chatters faster than that slides on in its last mode till the sample
-// ends, where the record has its say.
-constexpr int most_switches = 12;
+// Switches of a way that are located. Under corrections what chatters faster slides on in its last mode till the sample ends, where
+// the record has its say; a simulation that did would gain energy.
+constexpr int most_switches = 12, most_of_simulation = 1000;
 constexpr int most_passes = 8;  // over the modes, until they stand
-constexpr int most_secants = 8;
+constexpr int most_secants = 40, most_halvings = 12;
 constexpr int most_pieces = 1000;  // of a way, each as long as one series serves: beyond, the machine is none
 constexpr int most_parts = 500;    // of a step, for a contact that rings: an end of all rings
 constexpr double found = 1e-9;     // of the step: a switch is located
 constexpr double most_turn = 0.5;  // rad, of a contact's ring over a step: between its ends hardly more opens
 
 }  // namespace
+
+// The twist of a contact, and how fast it rings about it, rad/s; 0 where it does not.
+std::pair<int, double> Flow::ring_of(const Eigen::MatrixXd& A, int element) const {
+    const Switch& s = layout_.switches[static_cast<std::size_t>(element)];
+    const int twist = layout_.twist[static_cast<std::size_t>(s.index)];
+    const double squared = -A.row(twist).head(states()).dot(A.col(twist).head(states()));
+    return {twist, std::sqrt(std::max(squared, 0.0))};
+}
 
 // Contacts whose ring goes through more than a part of its turn in a step: their guards may fall and rise again within. Only of
 // a simulation, which has its state from nowhere else: under torques of unknown course such a contact is one without rebound,
@@ -32,15 +40,14 @@ std::vector<Ring> Flow::rings_of(const Frozen& frozen, const Modes& modes) const
     for (const int element : contacts_) {
         const auto e = static_cast<std::size_t>(element);
         if (!flank::carries(modes[e])) continue;
-        const auto twist = layout_.twist[static_cast<std::size_t>(layout_.switches[e].index)];
-        const double squared = -frozen.A.row(twist).head(states()).dot(frozen.A.col(twist).head(states()));
-        if (!(squared > std::pow(most_turn / h_, 2))) continue;
+        const double frequency = ring_of(frozen.A, element).second;
+        if (!(frequency > most_turn / h_)) continue;
         for (int which = 0; which < guards_per_switch; ++which) {
             const Eigen::RowVectorXd g = frozen.guards.row(element * guards_per_switch + which);
             if (g.head(states()).isZero(0)) continue;
             const Eigen::RowVectorXd rate = g * frozen.A, second = rate * frozen.A;
             Ring ring;
-            ring.frequency = std::sqrt(squared);
+            ring.frequency = frequency;
             for (const auto* row : {&g, &rate, &second}) ring.rows.insert(ring.rows.end(), row->begin(), row->end());
             rings.push_back(std::move(ring));
         }
@@ -106,25 +113,40 @@ double Flow::guard_along(double t, double length, int guard, double fraction) {
     return model_guard(t + fraction * length, trial_.data(), guard);
 }
 
-// Where a guard falls through zero along the series, in fractions of its length, by the Illinois rule from a first guess on.
-double Flow::crossing(double t, double length, int guard, double guess) {
+// The guard that falls first besides one, as straight lines from g0_ to g1_ would, and where on that way; −1: none has fallen.
+std::pair<int, double> Flow::first_fallen(int besides) const {
+    std::pair<int, double> first{-1, 1.0};
+    for (int k = 0; k < static_cast<int>(guard_count()); ++k) {
+        const auto g = static_cast<std::size_t>(k);
+        if (!(g1_[g] < 0.0) || k == besides) continue;
+        const double at = g0_[g] > 0.0 ? g0_[g] / (g0_[g] - g1_[g]) : 0.0;
+        if (first.first < 0 || at < first.second) first = {k, at};
+    }
+    return first;
+}
+
+// Where a guard falls through zero along the series, before an end where it has (g1_); both in fractions of its length. By the
+// Illinois rule: an end of the interval that stays twice weighs half (Dowell & Jarratt, BIT 11, 1971).
+double Flow::crossing(double t, double length, int guard, double guess, double end) {
     const auto f = static_cast<std::size_t>(guard);
     const Eigen::Map<const Eigen::MatrixXd> terms(terms_.data(), exact::padded(n_), order_ + 1);
     Eigen::Map<Eigen::RowVectorXd>(falling_.data(), order_ + 1) = now_->guards.row(guard) * terms.topRows(n_);
-    double low = 0.0, high = 1.0, at_low = std::max(g0_[f], 0.0), at_high = g1_[f];
-    double fraction = guess;
-    for (int k = 0; k < most_secants && fraction > 0.0 && high - low > found; ++k) {
+    const double rounding = 1e-12 * (std::abs(g0_[f]) + std::abs(g1_[f]));
+    double low = 0.0, high = end, at_low = g0_[f], at_high = g1_[f], fraction = guess;
+    // of what has just switched it begins at zero, below or above by rounding, and may rise first
+    for (int k = 1; !(at_low > rounding) && k <= most_halvings; ++k)
+        at_low = guard_along(t, length, guard, low = std::ldexp(end, -k));
+    if (!(at_low > rounding)) return 0.0;
+    if (low > 0.0) fraction = low + (high - low) * at_low / (at_low - at_high);
+    int moved = 0;  // which end did: −1 the lower one, 1 the upper one
+    for (int k = 0; k < most_secants && high - low > found; ++k) {
         const double g = guard_along(t, length, guard, fraction);
-        if (std::abs(g) <= 1e-12 * (std::abs(g0_[f]) + std::abs(g1_[f]))) break;
-        if (g > 0.0) {
-            low = fraction;
-            at_low = g;
-            at_high /= 2;
-        } else {
-            high = fraction;
-            at_high = g;
-            at_low /= 2;
-        }
+        if (std::abs(g) <= rounding) break;
+        const int moves = g > 0.0 ? -1 : 1;
+        (moves < 0 ? low : high) = fraction;
+        (moves < 0 ? at_low : at_high) = g;
+        if (moves == moved) (moves < 0 ? at_high : at_low) /= 2;
+        moved = moves;
         fraction = low + (high - low) * at_low / (at_low - at_high);
     }
     return fraction;
@@ -166,11 +188,12 @@ double Flow::leap_to_switch(double most, bool watched) {
 // From t on: straight on if no guard falls, else to the first switch, and on from there.
 // felt: what laws add was felt at both ends of the length already.
 bool Flow::through_switches(double t, double length, bool felt) {
+    const int most_located = bodies_.empty() ? most_of_simulation : most_switches;
     double left = length;
     for (int count = 0, pieces = 0; left > found * length;) {
-        if (++pieces > most_pieces + most_switches) return false;
+        if (++pieces > most_pieces + most_located) return false;
         const double most = left / pieces_for(left), piece = std::min(most, longest_series / now_->bound);
-        if (const double leapt = piece < most ? leap_to_switch(most, count < most_switches) : 0.0; leapt > 0.0) {
+        if (const double leapt = piece < most ? leap_to_switch(most, count < most_located) : 0.0; leapt > 0.0) {
             if (!std::isfinite(y_[0])) return false;
             t += leapt;
             left -= leapt;
@@ -182,21 +205,18 @@ bool Flow::through_switches(double t, double length, bool felt) {
         if (!std::isfinite(trial_[0])) return false;
         int fallen = -1;
         double fraction = 1.0;
-        if (count < most_switches) {
+        if (count < most_located) {
             all_guards(t, y_.data(), g0_.data());
             all_guards(t + piece, trial_.data(), g1_.data());
-            for (std::size_t k = 0; k < guard_count(); ++k) {
-                if (!(g1_[k] < 0.0)) continue;
-                const double at = g0_[k] > 0.0 ? g0_[k] / (g0_[k] - g1_[k]) : 0.0;
-                if (fallen < 0 || at < fraction) {
-                    fraction = at;
-                    fallen = static_cast<int>(k);
-                }
+            // till none has fallen before: the lines that guess which is first are but chords
+            for (std::size_t tries = 0; tries < guard_count() && fraction > 0.0; ++tries) {
+                const auto [next, guess] = first_fallen(fallen);
+                if (next < 0) break;
+                fallen = next;
+                fraction = crossing(t, piece, fallen, guess * fraction, fraction);
+                at(fraction, trial_.data());
+                all_guards(t + fraction * piece, trial_.data(), g1_.data());
             }
-        }
-        if (fallen >= 0) {
-            fraction = crossing(t, piece, fallen, fraction);
-            at(fraction, trial_.data());
         }
         std::copy_n(trial_.data(), n_, y_.data());
         t += fraction * piece;

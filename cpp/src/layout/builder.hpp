@@ -10,7 +10,8 @@ namespace dualdrive {
 
 class LayoutBuilder {
   public:
-    LayoutBuilder(Layout& layout, const Machine& machine, const Inputs& inputs) : l(layout), m(machine), in(inputs) {}
+    LayoutBuilder(Layout& layout, const Machine& machine, const Inputs& inputs, Delays delays)
+        : l(layout), m(machine), in(inputs), delays_are(delays) {}
 
     void build() {
         group_bodies();
@@ -29,6 +30,7 @@ class LayoutBuilder {
     Layout& l;
     const Machine& m;
     const Inputs& in;
+    const Delays delays_are;
 
     int state(const std::string& name, const std::string& unit) {
         l.state_names.push_back(name);

@@ -2,6 +2,7 @@
 #include <stdexcept>
 
 #include "builder.hpp"
+#include "dualdrive/delay_approximant.hpp"
 #include "dualdrive/effects.hpp"
 
 namespace dualdrive {
@@ -78,6 +79,14 @@ void LayoutBuilder::delay_lines() {
             const auto b = static_cast<std::size_t>(body);
             l.delays.push_back({entry.label + ".delay", table ? l.at.angle[b] : l.at.speed[b], entry.first});
         }
+    if (delays_are == Delays::exact) return;
+    for (std::size_t k = 0; k < l.delays.size(); ++k) {
+        DelayLine& line = l.delays[k];
+        line.state = l.size();
+        for (int i = 0; i < DelayApproximant::order; ++i)
+            state(line.name + "_" + std::to_string(k) + "[" + std::to_string(i) + "]",
+                  l.signals[static_cast<std::size_t>(line.source)].unit);
+    }
 }
 
 }  // namespace dualdrive

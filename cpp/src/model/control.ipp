@@ -5,6 +5,7 @@ namespace dualdrive {
 template <class S>
 S Model<S>::delayed(int line, const S& t) const {
     const DelayLine& d = layout_.delays[static_cast<std::size_t>(line)];
+    if (d.state >= 0) return DelayApproximant::output(state_ + d.state);
     const S& delay = delay_[static_cast<std::size_t>(line)];
     if (!now_.past) return signal_[static_cast<std::size_t>(d.source)];
     const double shift = value_of(delay);

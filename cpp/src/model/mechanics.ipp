@@ -362,6 +362,10 @@ void Model<S>::control_rates(const S* z) {
                                               &rate_[static_cast<std::size_t>(s)]);
     if (layout_.tension_filter >= 0 && layout_.blocks[static_cast<std::size_t>(layout_.tension_block[0])].held < 0)
         rate_[static_cast<std::size_t>(layout_.tension_filter)] = tension_rate_;
+    for (std::size_t k = 0; k < layout_.delays.size(); ++k)
+        if (const DelayLine& line = layout_.delays[k]; line.state >= 0)
+            DelayApproximant::flow(signal_[static_cast<std::size_t>(line.source)], delay_[k], z + line.state,
+                                   &rate_[static_cast<std::size_t>(line.state)]);
 }
 
 template <class S>

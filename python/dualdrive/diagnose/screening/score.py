@@ -115,7 +115,7 @@ def scores(
     jobs: list[_Job] = []
     way = travel(grey)
     for k, v in enumerate(variants):
-        if brings_states(v.effects[-1][0]):
+        if brings_states(v):
             continue  # the base's gains are none for it
         own = v.extra[len(base.variant.extra) :]
         for probe in _probes(v.grown, own, way):

@@ -12,7 +12,7 @@ import numpy as np
 from dualdrive import _core
 from dualdrive.diagnose.candidates import candidates, parts_of
 from dualdrive.diagnose.hypotheses import Hypothesis, is_strength
-from dualdrive.diagnose.laws import carrier, lowest_order
+from dualdrive.diagnose.laws import carrier, is_late, lowest_order
 from dualdrive.diagnose.orders import LOW
 from dualdrive.diagnose.screening.orders import strongest_orders
 from dualdrive.estimation.unknowns import Unknown, unknowns
@@ -244,10 +244,15 @@ def usual_sizes(core: Any, grey: GreyBox) -> dict[str, float]:
     return {**known, "delay": _DELAY}
 
 
-def brings_states(effect: str) -> bool:
-    """Whether a machine has other states with it: a part that is put in, or a law with a memory."""
+def brings_states(variant: Variant) -> bool:
+    """Whether a machine has other states with the last effect of a variant.
+
+    A part that is put in, a law with a memory, or a signal that its loop has late.
+    """
+    effect, place = variant.effects[-1]
     own = _core.effect_type(effect)
-    return bool(own.structural or own.memory)
+    looped = is_late(own) and place not in _core.recorded_channels(variant.grown)
+    return bool(own.structural or own.memory or looped)
 
 
 def _counted(effect: str) -> str:

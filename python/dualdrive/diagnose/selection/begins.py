@@ -70,7 +70,7 @@ def in_its_place(library: Library, grey: GreyBox, known: Fitted, variant: Varian
 
     """
     rest = library.without(known.variant, known.variant.effects[-1])
-    if rest is None or any(brings_states(v.effects[-1][0]) for v in (known.variant, variant)):
+    if rest is None or any(map(brings_states, (known.variant, variant))):
         return None
     paths = [p.path for p in rest.extra]
     if paths != [p.path for p in variant.extra[: len(paths)]]:

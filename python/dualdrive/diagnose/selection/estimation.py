@@ -111,7 +111,9 @@ class Estimator:
         least = rival - begin[0].log_det
         near = fit(grey, variant, begin[0].theta, begin[1], shared_columns=columns, rival=least)
         [found] = grey.likelihoods(variant, [(near.theta, noise)])
-        return Fitted(found[0], noise, inflation(found[0]), 0.0, found[1]) if found else None
+        if found is None or found[0].minus_two_log > begin[0].minus_two_log:
+            found = begin  # what gains that were held promised, those of its own do not keep
+        return Fitted(found[0], noise, inflation(found[0]), 0.0, found[1])
 
     def beside_nested(self, grey: GreyBox, f: Fitted, nested: Fitted, begun: Array) -> Fitted:
         """A machine sought once more under the noise of one nested in it; as it is if no likelier.

@@ -52,7 +52,7 @@ _AT_A_LIMIT = (0.93, 0.965, 1.0, 1.04, 1.08, 1.15, 1.22, 1.3, 1.5, 1.75, 2.0)
 
 def is_part(variant: Variant) -> bool:
     """Whether its last effect is a part of the machine with states of its own."""
-    return brings_states(variant.effects[-1][0])
+    return brings_states(variant)
 
 
 def is_joint(variant: Variant) -> bool:
@@ -110,6 +110,9 @@ def part_score(
     leader's numbers could do as well, is its regressor; the best of several sizes counts. One-sided
     like the score of a law: no part is there to a negative degree.
 
+    What a delay does is no multiple of what it does at another size, and it moves noise from one
+    sample to another. Of it counts what is left at a size once the leader's numbers have answered.
+
     Args:
         grey: the records.
         point: the leader.
@@ -126,17 +129,24 @@ def part_score(
         there[known] *= factor
         places.append((there, noise))
     best, start = 0.0, places[0][0]
+    least, size = float(rest @ rest) + point.log_det, variant.extra[known - grey.shared]
     for (there, _), found in zip(places, grey.likelihoods(variant, places), strict=True):
         if found is None:
             continue
-        change = apart(flat(found[0].residuals) - r)
-        size = max(float(np.linalg.norm(change)), 1e-300)
-        along = -float(change @ rest) / size
-        if along > best:
-            best, start = along, there
-            if variant.extra[known - grey.shared].strength:  # as much of it as the rest asks for
-                start[known] *= along / size
-    return PartScore(best**2 / inflation(point), start)
+        theirs = flat(found[0].residuals)
+        if _is_delay(size):
+            answered = apart(theirs)
+            gain, begin = least - float(answered @ answered) - found[0].log_det, there
+        else:
+            change = apart(theirs - r)
+            norm = max(float(np.linalg.norm(change)), 1e-300)
+            along = -float(change @ rest) / norm
+            gain, begin = max(along, 0.0) ** 2, there.copy()
+            if size.strength:  # as much of it as the rest asks for
+                begin[known] *= along / norm
+        if gain > best:
+            best, start = gain, begin
+    return PartScore(best / inflation(point), start)
 
 
 def part_refitted(
