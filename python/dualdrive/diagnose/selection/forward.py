@@ -132,15 +132,15 @@ class Forward:
                 break
             leader = self.backward.eliminated(best, proven=1)
             self.own.leader.judged(leader.variant.key, f"gain {gained:.3g}")
-            self.simulated = self._without_unknown_torque(leader)
+            self.simulated = self.without_unknown_torque(leader)
             if self.simulated:
                 break
             if len(leader.variant.effects) == _PAIR and not self.contest.leaves_noise(leader):
                 leader = self._swapped(leader)
 
-    def _without_unknown_torque(self, leader: Fitted) -> Fitted | None:
+    def without_unknown_torque(self, leader: Fitted) -> Fitted | None:
         """A joint that opens, by its simulation, if that is likelier than any filter of it."""
-        if not opens(leader.variant) or self.contest.suffices(leader):
+        if not opens(leader.variant) or self.contest.leaves_noise(leader):
             return None
         self.own.tell(f"simulating {leader.variant.key}")
         return without_unknown_torque(self.own.estimator, self.own.whole, leader)

@@ -9,22 +9,31 @@ that of a filter under its own torque.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dualdrive import _core
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import Fitted
 from dualdrive.estimation.thresholds import threshold
 from dualdrive.identify.closed_loop import FitError, Problem, channels_to_fit
 from dualdrive.identify.search import Search
-from dualdrive.innovations import GreyBox, Variant, coordinates, values
+from dualdrive.innovations import GreyBox, Noise, Variant, coordinates, values
 from dualdrive.mapper import Threads
+
+Array = NDArray[np.float64]
 
 _SIMULATIONS = 1500  # of single records, at most, in a round
 _ROUNDS = 3  # of least squares, at most, each under the weights of what the one before left
 _PRECISION = 1e-4  # of a round's sum of squares: the likelihood goes on from there
+
+#: a joint's play and stiffness, times a filter's, and its damping, times the usual one: where its
+#: simulation may begin
+_WIDER, _STIFFER, _DAMPED = tuple(1.25**k for k in range(-1, 4)), (1.0, 10.0), (0.0, 0.1, 1.0)
 
 
 def opens(variant: Variant) -> bool:
@@ -55,8 +64,10 @@ def by_simulation(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted | No
     """
     variant, played = f.variant, [r.record for r in grey.records]
     parameters, n = [*grey.nominal, *variant.extra], len(grey.nominal)
-    at = values(variant.extra, f.point.theta[grey.shared :])
-    start = [*f.point.theta[:n], *(p.coordinate(at[p.path]) for p in variant.extra)]
+    noise = replace(f.noise, torque={}, creep={})
+    begun = _likeliest_joint(grey, f, noise)
+    at = values(variant.extra, begun[grey.shared :])
+    start = [*begun[:n], *(p.coordinate(at[p.path]) for p in variant.extra)]
     mapper = Threads(grey.threads)
     channels = channels_to_fit(played, None)
     problem = Problem(variant.grown, played, parameters, [], channels=channels, mapper=mapper)
@@ -73,7 +84,6 @@ def by_simulation(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted | No
     low, high = problem.bounds
     point = np.clip(np.r_[start, problem.start[len(parameters) :]], low, high)
     best: Fitted | None = None
-    noise = replace(f.noise, torque={}, creep={})
     for _ in range(_ROUNDS):
         search = Search(problem, _SIMULATIONS, told, _PRECISION, rounds=1)
         search.first = point
@@ -95,3 +105,27 @@ def by_simulation(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted | No
         return None
     own = estimator.likeliest(grey, variant, best.point.theta, best.noise)
     return replace(own or best, told_under=f.noise)
+
+
+def _likeliest_joint(grey: GreyBox, f: Fitted, noise: Noise) -> Array:
+    """The numbers of a machine, its joint the likeliest of several to a simulation.
+
+    A filter has a contact without rebound: it does not tell the damping, and takes what rebounds do
+    for a softer and a narrower joint. Shape (unknowns,).
+    """
+    own = f.variant.extra
+    at, usual = values(own, f.point.theta[grey.shared :]), values(own, coordinates(own, {}))
+    brings = {e: str(_core.effect_type(e).brings) for e, _ in f.variant.effects}
+    begins = [f.point.theta]
+    for wider, stiffer, damped in itertools.product(_WIDER, _STIFFER, _DAMPED):
+        joint = dict(at)
+        for p in own:
+            effect = p.path.partition("@")[0]
+            if brings.get(effect):
+                joint[p.path] *= {"rad": wider, "N*m/rad": stiffer}.get(p.unit, 1.0)
+            elif effect in brings.values():
+                joint[p.path] = damped * usual[p.path]
+        begins.append(np.r_[f.point.theta[: grey.shared], coordinates(own, joint)])
+    seen = [p[0] for p in grey.likelihoods(f.variant, [(x, noise) for x in begins]) if p]
+    best = min(seen, key=lambda p: p.minus_two_log, default=f.point)
+    return best.theta

@@ -74,9 +74,12 @@ class _Search:
                 deceptive = self.on.contest.leaves_noise(self.on.ranking.best)
                 self._on_all_samples(base)
                 if deceptive and not self.on.contest.leaves_noise(self.on.ranking.best):
-                    self._search_where_it_fails()
+                    self._simulated = self.on.without_unknown_torque(self.on.ranking.best)
+                    if not self._simulated:
+                        self._search_where_it_fails()
                 # what all samples need no longer
-                self.on.backward.eliminated(self.on.ranking.best)
+                if not self._simulated:
+                    self.on.backward.eliminated(self.on.ranking.best)
         if self._simulated:
             self._keep_simulated(self._simulated)
         else:
