@@ -31,7 +31,7 @@ def test_numbers_that_a_stretch_does_not_tell_begin_again_where_they_fail() -> N
     blank = tuple(np.zeros_like(r.measured) for r in own.records)
     base = Point(nothing, own.start(nothing), blank, 0.0, 0.0)
     [law] = [v for v in Library(own.core, own).variants(nothing, base) if v.label == LAW]
-    few = own.on([r.stretches([(0, 600)], r.begins) for r in own.records])
+    few = own.on([r.stretches([(0, 400)], r.begins) for r in own.records])
     near = estimator.from_far(few, law, few.start(law))
     assert near is not None
     there = estimator.likeliest(few, law, near.point.theta, near.noise)

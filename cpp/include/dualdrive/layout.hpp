@@ -40,7 +40,8 @@ struct DelayLine {
     int state = -1;    // first of its approximant's (-1: exact)
 };
 
-// What signals that are used late make of a machine: a delay equation, or, by Padé's approximant, one of more states.
+// What signals that are used late make of a machine: a delay equation, or, by Padé's approximant, one of more states; but for
+// what a sampled loop puts out in steps.
 enum class Delays { exact, approximant };
 
 struct Layout {

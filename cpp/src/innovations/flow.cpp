@@ -51,7 +51,7 @@ bool feels_no_control(const Machine& machine, const Layout& layout, const Inputs
     };
     const auto of_user = [](const EffectEntry& e) { return e.of_user(); };
     const auto driven_directly = [](int current) { return current < 0; };
-    return std::all_of(layout.sensor_effects.begin(), layout.sensor_effects.end(), late) &&
+    return !keeps_past(layout) && std::all_of(layout.sensor_effects.begin(), layout.sensor_effects.end(), late) &&
            none(layout.encoder_effects) && none(layout.torque_estimates) &&
            (layout.effects_on_inertia.empty() || !inputs.contains("T_load")) &&
            std::none_of(machine.effects().begin(), machine.effects().end(), of_user) &&
@@ -68,7 +68,7 @@ Flow::Flow(const Machine& machine, const SampledRecord& record, int substeps, co
       model_(machine, record.inputs(), layout_),
       recorded_(signals_of(layout_, record)),
       reader_(machine, record.inputs(), layout_, record.generator(), recorded_),
-      affine_(!effect_that_is_not_affine(machine)),
+      affine_(!effect_that_is_not_affine(machine) && !keeps_past(layout_)),
       scope_(feels_no_control(machine, layout_, record.inputs()) ? Scope::plant : Scope::whole),
       driven_(driven_rows()),
       watching_(watching_guards()),
@@ -126,7 +126,7 @@ Flow::~Flow() = default;
 void Flow::evaluate(double t, const double* y, Scope scope) {
     for (std::size_t b = 0; b < bodies_.size(); ++b)
         pushing_[static_cast<std::size_t>(bodies_[b])] = y[static_cast<std::size_t>(first_disturbance()) + b];
-    model_.evaluate(t, y, {modes_.data(), cell_, nullptr, nullptr, nullptr, scope, pushing_.data()});
+    model_.evaluate(t, y, {modes_.data(), cell_, memory_.get(), nullptr, nullptr, scope, pushing_.data()});
 }
 
 void Flow::start(std::size_t sample, const std::map<std::string, double>& initial) {
@@ -146,6 +146,7 @@ void Flow::start(std::size_t sample, const std::map<std::string, double>& initia
     modes_.assign(layout_.switches.size(), 0);
     for (std::size_t e = 0; e < modes_.size(); ++e)
         if (layout_.switches[e].kind == SwitchKind::branch) modes_[e] = branch::positive;
+    memory_.reset();
     std::copy_n(record_.generator_states(sample), record_.generator().size(), y_.data() + states());
     for (int pass = 0; pass < most_passes; ++pass) {
         bool changed = false;
@@ -167,8 +168,9 @@ void Flow::start(std::size_t sample, const std::map<std::string, double>& initia
         }
     // late signals have been what they are
     for (const DelayLine& line : layout_.delays)
-        if (!initial.contains(layout_.state_names[static_cast<std::size_t>(line.state)]))
+        if (line.state >= 0 && !initial.contains(layout_.state_names[static_cast<std::size_t>(line.state)]))
             y_[static_cast<std::size_t>(line.state)] = model_.signals()[static_cast<std::size_t>(line.source)];
+    if (keeps_past(layout_)) memory_ = std::make_unique<DelayMemory>(layout_, machine_, h_);
     wind_clocks(t);
     now_ = &frozen();
     tick(t);
@@ -206,7 +208,8 @@ bool Flow::advance(double t, double length) {
     }
     const Step* const step = step_of(*now_, length);
     if (!step) {
-        if (const Step* const near = near_step(*now_, length)) return nearly(t, length, *near);
+        if (!memory_)
+            if (const Step* const near = near_step(*now_, length)) return nearly(t, length, *near);
         rest_of_ = along_ = nullptr;
         return through_switches(t, length);
     }
@@ -274,6 +277,12 @@ bool Flow::flow(std::size_t sample) {
         tick_if_due(sample, t = end);
     }
     while (t < end - instant(end)) {
+        if (memory_) {
+            feel(t, y_.data());
+            memory_->go_on(t, model_);
+            std::copy_n(felt_.data(), driven_.size(), y_.data() + n_);
+            rest_of_ = now_;
+        }
         const double stop = std::min(end, next_tick(t));
         if (stop > t + instant(t)) {
             const double step = std::ldexp(h_, -finer_), left = stop - t, length = left > 1.5 * step ? step : left;
@@ -332,7 +341,7 @@ void Flow::correct(std::size_t sample, const KalmanGains::Set& gain, const doubl
             if (modes_[static_cast<std::size_t>(element)] == stick::stuck) y_[resting(element)] = 0.0;
     // a corner of the command may lie at the sample: what holds from now on is what counts
     if (!affine_ && sample + 1 < record_.times().size()) enter(sample);
-    if (holds && !affine_ && rest_of_ == now_) feel_correction(record_.times()[sample], earlier_.data());
+    if (holds && !affine_ && !memory_ && rest_of_ == now_) feel_correction(record_.times()[sample], earlier_.data());
     if (affine_ || rest_of_ == now_)
         guards_near(record_.times()[sample], y_.data(), g0_.data());
     else

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <limits>
 #include <map>
 #include <memory>
@@ -10,6 +11,7 @@
 #include <vector>
 
 #include "../solvers/exact/laws.hpp"
+#include "delay_memory.hpp"
 #include "dualdrive/innovations.hpp"
 #include "dualdrive/layout.hpp"
 #include "dualdrive/model.hpp"
@@ -91,6 +93,11 @@ inline bool any_negative(const double* g, std::size_t count) {
     return any;
 }
 
+// Whether signals of the past come back into a machine that are no states of it.
+inline bool keeps_past(const Layout& layout) {
+    return std::any_of(layout.delays.begin(), layout.delays.end(), [](const DelayLine& d) { return d.state < 0; });
+}
+
 class Flow final {
   public:
     // How a channel shows.
@@ -166,7 +173,7 @@ class Flow final {
     // The ticks of all clocks in its modes, where no limit is met.
     void know_ticks(Frozen& frozen);
     // Whether tangents over samples have all that the flow does: nothing is late, and ticks repeat soon.
-    bool told_by_tangents() const { return delays_.empty() && !spread_; }
+    bool told_by_tangents() const { return !keeps_past(layout_) && delays_.empty() && !spread_; }
     // Of y.
     int width() const { return n_; }
     // The tangent in these modes, where all laws are affine.
@@ -344,6 +351,7 @@ class Flow final {
     std::vector<long> ticks_, put_out_;
     std::size_t phases_ = 1;
     bool spread_ = false;  // ticks do not repeat soon: their gains are those of ticks spread over time
+    std::unique_ptr<DelayMemory> memory_;
     long switches_ = 0;
     bool at_end_ = false;  // out_ holds outputs of the present state: no tick came after the last step
 };

@@ -134,7 +134,8 @@ bool Flow::comes_as(const Lifted& own, double begin, double end) const {
 
 // From a sample to the next one, its own ticks left to do; false where that takes more than one step.
 bool Flow::leap(std::size_t sample) {
-    if (layout_.clocks.empty() || spread_ || substeps_ > 1 || finer_ > 0 || !ticks_are_affine()) return false;
+    if (layout_.clocks.empty() || memory_ || spread_ || substeps_ > 1 || finer_ > 0 || !ticks_are_affine())
+        return false;
     const double begin = record_.times()[sample], end = record_.times()[sample + 1];
     if (std::abs(end - begin - h_) > same * h_) return false;
     if (!relaxing_.empty() && octaves() != octaves_) now_ = &frozen();

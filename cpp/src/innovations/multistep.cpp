@@ -243,6 +243,7 @@ bool Flow::integrate(double t, const Step& step) {
         case Flown::done:
             break;
     }
+    if (memory_) memory_->arrive(t + length, model_);
     return std::isfinite(y_[0]);
 }
 

@@ -57,7 +57,7 @@ const double* Flow::block_rates(double t, const double* y, int held) {
         const Eigen::Map<const Eigen::VectorXd> disturbances(y + first_disturbance(), disturbance_count());
         Eigen::Map<Eigen::VectorXd>(rates_.data(), states()) += now_->creep.topRows(states()) * disturbances;
     }
-    rates_of_blocks(*along_the_way_, t, y, rates_.data(), {modes_.data(), cell_, nullptr, nullptr}, z_along_,
+    rates_of_blocks(*along_the_way_, t, y, rates_.data(), {modes_.data(), cell_, memory_.get(), nullptr}, z_along_,
                     block_rates_);
     return block_rates_.data();
 }

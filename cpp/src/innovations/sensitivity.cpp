@@ -192,7 +192,7 @@ void Sensitivities::begin(std::size_t stretch, std::size_t sample, const Flow& f
         std::fill_n(x, rows_, 0.0);
         for (std::size_t k = 0; k < names.size(); ++k) x[k] = value(other, names[k]) - value(initial, names[k]);
         if (!flow.layout().delays.empty()) columns_[c].flow->start(sample, other);
-        for (const DelayLine& line : flow.layout().delays) {
+        for (const DelayLine& line : flow.layout().delays) {  // told_by_tangents: all are states
             const auto k = static_cast<std::size_t>(line.state);
             x[k] = columns_[c].flow->y()[k] - flow.y()[k];
         }

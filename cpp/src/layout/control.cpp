@@ -82,6 +82,9 @@ void LayoutBuilder::delay_lines() {
     if (delays_are == Delays::exact) return;
     for (std::size_t k = 0; k < l.delays.size(); ++k) {
         DelayLine& line = l.delays[k];
+        const bool command = static_cast<int>(k) == l.command_delay || static_cast<int>(k) == l.slave_delay;
+        if (command && controller().position_sample > 0)
+            continue;  // it comes in steps, which no rational filter passes on
         line.state = l.size();
         for (int i = 0; i < DelayApproximant::order; ++i)
             state(line.name + "_" + std::to_string(k) + "[" + std::to_string(i) + "]",
