@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
-from dualdrive.diagnose.laws import clips
+from dualdrive.diagnose.laws import clips, is_late
 from dualdrive.diagnose.screening import brings_states, residual_maker
 from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.estimation.thresholds import threshold
@@ -110,8 +110,8 @@ def part_score(
     leader's numbers could do as well, is its regressor; the best of several sizes counts. One-sided
     like the score of a law: no part is there to a negative degree.
 
-    What a delay does is no multiple of what it does at another size, and it moves noise from one
-    sample to another. Of it counts what is left at a size once the leader's numbers have answered.
+    What a late sensor does is no multiple of what it does at another size, and it moves noise from
+    one sample to another. Of it counts what is left once the leader's numbers have answered.
 
     Args:
         grey: the records.
@@ -134,7 +134,7 @@ def part_score(
         if found is None:
             continue
         theirs = flat(found[0].residuals)
-        if _is_delay(size):
+        if is_late(_core.effect_type(variant.effects[-1][0])):
             answered = apart(theirs)
             gain, begin = least - float(answered @ answered) - found[0].log_det, there
         else:
