@@ -22,10 +22,7 @@ LAW, TORQUE = "coulomb@table", 0.4
 
 @pytest.mark.long
 def test_numbers_that_a_stretch_does_not_tell_begin_again_where_they_fail() -> None:
-    """At first the table turns one way alone: how strong dry friction is backwards is not told.
-
-    Refitted on all samples from there a search had ended 6,700 above this one's -2 log L.
-    """
+    """At first the table turns one way alone: how strong dry friction is backwards is not told."""
     own = grey_box(Machine.load("bench"), bench({LAW: {"torque": TORQUE}}), 12000, 3)
     estimator, nothing = Estimator(own.core, own), Variant(own.core)
     blank = tuple(np.zeros_like(r.measured) for r in own.records)

@@ -115,14 +115,8 @@ def test_without_unknown_torque_it_is_a_simulation(
     assert found["switches"] > 4, "the meshes' flanks open and close in this record"
 
 
-@pytest.mark.parametrize(
-    ("stiffness", "damping", "error"),
-    [(4e5, 0.0, 1e-6), (4e6, 0.36, 1e-6)],
-    ids=["undamped", "damped"],
-)
-def test_a_rattle_is_followed_bounce_by_bounce(
-    stiffness: float, damping: float, error: float
-) -> None:
+@pytest.mark.parametrize(("stiffness", "damping"), [(4e5, 0.0), (4e6, 0.36)])
+def test_a_rattle_is_followed_bounce_by_bounce(stiffness: float, damping: float) -> None:
     """Up to 28 contacts open and close within a sample, of two drives that are not quite alike.
 
     One bounce that is missed or put in the wrong order feeds the rattle.
@@ -143,7 +137,7 @@ def test_a_rattle_is_followed_bounce_by_bounce(
     truth = run(core, inputs, samples)
     found = predicted(core, record(inputs, truth), {}, states=True)
     off = np.sqrt(np.mean(found["innovations"] ** 2, axis=0)) / np.std(truth, axis=0)
-    assert np.max(off[:3]) < error
+    assert np.max(off[:3]) < 1e-6
     assert found["switches"] == pytest.approx(len(events), rel=0.01)
 
 
@@ -302,7 +296,7 @@ def test_they_are_white_through_every_change_of_contact() -> None:
 def test_they_are_small_where_a_contact_rings_between_samples(
     stiffness: float, tension: float
 ) -> None:
-    """A play that rattles without loss at 1 to 40 kHz: with rebounds they were 20 times the noise.
+    """A play that rattles without loss: with rebounds their square was 12 to 700, or infinite.
 
     What rebounds it has no correction could follow; what it does on the whole is told.
     """

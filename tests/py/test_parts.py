@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from bench_record import grey_box
 from dualdrive import Machine, _core
-from dualdrive.diagnose.screening import Library, Scored
+from dualdrive.diagnose.screening import Library, Scored, is_part
 from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.diagnose.selection.fitted import Fitted
 from dualdrive.diagnose.selection.parts import (
     is_joint,
-    is_part,
     may_be_missing,
     part_refitted,
     part_score,

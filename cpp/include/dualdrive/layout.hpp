@@ -1,8 +1,8 @@
 // A machine compiled into indices: rigid groups, states, signals, switching elements, delay lines, clocks.
 //
 // Bodies joined rigidly form one group with one speed. States, in this order: group speeds, one twist per connection
-// that is not rigid, the table angle, currents, then what controller blocks and sampled loops remember, effects, delays. The twist of
-// a mesh is integrated, not the difference of two absolute angles, or rtol·θ would act on the contact torque.
+// that is not rigid, the table angle, currents, then what controller blocks, sampled loops and effects remember, then
+// approximants of delays. The twist of a mesh is integrated, not the difference of two absolute angles, or rtol·θ would act on the contact torque.
 // Eq. 23's order of states is a view: the signals of those names (linearise.hpp).
 #pragma once
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.hypotheses import is_strength, probes
-from dualdrive.diagnose.screening.variants import LARGER, brings_states, periods, spots, travel
+from dualdrive.diagnose.screening.variants import LARGER, is_part, periods, spots, travel
 from dualdrive.estimation.thresholds import threshold
 from dualdrive.estimation.unknowns import Unknown
 from dualdrive.innovations import (
@@ -115,7 +115,7 @@ def scores(
     jobs: list[_Job] = []
     way = travel(grey)
     for k, v in enumerate(variants):
-        if brings_states(v):
+        if is_part(v):
             continue  # the base's gains are none for it
         own = v.extra[len(base.variant.extra) :]
         for probe in _probes(v.grown, own, way):

@@ -244,10 +244,10 @@ def usual_sizes(core: Any, grey: GreyBox) -> dict[str, float]:
     return {**known, "delay": _DELAY}
 
 
-def brings_states(variant: Variant) -> bool:
-    """Whether a machine has other states with the last effect of a variant.
+def is_part(variant: Variant) -> bool:
+    """Whether its last effect is a part of the machine with states of its own.
 
-    A part that is put in, a law with a memory, or a signal that its loop has late.
+    One that is put in, a law with a memory, or a signal that its loop has late.
     """
     effect, place = variant.effects[-1]
     own = _core.effect_type(effect)

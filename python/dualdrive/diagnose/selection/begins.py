@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.candidates import parts_of
-from dualdrive.diagnose.screening import Library, brings_states, scores
+from dualdrive.diagnose.screening import Library, is_part, scores
 from dualdrive.diagnose.selection.fitted import Fitted
 from dualdrive.diagnose.selection.refits import begin
 from dualdrive.innovations import GreyBox, Point, Variant, carried, coordinates, values
@@ -70,7 +70,7 @@ def in_its_place(library: Library, grey: GreyBox, known: Fitted, variant: Varian
 
     """
     rest = library.without(known.variant, known.variant.effects[-1])
-    if rest is None or any(map(brings_states, (known.variant, variant))):
+    if rest is None or any(map(is_part, (known.variant, variant))):
         return None
     paths = [p.path for p in rest.extra]
     if paths != [p.path for p in variant.extra[: len(paths)]]:

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.loads import LOAD
-from dualdrive.diagnose.screening import Library, Scored, loads, scores
+from dualdrive.diagnose.screening import Library, Scored, is_part, loads, scores
 from dualdrive.diagnose.selection.contest import Contest
 from dualdrive.diagnose.selection.elimination import Elimination
 from dualdrive.diagnose.selection.estimation import Estimator, on_all_samples
 from dualdrive.diagnose.selection.fitted import Effort, Fitted
 from dualdrive.diagnose.selection.output_error import opens, without_unknown_torque
-from dualdrive.diagnose.selection.parts import is_joint, is_part, may_be_missing
+from dualdrive.diagnose.selection.parts import is_joint, may_be_missing
 from dualdrive.diagnose.selection.ranking import Ranking
 from dualdrive.diagnose.selection.refits import worth_refitting
 from dualdrive.diagnose.work import Leader

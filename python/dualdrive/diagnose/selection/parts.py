@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from dualdrive import _core
 from dualdrive.diagnose.laws import clips, is_late
-from dualdrive.diagnose.screening import brings_states, residual_maker
+from dualdrive.diagnose.screening import residual_maker
 from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.estimation.thresholds import threshold
 from dualdrive.estimation.unknowns import Unknown
@@ -48,11 +48,6 @@ _LATE = tuple(1.5**k for k in range(2, -12, -1))
 #: the same of a limit, times what all but half a per cent of the samples lie below: it may be met
 #: in fewer, and noise goes beyond it
 _AT_A_LIMIT = (0.93, 0.965, 1.0, 1.04, 1.08, 1.15, 1.22, 1.3, 1.5, 1.75, 2.0)
-
-
-def is_part(variant: Variant) -> bool:
-    """Whether its last effect is a part of the machine with states of its own."""
-    return brings_states(variant)
 
 
 def is_joint(variant: Variant) -> bool:

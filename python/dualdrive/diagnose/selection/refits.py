@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive import _core
-from dualdrive.diagnose.screening import Scored, local_faults, travel
+from dualdrive.diagnose.screening import Scored, is_part, local_faults, travel
 from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.diagnose.selection.fitted import Fitted
-from dualdrive.diagnose.selection.parts import is_part, part_refitted, part_score
+from dualdrive.diagnose.selection.parts import part_refitted, part_score
 from dualdrive.estimation.thresholds import threshold
 from dualdrive.innovations import GreyBox, Noise, Place, Point, Variant, coordinates, fit, values
 

@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualdrive.diagnose.laws import clips
-from dualdrive.diagnose.screening import Scored
+from dualdrive.diagnose.screening import Scored, is_part
 from dualdrive.diagnose.selection.base import Base, refitted_base
 from dualdrive.diagnose.selection.drift import weigh_drifting_zeros
 from dualdrive.diagnose.selection.estimation import on_all_samples
 from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selection
 from dualdrive.diagnose.selection.forward import Forward, Means
-from dualdrive.diagnose.selection.parts import brings, is_joint, is_part, part_score
+from dualdrive.diagnose.selection.parts import brings, is_joint, part_score
 from dualdrive.diagnose.selection.residual_analysis import suffices, white
 from dualdrive.diagnose.selection.sandwich import forget_what_colour_gains
 from dualdrive.diagnose.simulated_errors import Simulation, noise_floor
