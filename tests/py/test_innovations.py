@@ -296,7 +296,7 @@ def test_they_are_white_through_every_change_of_contact() -> None:
 def test_they_are_small_where_a_contact_rings_between_samples(
     stiffness: float, tension: float
 ) -> None:
-    """A play that rattles without loss: with rebounds their square was 12 to 700, or infinite.
+    """A play that rattles without loss; with its rebounds in the filter they explode.
 
     What rebounds it has no correction could follow; what it does on the whole is told.
     """

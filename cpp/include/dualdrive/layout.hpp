@@ -2,7 +2,8 @@
 //
 // Bodies joined rigidly form one group with one speed. States, in this order: group speeds, one twist per connection
 // that is not rigid, the table angle, currents, then what controller blocks, sampled loops and effects remember, then
-// approximants of delays. The twist of a mesh is integrated, not the difference of two absolute angles, or rtol·θ would act on the contact torque.
+// approximants of delays. The twist of a mesh is integrated, not the difference of two absolute angles, or rtol·θ would
+// act on the contact torque.
 // Eq. 23's order of states is a view: the signals of those names (linearise.hpp).
 #pragma once
 
