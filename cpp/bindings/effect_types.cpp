@@ -81,6 +81,9 @@ void bind_effect_types(nb::module_& m) {
         .def_prop_ro(
             "carrier", [](const HypothesisText& h) { return std::string(h.carrier); },
             "What multiplies its harmonics: torque of the drive, direction of motion, or nothing.")
+        .def_prop_ro(
+            "modulates", [](const HypothesisText& h) { return std::string(h.modulates); },
+            "Number of its body of which its wave is a fraction; empty: of none.")
         .def_ro("lowest_order", &HypothesisText::lowest_order, "Below it a harmonic is another law's.")
         .def_ro("friction", &HypothesisText::friction, "Friction beside the laws of dry friction.")
         .def_ro("causes", &HypothesisText::causes, "Whether every number is a cause of its own.")

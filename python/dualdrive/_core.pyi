@@ -243,6 +243,10 @@ class HypothesisText:
         """
 
     @property
+    def modulates(self) -> str:
+        """Number of its body of which its wave is a fraction; empty: of none."""
+
+    @property
     def lowest_order(self) -> float:
         """Below it a harmonic is another law's."""
 

@@ -74,7 +74,7 @@ def test_numbers_are_carried_to_another_law_by_their_names() -> None:
     assert carried(point, nothing, own.start(nothing)) == pytest.approx(numbers[: own.shared])
 
 
-def test_two_orders_of_a_law_are_compared_and_no_third() -> None:
+def test_two_orders_of_a_law_are_compared_and_no_third_that_gains_less() -> None:
     own, nothing, base = white()
     blank = base.residuals
     noise = first_noise(own.core, own.records, 1e-3)
@@ -82,7 +82,10 @@ def test_two_orders_of_a_law_are_compared_and_no_third() -> None:
     law = next(v for v in laws if v.label == "cogging@motors")
     orders = [replace(law, fixed=dict.fromkeys(law.fixed, n)) for n in (24.0, 6.0, 12.0)]
     places = [(Point(v, base.theta, blank, 0.0, 0.0), noise) for v in orders]
-    assert [p.variant.key for p, _ in with_rivals(places, 1)] == [v.key for v in orders[:2]]
+    for third, kept in ((80.0, 2), (95.0, 3)):
+        ranked = list(zip((100.0, 99.0, third), places, strict=True))
+        found = [p.variant.key for p, _ in with_rivals(ranked, 1)]
+        assert found == [v.key for v in orders[:kept]]
 
 
 def test_a_law_is_as_probable_as_all_its_orders_together() -> None:

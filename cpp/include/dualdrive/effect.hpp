@@ -109,6 +109,7 @@ struct HypothesisText {
     const char* places = "";    // where a search puts it in, if not at all its usual places
     const char* contains = "";  // simpler laws that it is at a limit of its numbers, the nearest first
     const char* carrier = "";   // what multiplies its harmonics: "torque" of the drive, "direction" of motion
+    const char* modulates = "";  // number of its body of which its wave is a fraction
     double lowest_order = 1.0;  // below it a harmonic is another law's
     bool friction = false;      // takes power from the motion as dry friction does, beside laws of `friction_limit`
     bool causes = false;        // every number is a cause of its own

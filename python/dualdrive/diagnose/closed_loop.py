@@ -43,7 +43,7 @@ from dualdrive.diagnose.simulated_errors import Simulation, noise_floor, of_the_
 from dualdrive.diagnose.uncertainty import Uncertainty
 from dualdrive.estimation.unknowns import Unknown, default_free, default_tolerances, unknowns
 from dualdrive.identify import FitError
-from dualdrive.innovations import Counter, GreyBox, Noise, predictable, values
+from dualdrive.innovations import Counter, GreyBox, Noise, predictable
 from dualdrive.replay import Record, core_of
 from dualdrive.said import Counted, Said
 from dualdrive.traces import Trace
@@ -312,15 +312,14 @@ def _candidate(
         gain / found.best.inflation,
         removed(error["refitted"], fitted, error["noise_floor"]),
         True,
-        _at_bound(f),
+        _at_bound(grey, f),
     )
 
 
-def _at_bound(f: Fitted) -> str:
+def _at_bound(grey: GreyBox, f: Fitted) -> str:
     """Numbers of an effect that stand at what they may be at most or at least."""
-    stuck, own = [], f.variant.extra
-    at = values(own, f.point.theta[len(f.point.theta) - len(own) :])
-    for p in own:
+    stuck, at = [], grey.values(f.variant, f.point.theta)
+    for p in f.variant.extra:
         name, x = p.path.rpartition(".")[2], at[p.path]
         if np.isfinite(p.high) and x >= p.high - 1e-9 * max(1.0, abs(p.high)):
             stuck.append(f"{name} = {x:.3g}, its upper limit")

@@ -31,6 +31,7 @@ Place = tuple[Point, Sequence[Any]]
 
 _BLOCKS = 8  # of cross-validation
 _FAR = 3.0  # standard errors that a number may move where a block is left out
+_PART = 1e-3  # of a standard deviation: a step of the delta method
 _SURE = 1.96  # standard deviations of a 95 % interval
 
 
@@ -157,6 +158,29 @@ class Uncertainty:
         for path, value in f.variant.fixed.items():
             unit = f.variant.grown.parameter(f.variant.grown.members(path)[0]).unit
             found[path] = Interval(value, value, value, unit)
+        return found | self._modulated(f, covariance)
+
+    def _modulated(self, f: Fitted, covariance: Array) -> dict[str, Interval]:
+        """Numbers that change with an angle, and by how much, by the delta method.
+
+        (Lehmann, Casella, Theory of Point Estimation, 2nd ed., section 1.8.)
+        """
+        grey, v, theta = self.grey, f.variant, f.point.theta
+        at, paths = grey.values(v, theta), grey.modulated(v)
+        deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        rows: dict[str, list[float]] = {path: [] for path in paths}
+        for k, d in enumerate(deviation if paths else []):
+            step = np.zeros(len(theta))
+            step[k] = _PART * float(d)
+            up, down = grey.values(v, theta + step), grey.values(v, theta - step)
+            for path in paths:
+                rows[path].append((up[path] - down[path]) / (2.0 * step[k]) if d else 0.0)
+        found = {}
+        for path, row in rows.items():
+            slope, declared = np.array(row), v.grown.parameter(v.grown.members(path)[0])
+            half = _SURE * float(np.sqrt(max(slope @ covariance @ slope, 0.0)))
+            ends = (max(at[path] - half, declared.low), min(at[path] + half, declared.high))
+            found[path] = Interval(at[path], *ends, declared.unit)
         return found
 
     def distance(self, f: Fitted) -> float:

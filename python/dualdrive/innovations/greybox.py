@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from dualdrive import _core
 from dualdrive.estimation.unknowns import Unknown
 from dualdrive.innovations.harmonics import bounds, coordinates, values
+from dualdrive.innovations.modulations import Modulation, modulations, usual_angle
 from dualdrive.innovations.noise import Noise, first_noise
 from dualdrive.innovations.prediction import Replayed, predicted, replayed
 from dualdrive.innovations.records import Predictable
@@ -91,6 +92,9 @@ class GreyBox:
             float(np.sqrt(np.mean(np.gradient(r.record.reference, r.record.t) ** 2)))
             for r in records
         )
+        driven = [r.record.reference for r in self.records]
+        table = usual_angle(driven, [r.sampled.step for r in self.records])
+        self._angles = {body: table * ratio_to_table(core, body) for body in core.bodies}
 
     def _floating(self) -> dict[str, float]:
         """Channel -> one-sigma of its constant. The table's encoder is the loop's own zero."""
@@ -142,9 +146,16 @@ class GreyBox:
         return theta
 
     def believed(self, variant: Variant) -> tuple[Array, Array]:
-        """Where every unknown of a variant is believed to be, and its precision, 1/sigma^2."""
+        """Where every unknown of a variant is believed to be, and its precision, 1/sigma^2.
+
+        Of a number that changes with an angle a data sheet tells its mean, and not what it is at
+        the usual angle.
+        """
         extra = variant.extra
         sigma = np.r_[self.sigma, [p.sigma for p in extra]]
+        paths = [p.path for p in self.nominal]
+        for own in self._modulations(variant):
+            sigma[paths.index(own.number)] = np.inf
         return np.r_[self.centre, [p.centre for p in extra]], 1.0 / sigma**2
 
     def bounds(self, variant: Variant) -> tuple[Array, Array]:
@@ -157,14 +168,50 @@ class GreyBox:
         return np.maximum(low, centre - reach), np.minimum(high, centre + reach)
 
     def machine(self, variant: Variant, theta: Array) -> Any:
-        """The core's machine of a variant at a point."""
+        """The core's machine of a variant at a point.
+
+        Raises:
+            ValueError: a number is beyond what it may be.
+
+        """
         core = variant.grown.copy()
-        n = len(self.nominal)
-        for p, u in zip(self.nominal, theta[:n], strict=True):
-            core.set(p.path, p.value(float(u)))
-        for path, value in values(variant.extra, theta[self.shared :]).items():
+        for path, value in self.values(variant, theta).items():
             core.set(path, value)
         return core
+
+    def values(self, variant: Variant, theta: Array) -> dict[str, float]:
+        """Path -> SI value of every number that a machine at a point has, constants left out."""
+        n = len(self.nominal)
+        pairs = zip(self.nominal, theta[:n], strict=True)
+        found = {p.path: p.value(float(u)) for p, u in pairs}
+        found |= values(variant.extra, theta[self.shared :])
+        for own in self._modulations(variant):
+            found |= own.mean(found)
+        return found
+
+    def point_of(self, variant: Variant, known: Mapping[str, float], constants: Array) -> Array:
+        """Where a variant has these values, shape (unknowns,).
+
+        Args:
+            variant: a machine with laws under trial.
+            known: path -> SI value of every number.
+            constants: of sensors, as a point has them.
+
+        """
+        at = dict(known)
+        for own in self._modulations(variant):
+            at |= own.usual(at)
+        nominal = [p.coordinate(at[p.path]) for p in self.nominal]
+        found: Array = np.r_[nominal, constants, coordinates(variant.extra, at)]
+        return found
+
+    def modulated(self, variant: Variant) -> list[str]:
+        """Paths of numbers that change with an angle, and of what they change by."""
+        every = self._modulations(variant)
+        return [path for own in every for path in (own.number, own.strength)]
+
+    def _modulations(self, variant: Variant) -> list[Modulation]:
+        return modulations(variant, self.nominal, self._angles)
 
     def resting(self, variant: Variant) -> dict[str, float]:
         """Body that dry friction may hold -> its RMS speed as commanded, rad/s; none at rest."""
@@ -294,11 +341,11 @@ class GreyBox:
         jobs, owners = [], []
         for k, (variant, theta) in enumerate(zip(variants, thetas, strict=True)):
             try:
-                core, offsets = self.machine(variant, theta), self.constants(theta)
+                core = self.machine(variant, theta)
             except ValueError:
                 core = None
             for r, g in zip(self.records, gains, strict=True):
-                jobs.append((core, offsets, r, g, False))
+                jobs.append((core, self.constants(theta), r, g, False))
                 owners.append(k)
         found = list(self.pool.map(replayed, jobs))
         self.counter.add(len(jobs))

@@ -26,7 +26,7 @@ struct PositionDependentInertia {
         .confused_with = "unbalance",
         .places = "table,pinions,motors",
         // of a load; a rotor's does not turn with it
-        .hypothesis = {.called = "angle-dependent inertia", .places = "table"},
+        .hypothesis = {.called = "angle-dependent inertia", .places = "table", .modulates = "J"},
     };
 
     static constexpr auto parameters() {

@@ -161,7 +161,7 @@ class Contest:
             for place in refits
         ]
         looked.sort(key=lambda x: -x[0])
-        best = with_rivals([place for gain, place in looked if gain > least], self.effort.finals)
+        best = with_rivals([own for own in looked if own[0] > least], self.effort.finals)
         return [(gains[place[0].variant.key], place) for place in best]
 
     def on_these(self, found: Sequence[Fitted]) -> list[Fitted]:

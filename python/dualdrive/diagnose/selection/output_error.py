@@ -66,8 +66,8 @@ def by_simulation(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted | No
     parameters, n = [*grey.nominal, *variant.extra], len(grey.nominal)
     noise = replace(f.noise, torque={}, creep={})
     begun = _likeliest_joint(grey, f, noise)
-    at = values(variant.extra, begun[grey.shared :])
-    start = [*begun[:n], *(p.coordinate(at[p.path]) for p in variant.extra)]
+    at, constants = grey.values(variant, begun), f.point.theta[n : grey.shared]
+    start = [p.coordinate(at[p.path]) for p in parameters]
     mapper = Threads(grey.threads)
     channels = channels_to_fit(played, None)
     problem = Problem(variant.grown, played, parameters, [], channels=channels, mapper=mapper)
@@ -91,12 +91,8 @@ def by_simulation(estimator: Estimator, grey: GreyBox, f: Fitted) -> Fitted | No
             search.run()
         except (FitError, KeyboardInterrupt):
             break
-        point, theta = search.best, f.point.theta.copy()
-        found = problem.values(point)
-        theta[:n] = point[:n]
-        theta[grey.shared :] = coordinates(
-            variant.extra, {p.path: found[p.path] for p in variant.extra}
-        )
+        point = search.best
+        theta = grey.point_of(variant, problem.values(point), constants)
         own = estimator.likeliest(grey, variant, theta, noise, roughly=True, guessed=True)
         if own is None or (best and own.point.minus_two_log > best.point.minus_two_log):
             break

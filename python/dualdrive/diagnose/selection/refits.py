@@ -36,13 +36,18 @@ def worth_refitting(
         found: score tests beside one leader.
         most: how many of the best.
         hopeless: gain below which none is.
-        orders: of one law, at most; None: as `THRESHOLDS` has it.
+        orders: of one law, at most; None: as `THRESHOLDS` has it, and all that are tied with the
+            best: about one angle waves of many orders are alike.
 
     """
     known = [s for s in found if np.isfinite(s.gain)]
     known.sort(key=lambda s: -(s.gain - 2.0 * np.log(s.variant.looks)))
     each = int(threshold("orders")) if orders is None else orders
-    best = _of_each_law([s for s in known if s.gain > hopeless], each)[:most]
+    hopeful = [s for s in known if s.gain > hopeless]
+    best = _of_each_law(hopeful, each)[:most]
+    if orders is None and best:
+        laws, tied = {s.variant.label for s in best}, threshold("tied") * best[0].gain
+        best += [s for s in hopeful if s.variant.label in laws and s.gain > tied and s not in best]
     # and what the best are taken for, whose own score may be faint while another law is missing
     names = {s.variant.label for s in best}
     rivals = [
@@ -225,20 +230,24 @@ def _nearest(grey: GreyBox, variant: Variant, begins: list[Array], noise: Noise)
     return [theta for _, theta in found[:_FEW]]
 
 
-def with_rivals(ranked: Sequence[Place], most: int) -> list[Place]:
-    """The best laws, two orders of each, and as many of what the library says they are taken for.
+def with_rivals(ranked: Sequence[tuple[float, Place]], most: int) -> list[Place]:
+    """The best laws, and as many of what the library says they are taken for.
 
-    Beside a leader's noise an order, a number that is counted, is hardly told.
+    Two orders of each, and all that are tied with the best: beside a leader's noise an order, a
+    number that is counted, is hardly told.
 
     Args:
-        ranked: refits, best first.
+        ranked: gains and refits, best first.
         most: how many laws of either.
 
     """
     labels: dict[str, list[Place]] = {}
-    for place in ranked:
-        labels.setdefault(place[0].variant.label, []).append(place)
-    own = [places[: int(threshold("orders"))] for places in labels.values()]
+    tied = threshold("tied") * ranked[0][0] if ranked else 0.0
+    for gain, place in ranked:
+        orders = labels.setdefault(place[0].variant.label, [])
+        if len(orders) < threshold("orders") or gain > tied:
+            orders.append(place)
+    own = list(labels.values())
     best, rest = own[:most], own[most:]
     rivals = [
         places
@@ -249,10 +258,13 @@ def with_rivals(ranked: Sequence[Place], most: int) -> list[Place]:
 
 
 def confused(known: Variant, other: Variant) -> bool:
-    """Whether the library declares the other's last law as what the known one's is taken for.
+    """Whether the other's last law is declared to be what the known one's is taken for.
 
-    At the same place; where a law is declared to be taken for itself, at another one.
+    At the same place; where a law is declared to be taken for itself, at another one. And a wave
+    for the same one of another order.
     """
     (effect, place), (rival, at) = known.effects[-1], other.effects[-1]
+    if (effect, place) == (rival, at):
+        return True
     declared: Any = _core.effect_type(effect).confused_with
     return (place == at or rival == effect) and rival in str(declared).split(",")
