@@ -89,7 +89,8 @@ def likeliest(own: GreyBox) -> tuple[Point, Noise, list[Any]]:
     wide = first_noise(own.core, own.records, 0.1)
     floor = least_noise(own.core, own.records, 1e-5)
     nothing = Variant(own.core)
-    found = maximum_likelihood(own, nothing, own.start(nothing), wide, floor=floor, steps=30)
+    start = own.start(nothing)
+    found = maximum_likelihood(own, nothing, start, wide, floor=floor, steps=30, guessed=True)
     assert found is not None
     return found
 

@@ -69,7 +69,8 @@ def likeliest(friction: float, law: str = "nothing") -> tuple[Point, Noise, list
     variant = with_law(own, law) if law != "nothing" else Variant(own.core)
     wide = first_noise(own.core, own.records, 0.1)
     floor = least_noise(own.core, own.records, 1e-5)
-    found = maximum_likelihood(own, variant, own.start(variant), wide, floor=floor, steps=30)
+    start = own.start(variant)
+    found = maximum_likelihood(own, variant, start, wide, floor=floor, steps=30, guessed=True)
     assert found is not None
     return found
 
@@ -220,7 +221,7 @@ def test_noise_of_order_two_is_recovered() -> None:
     nothing = Variant(own.core)
     wide = first_noise(own.core, own.records, 0.1)
     floor = least_noise(own.core, own.records, 1e-5)
-    one = maximum_likelihood(own, nothing, own.start(nothing), wide, floor=floor, steps=30)
+    one = maximum_likelihood(own, nothing, own.start(nothing), wide, floor=floor, guessed=True)
     assert one is not None
     two = maximum_likelihood(own, nothing, one[0].theta, one[1].of_order_two(), floor=floor)
     assert two is not None

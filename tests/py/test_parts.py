@@ -52,7 +52,7 @@ def refitted_bench(
 def likeliest(own: GreyBox) -> Fitted:
     """The data sheet's machine at its likeliest."""
     nothing, begin = Variant(own.core), first_noise(own.core, own.records, 1e-2)
-    found = maximum_likelihood(own, nothing, own.start(nothing), begin)
+    found = maximum_likelihood(own, nothing, own.start(nothing), begin, guessed=True)
     assert found is not None
     point, noise, gains = found
     return Fitted(point, noise, inflation(point), 0.0, gains)
