@@ -117,12 +117,12 @@ def maximum_likelihood(
         if held and not failed:
             held, derivatives = not little, None if little else derivatives
             continue
-        held, exact = False, exact or failed
+        held, was_exact, exact = False, exact, exact or failed
         lately = [*lately[1:], gained]
         if now[0].minus_two_log - left * max(lately) > rival > -np.inf:
             break
         if little:
-            if fresh and (exact or (roughly and not failed)):
+            if fresh and (was_exact or (roughly and not failed)):
                 break
             exact = exact or fresh
             derivatives = None  # the chord, not the likelihood, may have come to its end

@@ -212,11 +212,12 @@ class Contest:
                 there = self.estimator.under(
                     self.grey, point.variant, begins, settled.noise, columns, rival=far
                 )
-                if there is not None and _near(there, settled):
-                    theta, noise = there.point.theta, settled.noise
-                elif there is not None and not confused(settled.variant, point.variant):
+                near = there is not None and _near(there, settled)
+                if there is not None and not near and not confused(settled.variant, point.variant):
                     far_off.append(point)
                     continue
+                if there and (near or there.point.minus_two_log < point.minus_two_log):
+                    theta, noise = there.point.theta, settled.noise
             self.tell(f"the noise beside {point.variant.key}")
             lead = min((f.point.minus_two_log for f in [*known, *found]), default=-np.inf)
             own = self.estimator.likeliest(self.grey, point.variant, theta, noise, rival=lead)
