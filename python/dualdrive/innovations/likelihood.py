@@ -232,7 +232,7 @@ class _Search:
             return found
         columns = slopes(self._grey, now[0], range(self._n), now[1])
         by = np.r_[np.arange(self._n), found.by]
-        return found._replace(by=by, J=np.concatenate([np.stack(columns), found.J]))
+        return found._replace(by=by, J=np.vstack([*columns, found.J]))
 
     def by_noise(
         self, x: Array, now: _Found, logarithms: Sequence[int] | None = None
