@@ -10,6 +10,7 @@ import pytest
 
 from bench_record import grey_box
 from dualdrive import Machine
+from dualdrive.diagnose.decision import change_with_time
 from dualdrive.diagnose.screening import Library
 from dualdrive.diagnose.selection.estimation import Estimator
 from dualdrive.diagnose.selection.fitted import Fitted
@@ -18,6 +19,7 @@ from dualdrive.innovations import (
     GreyBox,
     Variant,
     coordinates,
+    flat,
     inflation,
     maximum_likelihood,
     slopes,
@@ -30,12 +32,15 @@ CHANCE = 45.0
 
 
 @functools.cache
-def fitted(heavier: float) -> tuple[Estimator, GreyBox, Fitted]:
-    """The data sheet's machine on records of one whose table is so much heavier."""
-    machine = Machine.load("bench")
-    true = bench()
-    true.set("table.J", heavier * true.get("table.J"))
-    grey = grey_box(machine, true, SAMPLES, SEED)
+def fitted(*heavier: float) -> tuple[Estimator, GreyBox, Fitted]:
+    """The data sheet's machine on records of one whose table is so much heavier, one for each."""
+    machine, own = Machine.load("bench"), list[GreyBox]()
+    for k, times in enumerate(heavier):
+        true = bench()
+        true.set("table.J", times * true.get("table.J"))
+        own.append(grey_box(machine, true, SAMPLES, SEED + k))
+    every = [record for grey in own for record in grey.records]
+    grey = GreyBox(own[0].core, every, own[0].nominal)
     estimator, nothing = Estimator(grey.core, grey), Variant(grey.core)
     near = estimator.from_far(grey, nothing, grey.start(nothing))
     assert near is not None
@@ -71,6 +76,37 @@ def test_near_it_the_distance_is_what_a_likelihood_ratio_says(heavier: float) ->
     assert held is not None
     ratio = (held[0].minus_two_log - free[0].minus_two_log) / inflation(found.point)
     assert distance(heavier) == pytest.approx(ratio, rel=0.35, abs=3.0)
+
+
+def test_numbers_that_stay_change_as_noise_has_it() -> None:
+    _, grey, found = fitted(1.0, 1.0)
+    told = Uncertainty(grey).changing(found)
+    assert told.numbers == 15
+    assert told.gain < CHANCE + told.numbers
+    assert not change_with_time("adequate", told, grey.samples)
+
+
+def test_a_table_that_takes_a_load_between_two_records_does_not_stay() -> None:
+    """By four per cent, which a torque of unknown course bears nearly all of."""
+    _, grey, found = fitted(1.0, 1.04)
+    told = Uncertainty(grey).changing(found)
+    assert found.inflation < 1.5
+    assert told.name == "table.J"
+    assert "table.J does not stay" in change_with_time("parameters", told, grey.samples)
+    assert not change_with_time("effect", told, grey.samples)
+
+
+def test_what_a_change_would_take_is_the_gain_of_a_regression_on_steps() -> None:
+    """By least squares with a number of its own in every block, all others held."""
+    _, grey, found = fitted(1.0, 1.04)
+    normal = Uncertainty(grey).about(found)
+    k = [p.path for p in grey.nominal].index("table.J")
+    [column] = slopes(grey, found.point, [k], found.gains)
+    r, (n, channels) = flat(found.point.residuals), found.point.residuals[0].shape
+    blocks = np.repeat(np.arange(2 * n) * 16 // (2 * n), channels)
+    steps = np.where(blocks == np.arange(16)[:, None], column, 0.0).T
+    alone, apart = (np.linalg.lstsq(X, r)[1][0] for X in (column[:, None], steps))
+    assert normal.changes[k] == pytest.approx((alone - apart) * normal.scale, rel=1e-3)
 
 
 def test_blocks_of_time_add_up_to_the_information() -> None:

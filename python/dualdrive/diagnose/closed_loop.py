@@ -15,6 +15,7 @@ from dualdrive.diagnose.axis import candidate_on, numbers_on, shape_on
 from dualdrive.diagnose.decision import (
     Decision,
     beside_the_data_sheet,
+    change_with_time,
     creeps,
     decide,
     leaves_too_much,
@@ -248,6 +249,7 @@ def _upheld(
         objection(verdict, error),
         takes_too_little(verdict, error, leaves_noise=noise),
         leaves_too_much(verdict, error),
+        change_with_time(verdict, sure.changing(best), sure.grey.samples),
     )
     why = next(filter(None, denials), "")
     alone_is_seen = not unseen("parameters", error)

@@ -1,4 +1,4 @@
-"""How sure fitted numbers are: intervals, Wald's test, and errors on what a fit did not see."""
+"""How sure fitted numbers are: intervals, Wald and Chow tests, errors on what a fit did not see."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from dualdrive.innovations import (
 Array = NDArray[np.float64]
 Place = tuple[Point, Sequence[Any]]
 
-_BLOCKS = 8  # of cross-validation
+_BLOCKS = 8  # of cross-validation, and of every record for the constancy of numbers
 _FAR = 3.0  # standard errors that a number may move where a block is left out
 _PART = 1e-3  # of a standard deviation: a step of the delta method
 _SURE = 1.96  # standard deviations of a 95 % interval
@@ -44,6 +44,8 @@ class NormalEquations:
     squares:  r'r, shape (blocks,)
     precision: of the priors, shape (unknowns,)
     scale:    by which all of these count for less, where innovations count themselves
+    changes:  fall of chi^2, each unknown let change from block to block, shape (unknowns,)
+    pieces:   blocks of all records
     """
 
     products: Array
@@ -51,6 +53,8 @@ class NormalEquations:
     squares: Array
     precision: Array
     scale: float
+    changes: Array
+    pieces: int
 
     @property
     def information(self) -> Array:
@@ -62,6 +66,20 @@ class NormalEquations:
     def covariance(self) -> Array:
         """Of the unknowns, shape (unknowns, unknowns)."""
         return covariance(self.information)
+
+
+@dataclass(frozen=True)
+class Changing:
+    """The number that would change most, were it let.
+
+    name: its path
+    gain: fall of chi^2 if it did so from block to block; noise alone gives about `numbers`
+    numbers: that it would take beyond the one
+    """
+
+    name: str
+    gain: float
+    numbers: int
 
 
 class Uncertainty:
@@ -92,12 +110,16 @@ class Uncertainty:
         r, blocks = flat(point.residuals), _blocks(point.residuals)
         _, precision = grey.believed(f.variant)
         own = [(columns[:, blocks == b], r[blocks == b]) for b in range(_BLOCKS)]
+        scale, pieces = 1.0 / inflation(point), blocks + _BLOCKS * _records(point.residuals)
+        count = _BLOCKS * len(point.residuals)
         return NormalEquations(
             np.stack([J @ J.T for J, _ in own]),
             np.stack([J @ left for J, left in own]),
             np.array([left @ left for _, left in own]),
             precision,
-            1.0 / inflation(point),
+            scale,
+            scale * np.array([_change(column, r, pieces, count) for column in columns]),
+            count,
         )
 
     def cross_validated(self, f: Fitted) -> float:
@@ -183,6 +205,18 @@ class Uncertainty:
             found[path] = Interval(at[path], *ends, declared.unit)
         return found
 
+    def changing(self, f: Fitted) -> Changing:
+        """The number that speaks most against all of them being constant; no sensor's zero.
+
+        The score test of steps from block to block (Chow, Econometrica 28 (1960) 591-605; Nyblom,
+        J. American Statistical Association 84 (1989) 223-230).
+        """
+        normal, n, first = self.about(f), len(self.grey.nominal), self.grey.shared
+        numbers = [*self.grey.nominal, *f.variant.extra]
+        gains = np.r_[normal.changes[:n], normal.changes[first:]]
+        k = int(np.argmax(gains))
+        return Changing(numbers[k].path, float(gains[k]), normal.pieces - 1)
+
     def distance(self, f: Fitted) -> float:
         """Of the nominal numbers from the data sheet's: Wald's statistic.
 
@@ -203,6 +237,20 @@ def _near_zero(known: Interval, period: float) -> Interval:
     """The same, so many periods off that its value lies within half a period of zero."""
     off = period * round(known.value / period)
     return replace(known, value=known.value - off, low=known.low - off, high=known.high - off)
+
+
+def _change(column: Array, r: Array, pieces: NDArray[np.intp], count: int) -> float:
+    """What steps of one number from piece to piece take off the squares, beyond its own."""
+    told = np.bincount(pieces, column**2, count)
+    asked = np.bincount(pieces, column * r, count)
+    least = 1e-9 * told.sum() + 1e-300  # a piece that tells nothing asks for nothing
+    every = asked**2 / np.maximum(told, least)
+    return float(every.sum() - asked.sum() ** 2 / max(told.sum(), least))
+
+
+def _records(residuals: Sequence[Array]) -> NDArray[np.intp]:
+    """Of every row, end to end: its record."""
+    return np.repeat(np.arange(len(residuals)), [x.size for x in residuals])
 
 
 def _blocks(residuals: Sequence[Array]) -> NDArray[np.intp]:

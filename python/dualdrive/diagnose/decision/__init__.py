@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dualdrive.diagnose.decision.sanity import (
     beside_the_data_sheet,
+    change_with_time,
     creeps,
     leaves_too_much,
     objection,
@@ -20,6 +21,7 @@ __all__ = [
     "Decision",
     "MissingTorque",
     "beside_the_data_sheet",
+    "change_with_time",
     "creeps",
     "decide",
     "leaves_too_much",

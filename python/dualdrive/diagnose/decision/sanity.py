@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 
 from dualdrive.diagnose.result import Verdict
+from dualdrive.diagnose.uncertainty import Changing
 from dualdrive.estimation.thresholds import threshold
 
 
@@ -107,6 +108,28 @@ def takes_too_little(
     return (
         f"the best candidate takes away {taken:.0%} of what the refitted machine leaves "
         "beyond the sensors' noise"
+    )
+
+
+def change_with_time(verdict: Verdict, changing: Changing, samples: int) -> str:
+    """Why numbers that stay can't be all there is to say, in words; empty where they can.
+
+    A number that is let change from block to block is a law of as many numbers more, and weighed
+    as any law is.
+
+    Args:
+        verdict: the answer.
+        changing: the number that would change most.
+        samples: of all records.
+
+    """
+    enough = threshold("gain") + changing.numbers * math.log(samples)
+    if verdict not in ("adequate", "parameters") or not changing.gain > enough:
+        return ""
+    return (
+        f"{changing.name} does not stay: let change from each part of the records to the next it "
+        f"takes {changing.gain:.3g} off chi-squared, where noise would let it take about "
+        f"{changing.numbers}"
     )
 
 
