@@ -16,6 +16,7 @@ from dualdrive.diagnose import diagnose, improve
 from dualdrive.diagnose.closed_loop import nominal_unknowns
 from dualdrive.diagnose.decision import (
     MissingTorque,
+    asks_for_torque,
     beside_the_data_sheet,
     creeps,
     leaves_too_much,
@@ -291,3 +292,8 @@ def test_drives_close_where_the_table_alone_lacks_torque(
 ) -> None:
     missing = {body: MissingTorque(share, share) for body, share in shares.items()}
     assert drives_close(replace(diagnosis(), missing_torque=missing)) is closes
+
+
+def test_a_machine_without_a_law_needs_no_torque_of_unknown_course() -> None:
+    assert asks_for_torque(1.0) == ""
+    assert "1.25e+03 more" in asks_for_torque(1246.0)

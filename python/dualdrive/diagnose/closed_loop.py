@@ -14,6 +14,7 @@ from dualdrive.compare.equation import EquationAtFault
 from dualdrive.diagnose.axis import candidate_on, numbers_on, shape_on
 from dualdrive.diagnose.decision import (
     Decision,
+    asks_for_torque,
     beside_the_data_sheet,
     change_with_time,
     creeps,
@@ -37,8 +38,15 @@ from dualdrive.diagnose.findings import (
     with_effects,
 )
 from dualdrive.diagnose.paragraph import paragraph
-from dualdrive.diagnose.result import Candidate, Diagnosis, Experiment, Shape
-from dualdrive.diagnose.selection import EFFORTS, Fitted, Selection, select, white
+from dualdrive.diagnose.result import Candidate, Diagnosis, Experiment, Shape, Verdict
+from dualdrive.diagnose.selection import (
+    EFFORTS,
+    Fitted,
+    Selection,
+    lost_without,
+    select,
+    white,
+)
 from dualdrive.diagnose.shape import of_the_filter, shapes
 from dualdrive.diagnose.simulated_errors import Simulation, noise_floor, of_the_data_sheet
 from dualdrive.diagnose.uncertainty import Uncertainty
@@ -249,16 +257,25 @@ def _upheld(
         objection(verdict, error),
         takes_too_little(verdict, error, leaves_noise=noise),
         leaves_too_much(verdict, error),
-        change_with_time(verdict, sure.changing(best), sure.grey.samples),
+        _lacks(sure, best, verdict),
     )
     why = next(filter(None, denials), "")
-    alone_is_seen = not unseen("parameters", error)
-    if why and found.quiet and alone_is_seen and named:
+    may_be_numbers = found.quiet and named and not unseen("parameters", error)
+    if why and may_be_numbers and not _lacks(sure, found.base, "parameters"):
         alone = {"best": error["refitted"], "held_out_best": error["held_out_refitted"]}
         return numbers_alone(sure, found, decision), {**error, **alone}, ""
     if why:
         decision = replace(decision, verdict="unknown", group=())
     return decision, error, why
+
+
+def _lacks(sure: Uncertainty, f: Fitted, verdict: Verdict) -> str:
+    """Why numbers alone can't be all there is to say, in words; empty where they can."""
+    if verdict not in ("adequate", "parameters"):
+        return ""
+    grey = sure.grey
+    changes = change_with_time(sure.changing(f), grey.samples)
+    return changes or asks_for_torque(lost_without(grey.core, grey, f, list(f.noise.torque)))
 
 
 def _unfollowed(grey: GreyBox, loops: Sequence[Simulation], noise: Noise) -> set[str]:

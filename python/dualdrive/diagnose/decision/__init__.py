@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dualdrive.diagnose.decision.sanity import (
+    asks_for_torque,
     beside_the_data_sheet,
     change_with_time,
     creeps,
@@ -20,6 +21,7 @@ __all__ = [
     "THRESHOLDS",
     "Decision",
     "MissingTorque",
+    "asks_for_torque",
     "beside_the_data_sheet",
     "change_with_time",
     "creeps",

@@ -111,25 +111,40 @@ def takes_too_little(
     )
 
 
-def change_with_time(verdict: Verdict, changing: Changing, samples: int) -> str:
-    """Why numbers that stay can't be all there is to say, in words; empty where they can.
+def change_with_time(changing: Changing, samples: int) -> str:
+    """Why a machine of these numbers is not all there is, in words; empty where they stay.
 
     A number that is let change from block to block is a law of as many numbers more, and weighed
     as any law is.
 
     Args:
-        verdict: the answer.
         changing: the number that would change most.
         samples: of all records.
 
     """
     enough = threshold("gain") + changing.numbers * math.log(samples)
-    if verdict not in ("adequate", "parameters") or not changing.gain > enough:
+    if not changing.gain > enough:
         return ""
     return (
         f"{changing.name} does not stay: let change from each part of the records to the next it "
         f"takes {changing.gain:.3g} off chi-squared, where noise would let it take about "
         f"{changing.numbers}"
+    )
+
+
+def asks_for_torque(lost: float) -> str:
+    """Why a machine without a law is not all there is, in words; empty where it needs no torque.
+
+    However little of a torque of unknown course makes innovations white: it may stand for a law
+    that is none of the library's.
+
+    lost: -2 log L over the inflation that it loses without any such torque
+    """
+    if lost < threshold("gain"):
+        return ""
+    return (
+        "the refitted machine asks for a torque of unknown course, however small: without any, "
+        f"-2 log L is {lost:.3g} more, and no law of the library makes that torque"
     )
 
 

@@ -6,6 +6,7 @@ from dualdrive.diagnose.selection.fitted import EFFORTS, Effort, Fitted, Selecti
 from dualdrive.diagnose.selection.parts import is_joint
 from dualdrive.diagnose.selection.residual_analysis import (
     MissingTorque,
+    lost_without,
     missing_torque,
     suffices,
     white,
@@ -19,6 +20,7 @@ __all__ = [
     "MissingTorque",
     "Selection",
     "is_joint",
+    "lost_without",
     "missing_torque",
     "select",
     "suffices",
