@@ -104,17 +104,17 @@ inline constexpr unsigned voltage = 256, estimate = 512;
 
 // What an effect means where it may be what a machine lacks: a search (python/dualdrive/diagnose) knows none by its name.
 struct HypothesisText {
-    const char* called = "";    // as engineers call it, if not by its name
-    const char* untried = "";   // why no search puts it in; empty where one does
-    const char* places = "";    // where a search puts it in, if not at all its usual places
-    const char* contains = "";  // simpler laws that it is at a limit of its numbers, the nearest first
-    const char* carrier = "";   // what multiplies its harmonics: "torque" of the drive, "direction" of motion
+    const char* called = "";     // as engineers call it, if not by its name
+    const char* untried = "";    // why no search puts it in; empty where one does
+    const char* places = "";     // where a search puts it in, if not at all its usual places
+    const char* contains = "";   // simpler laws that it is at a limit of its numbers, the nearest first
+    const char* carrier = "";    // what multiplies its harmonics: "torque" of the drive, "direction" of motion
     const char* modulates = "";  // number of its body of which its wave is a fraction
-    double lowest_order = 1.0;  // below it a harmonic is another law's
-    bool friction = false;      // takes power from the motion as dry friction does, beside laws of `friction_limit`
-    bool causes = false;        // every number is a cause of its own
-    bool clips = false;         // a current or voltage that stands at an extreme may be its doing
-    bool scales = false;        // in a torque balance the same as a factor of all inertias and frictions
+    double lowest_order = 1.0;   // below it a harmonic is another law's
+    bool friction = false;       // takes power from the motion as dry friction does, beside laws of `friction_limit`
+    bool causes = false;         // every number is a cause of its own
+    bool clips = false;          // a current or voltage that stands at an extreme may be its doing
+    bool scales = false;         // in a torque balance the same as a factor of all inertias and frictions
 };
 
 // What a reader and the tools are told of an effect.
