@@ -9,11 +9,25 @@ from pathlib import Path
 import pytest
 
 from dualdrive import Machine
-from dualdrive.diagnose import diagnose
+from dualdrive.diagnose import Diagnosis, diagnose
 from dualdrive.traces import read
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from tests.blind import generate
+
+
+def diagnosed(number: int, folder_of_all: Path) -> Diagnosis:
+    """What is said of a machine of the part to develop on."""
+    where = ["--part", "develop", "--from", str(number), "--cases", "1", "-o", str(folder_of_all)]
+    generate.main(where)
+    [folder] = (folder_of_all / "cases").iterdir()
+    case = json.loads((folder / "case.json").read_text())
+    return diagnose(
+        Machine.load(folder / case["machine"]),
+        {name: read(folder / name) for name in case["records"]},
+        settings=case.get("settings"),
+        experiment=False,
+    )
 
 
 @pytest.mark.long
@@ -32,17 +46,26 @@ def test_the_law_is_named(
 
     Within two ticks of its loop, 0.125 ms each, a late command does one and the same.
     """
-    where = ["--part", "develop", "--from", str(number), "--cases", "1", "-o", str(tmp_path)]
-    generate.main(where)
-    [folder] = (tmp_path / "cases").iterdir()
-    case = json.loads((folder / "case.json").read_text())
-    found = diagnose(
-        Machine.load(folder / case["machine"]),
-        {name: read(folder / name) for name in case["records"]},
-        settings=case["settings"],
-        experiment=False,
-    )
+    found = diagnosed(number, tmp_path)
     assert found.verdict == "effect"
     best = found.candidates[0]
     assert best.label == label
     assert best.parameters[f"{label}.{path}"].value == pytest.approx(value, rel=within)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("number", "why"),
+    [
+        (130, "motor_1.K_d does not stay"),
+        (156, "asks for a torque of unknown course, however small"),
+    ],
+    ids=["a current whose gain drifts", "a motor that hums"],
+)
+def test_what_no_law_describes_is_not_called_adequate(
+    tmp_path: Path, number: int, why: str
+) -> None:
+    """Zeros that may drift, or a torque of a hundred thousandth, had made it white."""
+    found = diagnosed(number, tmp_path)
+    assert found.verdict == "unknown"
+    assert any(why in warning for warning in found.warnings)

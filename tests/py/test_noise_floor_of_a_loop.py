@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from dualdrive.diagnose.closed_loop import _errors
 from dualdrive.diagnose.decision import Decision
+from dualdrive.diagnose.headline_errors import headline_errors
 from dualdrive.diagnose.selection import Fitted, Selection
 from dualdrive.diagnose.uncertainty import Uncertainty
 from dualdrive.innovations import inflation
@@ -21,7 +21,7 @@ def error_under(times: float) -> dict[str, float]:
     far = replace(noise, drift={kind: times * s for kind, s in noise.drift.items()})
     base = Fitted(point, far, inflation(point), 0.0, gains, told_under=noise)
     found = Selection(own, base, [base], [], {}, finished=True, quiet=True)
-    return _errors(own, found, Decision("adequate", [(base, 1.0)]), Uncertainty(own))[1]
+    return headline_errors(own, found, Decision("adequate", [(base, 1.0)]), Uncertainty(own))[1]
 
 
 def test_zeros_that_are_taken_to_drift_far_leave_no_more_than_the_machine() -> None:

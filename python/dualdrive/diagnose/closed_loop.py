@@ -12,24 +12,10 @@ from numpy.typing import NDArray
 from dualdrive.compare import Comparison, compare
 from dualdrive.compare.equation import EquationAtFault
 from dualdrive.diagnose.axis import candidate_on, numbers_on, shape_on
-from dualdrive.diagnose.decision import (
-    Decision,
-    asks_for_torque,
-    beside_the_data_sheet,
-    change_with_time,
-    creeps,
-    decide,
-    leaves_too_much,
-    numbers_alone,
-    objection,
-    removed,
-    takes_too_little,
-    unseen,
-)
+from dualdrive.diagnose.decision import Decision, creeps, decide, removed, upheld
 from dualdrive.diagnose.experiment import next_experiment
 from dualdrive.diagnose.findings import (
     RIVALS,
-    TOLD,
     Effects,
     command_for,
     equation_by_name,
@@ -37,22 +23,15 @@ from dualdrive.diagnose.findings import (
     screened,
     with_effects,
 )
+from dualdrive.diagnose.headline_errors import headline_errors
 from dualdrive.diagnose.paragraph import paragraph
-from dualdrive.diagnose.result import Candidate, Diagnosis, Experiment, Shape, Verdict
-from dualdrive.diagnose.selection import (
-    EFFORTS,
-    Fitted,
-    Selection,
-    lost_without,
-    select,
-    white,
-)
+from dualdrive.diagnose.result import Candidate, Diagnosis, Experiment, Shape
+from dualdrive.diagnose.selection import EFFORTS, Fitted, Selection, select
 from dualdrive.diagnose.shape import of_the_filter, shapes
-from dualdrive.diagnose.simulated_errors import Simulation, noise_floor, of_the_data_sheet
 from dualdrive.diagnose.uncertainty import Uncertainty
 from dualdrive.estimation.unknowns import Unknown, default_free, default_tolerances, unknowns
 from dualdrive.identify import FitError
-from dualdrive.innovations import Counter, GreyBox, Noise, predictable
+from dualdrive.innovations import Counter, GreyBox, predictable
 from dualdrive.replay import Record, core_of
 from dualdrive.said import Counted, Said
 from dualdrive.traces import Trace
@@ -159,8 +138,8 @@ def _told(
     warnings: Sequence[str],
     job: Job,
 ) -> Diagnosis:
-    each, error, out = _errors(grey, found, decision, sure)
-    decision, error, why = _upheld(found, decision, sure, error)
+    each, error, out = headline_errors(grey, found, decision, sure)
+    decision, error, why = upheld(found, decision, sure, error)
     warnings = [*warnings, *_left_out(sorted(out))]
     if why:
         warnings.append(f"no verdict but unknown can stand: {why}")
@@ -172,7 +151,7 @@ def _told(
         if f.variant.effects and f.variant.key in each
     ]
     candidates += screened(_scores(found), candidates)
-    stands = _stands(found, decision)
+    stands = decision.stands(found)
     named = stands is not found.base
     numbers = numbers_on(machine, sure.intervals(stands))
     nominal = {p.path: numbers[p.path] for p in grey.nominal}
@@ -212,76 +191,6 @@ def _told(
         missing_torque=dict(decision.missing),
     )
     return replace(told, paragraph=paragraph(told))
-
-
-def _stands(found: Selection, decision: Decision) -> Fitted:
-    """What the answer rests on: the leader where it has a name, else refitted numbers alone."""
-    return decision.best if decision.verdict in ("effect", "ambiguous") else found.base
-
-
-def _errors(
-    grey: GreyBox, found: Selection, decision: Decision, sure: Uncertainty
-) -> tuple[dict[str, float], dict[str, float], set[str]]:
-    """Error of each law by its key, headline errors, and names of the records these leave out."""
-    base, stands = found.base, _stands(found, decision)
-    leaders = [f for f, _ in decision.ranked if f.variant.effects][:TOLD]
-    loops = {f.variant.key: Simulation.of(grey, f) for f in (base, *leaders)}
-    both = {f.variant.key: f for f in (base, stands)}
-    out = _unfollowed(grey, [loops[key] for key in both], decision.best.noise)
-    each = {key: loop.error(out) for key, loop in loops.items()}
-    held_out = {key: each[key] * sure.cross_validated(f) for key, f in both.items()}
-    left = [each[key] for key in both]
-    headline = {
-        "nominal": of_the_data_sheet(grey).error(out),
-        "refitted": each[base.variant.key],
-        # what sensors add slowly is extrapolated from a noise model; no machine leaves less of it
-        "noise_floor": float(np.fmin.reduce([noise_floor(grey, decision.best, out), *left])),
-        "held_out_refitted": held_out[base.variant.key],
-        "best": each[stands.variant.key],
-        "held_out_best": held_out[stands.variant.key],
-        "creeping": loops[stands.variant.key].creeping(stands.noise).error(out),
-    }
-    return each, headline, out
-
-
-def _upheld(
-    found: Selection, decision: Decision, sure: Uncertainty, error: dict[str, float]
-) -> tuple[Decision, dict[str, float], str]:
-    """Decision and errors that can stand beside one another; if none but unknown can, why."""
-    decision = replace(decision, verdict=beside_the_data_sheet(decision.verdict, error))
-    verdict, best = decision.verdict, decision.best
-    named = verdict in ("effect", "ambiguous")
-    noise = named and white(best)  # none is named that asks for much torque
-    denials = (
-        unseen(verdict, error),
-        objection(verdict, error),
-        takes_too_little(verdict, error, leaves_noise=noise),
-        leaves_too_much(verdict, error),
-        _lacks(sure, best, verdict),
-    )
-    why = next(filter(None, denials), "")
-    may_be_numbers = found.quiet and named and not unseen("parameters", error)
-    if why and may_be_numbers and not _lacks(sure, found.base, "parameters"):
-        alone = {"best": error["refitted"], "held_out_best": error["held_out_refitted"]}
-        return numbers_alone(sure, found, decision), {**error, **alone}, ""
-    if why:
-        decision = replace(decision, verdict="unknown", group=())
-    return decision, error, why
-
-
-def _lacks(sure: Uncertainty, f: Fitted, verdict: Verdict) -> str:
-    """Why numbers alone can't be all there is to say, in words; empty where they can."""
-    if verdict not in ("adequate", "parameters"):
-        return ""
-    grey = sure.grey
-    changes = change_with_time(sure.changing(f), grey.samples)
-    return changes or asks_for_torque(lost_without(grey.core, grey, f, list(f.noise.torque)))
-
-
-def _unfollowed(grey: GreyBox, loops: Sequence[Simulation], noise: Noise) -> set[str]:
-    """Records that one of these machines can't follow; none where that would leave no record."""
-    out = set[str]().union(*(loop.unfollowed(noise) for loop in loops))
-    return out if len(out) < len(grey.records) else set()
 
 
 def _left_out(names: Sequence[str]) -> list[str]:

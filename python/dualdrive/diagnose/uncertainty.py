@@ -29,7 +29,8 @@ from dualdrive.innovations import (
 Array = NDArray[np.float64]
 Place = tuple[Point, Sequence[Any]]
 
-_BLOCKS = 8  # of cross-validation, and of every record for the constancy of numbers
+_BLOCKS = 8  # of every record, one left out by cross-validation
+_NOTHING = 1e-9  # of what all pieces tell of a number: one that tells less asks for nothing
 _FAR = 3.0  # standard errors that a number may move where a block is left out
 _PART = 1e-3  # of a standard deviation: a step of the delta method
 _SURE = 1.96  # standard deviations of a 95 % interval
@@ -37,15 +38,13 @@ _SURE = 1.96  # standard deviations of a 95 % interval
 
 @dataclass(frozen=True)
 class NormalEquations:
-    """Of a Gauss-Newton step about a fit, by blocks of time.
+    """Of a Gauss-Newton step about a fit, by pieces: as many of every record, one after the other.
 
-    products: J'J of each block, shape (blocks, unknowns, unknowns)
-    slopes:   J'r, shape (blocks, unknowns)
-    squares:  r'r, shape (blocks,)
+    products: J'J of each piece, shape (records, pieces, unknowns, unknowns)
+    slopes:   J'r, shape (records, pieces, unknowns)
+    squares:  r'r, shape (records, pieces)
     precision: of the priors, shape (unknowns,)
     scale:    by which all of these count for less, where innovations count themselves
-    changes:  fall of chi^2, each unknown let change from block to block, shape (unknowns,)
-    pieces:   blocks of all records
     """
 
     products: Array
@@ -53,13 +52,11 @@ class NormalEquations:
     squares: Array
     precision: Array
     scale: float
-    changes: Array
-    pieces: int
 
     @property
     def information(self) -> Array:
-        """Of all blocks and the priors, shape (unknowns, unknowns)."""
-        total: Array = self.scale * self.products.sum(axis=0) + np.diag(self.precision)
+        """Of all pieces and the priors, shape (unknowns, unknowns)."""
+        total: Array = self.scale * self.products.sum(axis=(0, 1)) + np.diag(self.precision)
         return total
 
     @property
@@ -67,13 +64,23 @@ class NormalEquations:
         """Of the unknowns, shape (unknowns, unknowns)."""
         return covariance(self.information)
 
+    @property
+    def changes(self) -> Array:
+        """Fall of chi^2 if each unknown changed from piece to piece, shape (unknowns,)."""
+        told = np.einsum("rbkk->rbk", self.products).reshape(-1, len(self.precision))
+        asked = self.slopes.reshape(told.shape)
+        whole = told.sum(axis=0) + 1e-300
+        every = asked**2 / np.maximum(told, _NOTHING * whole)
+        found: Array = self.scale * (every.sum(axis=0) - asked.sum(axis=0) ** 2 / whole)
+        return found
+
 
 @dataclass(frozen=True)
 class Changing:
     """The number that would change most, were it let.
 
     name: its path
-    gain: fall of chi^2 if it did so from block to block; noise alone gives about `numbers`
+    gain: fall of chi^2 if it did so from piece to piece; noise alone gives about `numbers`
     numbers: that it would take beyond the one
     """
 
@@ -107,19 +114,19 @@ class Uncertainty:
     def _taken(self, f: Fitted) -> NormalEquations:
         grey, (point, gains) = self.grey, self._place(f)
         columns = np.stack(slopes(grey, point, range(len(point.theta)), gains))
-        r, blocks = flat(point.residuals), _blocks(point.residuals)
         _, precision = grey.believed(f.variant)
-        own = [(columns[:, blocks == b], r[blocks == b]) for b in range(_BLOCKS)]
-        scale, pieces = 1.0 / inflation(point), blocks + _BLOCKS * _records(point.residuals)
-        count = _BLOCKS * len(point.residuals)
+        own, begin = [], 0
+        for x in point.residuals:
+            J, r = columns[:, begin : begin + x.size], x.ravel()
+            pieces = [_pieces(x) == b for b in range(_BLOCKS)]
+            own.append([(J[:, k], r[k]) for k in pieces])
+            begin += x.size
         return NormalEquations(
-            np.stack([J @ J.T for J, _ in own]),
-            np.stack([J @ left for J, left in own]),
-            np.array([left @ left for _, left in own]),
+            np.array([[J @ J.T for J, _ in pieces] for pieces in own]),
+            np.array([[J @ r for J, r in pieces] for pieces in own]),
+            np.array([[r @ r for _, r in pieces] for pieces in own]),
             precision,
-            scale,
-            scale * np.array([_change(column, r, pieces, count) for column in columns]),
-            count,
+            1.0 / inflation(point),
         )
 
     def cross_validated(self, f: Fitted) -> float:
@@ -137,15 +144,17 @@ class Uncertainty:
         H = normal.information + np.diag(1.0 / (_FAR * deviation) ** 2)
         low, high = grey.bounds(f.variant)
         centre, precision = grey.believed(f.variant)
-        gradient = normal.scale * normal.slopes.sum(axis=0) + precision * (point.theta - centre)
+        products, slopes = normal.products.sum(axis=0), normal.slopes.sum(axis=0)
+        gradient = normal.scale * slopes.sum(axis=0) + precision * (point.theta - centre)
         rest = step_within(H, gradient, low - point.theta, high - point.theta)
         places = []
-        for product, slope in zip(normal.products, normal.slopes, strict=True):
+        for product, slope in zip(products, slopes, strict=True):
             there = normal.scale * (slope + product @ rest)  # where that end is
             step = np.linalg.solve(H - normal.scale * product, there)
             step = np.clip(step, -_FAR * deviation, _FAR * deviation)
             places.append(np.clip(point.theta + step, low, high))
-        blocks, r, total = _blocks(point.residuals), flat(point.residuals), 0.0
+        blocks = np.concatenate([_pieces(x) for x in point.residuals])
+        r, total = flat(point.residuals), 0.0
         for b, found in enumerate(grey.points([f.variant] * _BLOCKS, places, gains)):
             there, seen = flat(found.residuals), blocks != b
             if f.told_under is None and not there[seen] @ there[seen] < r[seen] @ r[seen]:
@@ -208,14 +217,14 @@ class Uncertainty:
     def changing(self, f: Fitted) -> Changing:
         """The number that speaks most against all of them being constant; no sensor's zero.
 
-        The score test of steps from block to block (Chow, Econometrica 28 (1960) 591-605; Nyblom,
+        The score test of steps from piece to piece (Chow, Econometrica 28 (1960) 591-605; Nyblom,
         J. American Statistical Association 84 (1989) 223-230).
         """
         normal, n, first = self.about(f), len(self.grey.nominal), self.grey.shared
         numbers = [*self.grey.nominal, *f.variant.extra]
         gains = np.r_[normal.changes[:n], normal.changes[first:]]
         k = int(np.argmax(gains))
-        return Changing(numbers[k].path, float(gains[k]), normal.pieces - 1)
+        return Changing(numbers[k].path, float(gains[k]), normal.squares.size - 1)
 
     def distance(self, f: Fitted) -> float:
         """Of the nominal numbers from the data sheet's: Wald's statistic.
@@ -239,25 +248,7 @@ def _near_zero(known: Interval, period: float) -> Interval:
     return replace(known, value=known.value - off, low=known.low - off, high=known.high - off)
 
 
-def _change(column: Array, r: Array, pieces: NDArray[np.intp], count: int) -> float:
-    """What steps of one number from piece to piece take off the squares, beyond its own."""
-    told = np.bincount(pieces, column**2, count)
-    asked = np.bincount(pieces, column * r, count)
-    least = 1e-9 * told.sum() + 1e-300  # a piece that tells nothing asks for nothing
-    every = asked**2 / np.maximum(told, least)
-    return float(every.sum() - asked.sum() ** 2 / max(told.sum(), least))
-
-
-def _records(residuals: Sequence[Array]) -> NDArray[np.intp]:
-    """Of every row, end to end: its record."""
-    return np.repeat(np.arange(len(residuals)), [x.size for x in residuals])
-
-
-def _blocks(residuals: Sequence[Array]) -> NDArray[np.intp]:
-    """Of every row, end to end: its record's block of time."""
-    return np.concatenate(
-        [
-            np.repeat(np.minimum(np.arange(len(x)) * _BLOCKS // len(x), _BLOCKS - 1), x.shape[1])
-            for x in residuals
-        ]
-    )
+def _pieces(residuals: Array) -> NDArray[np.intp]:
+    """Of every entry of a record's residuals, in their order: its piece of time."""
+    n, channels = residuals.shape
+    return np.repeat(np.minimum(np.arange(n) * _BLOCKS // n, _BLOCKS - 1), channels)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dualdrive.diagnose.decision.denials import upheld
 from dualdrive.diagnose.decision.sanity import (
     asks_for_torque,
     beside_the_data_sheet,
@@ -32,4 +33,5 @@ __all__ = [
     "removed",
     "takes_too_little",
     "unseen",
+    "upheld",
 ]

@@ -111,6 +111,11 @@ def takes_too_little(
     )
 
 
+def enough_for(numbers: int, samples: int) -> float:
+    """What so many numbers have to gain beyond doubt: what a law must, and the Bayesian price."""
+    return threshold("gain") + numbers * math.log(samples)
+
+
 def change_with_time(changing: Changing, samples: int) -> str:
     """Why a machine of these numbers is not all there is, in words; empty where they stay.
 
@@ -122,8 +127,7 @@ def change_with_time(changing: Changing, samples: int) -> str:
         samples: of all records.
 
     """
-    enough = threshold("gain") + changing.numbers * math.log(samples)
-    if not changing.gain > enough:
+    if not changing.gain > enough_for(changing.numbers, samples):
         return ""
     return (
         f"{changing.name} does not stay: let change from each part of the records to the next it "

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from dualdrive.diagnose.decision.sanity import enough_for
 from dualdrive.diagnose.result import Verdict
 from dualdrive.diagnose.selection import (
     Fitted,
@@ -41,6 +42,10 @@ class Decision:
     def best(self) -> Fitted:
         """The leader."""
         return self.ranked[0][0]
+
+    def stands(self, found: Selection) -> Fitted:
+        """What the answer rests on: the leader where it has a name, else refitted numbers alone."""
+        return self.best if self.verdict in ("effect", "ambiguous") else found.base
 
 
 def decide(core: Any, grey: GreyBox, found: Selection, sure: Uncertainty) -> Decision:
@@ -88,6 +93,5 @@ def probabilities(found: Selection) -> list[tuple[Fitted, float]]:
 
 def _of_numbers(sure: Uncertainty, f: Fitted) -> Verdict:
     """Whether the data sheet's numbers had to move beyond doubt."""
-    grey = sure.grey
-    enough = threshold("gain") + len(grey.nominal) * np.log(grey.samples)
+    enough = enough_for(len(sure.grey.nominal), sure.grey.samples)
     return "parameters" if sure.distance(f) > enough else "adequate"

@@ -54,7 +54,7 @@ def suffices(
     return not lacking or lost_without(core, grey, f, lacking) < threshold("gain")
 
 
-def lost_without(core: Any, grey: GreyBox, f: Fitted, bodies: Sequence[str]) -> float:
+def lost_without(core: Any, grey: GreyBox, f: Fitted, bodies: Sequence[str] | None = None) -> float:
     """-2 log L over the inflation that a machine loses without torques that it asks for.
 
     All else as it is: refitted it would lose less. Where the torques are none the loss is half the
@@ -66,9 +66,10 @@ def lost_without(core: Any, grey: GreyBox, f: Fitted, bodies: Sequence[str]) -> 
         core: the machine of the data sheet.
         grey: the records.
         f: the machine, fitted.
-        bodies: where the torques act.
+        bodies: where the torques act; everywhere unless given.
 
     """
+    bodies = list(f.noise.torque) if bodies is None else bodies
     if f.inflation > threshold("inflation"):
         return math.inf
     least = least_noise(core, grey.records, threshold("least torque")).torque
@@ -81,7 +82,7 @@ def lost_without(core: Any, grey: GreyBox, f: Fitted, bodies: Sequence[str]) -> 
 
 def needs_no_torque(core: Any, grey: GreyBox, f: Fitted) -> bool:
     """Whether a machine follows the records as well without any torque of unknown course."""
-    return lost_without(core, grey, f, list(f.noise.torque)) < threshold("gain")
+    return lost_without(core, grey, f) < threshold("gain")
 
 
 def white(f: Fitted) -> bool:
